@@ -27,7 +27,7 @@ class _Asked:
 
 
 class _Unasked:
-    """Nobody: everything is done, and nothing is seen or felt."""
+    """Guide without a person: all steps are run, and nothing is seen or felt."""
 
     def say(self, text: str) -> None:
         click.echo(text, err=True)

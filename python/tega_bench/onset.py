@@ -94,9 +94,9 @@ def onset(
 ) -> None:
     """Measure how long a motor takes from its frame to its first vibration, with a microphone taped onto it.
 
-    Bursts of half a second are played and heard; the room has to be quiet. The result is kept with the calibrations,
-    by vest, and every later run adds it to its latency. With a phone: --log FILE plays the bursts, then
-    --wav FILE.wav --log FILE reads what the phone has recorded.
+    Bursts of half a second are played and recorded; the room has to be quiet. The result is kept with the
+    calibrations, by vest, and every later run adds it to its latency. With a phone: --log FILE plays the bursts, then
+    --wav FILE.wav --log FILE reads the phone's recording.
 
     Exit codes: 0 measured, 1 no result (the message says why), 2 usage, 3 no vest or no microphone.
 

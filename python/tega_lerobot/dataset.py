@@ -45,7 +45,7 @@ DATA = f"data/{PLACE}.parquet"
 EPISODES = f"meta/episodes/{PLACE}.parquet"
 _DATA_MB = 100
 UNLABELLED = "grasp"
-"""Task of a recording of which nobody has said what was done."""
+"""Task of a recording without a label."""
 # Columns that every dataset has.
 _COUNTERS = {
     "timestamp": "float32",
@@ -71,8 +71,8 @@ def export_lerobot(
         folder: Where to; new or empty.
         fps: Frames per second.
         task: Task in words, for recordings of which their session's index says none; ``None`` for ``grasp``.
-        scenes: Videos of scene cameras with their time codes, by the cameras' names; none for what the recordings'
-            own cameras filmed.
+        scenes: Videos of scene cameras with their time codes, by the cameras' names; none for the films in the
+            recordings.
 
     Returns:
         The folder.
@@ -187,7 +187,7 @@ class _Dataset:
         self._n_frames += n
 
     def close(self) -> None:
-        """Finish the files, and write what tells of them."""
+        """Finish the files, and write the metadata."""
         for camera in self._cameras.values():
             camera.close()
         if self._writer is not None:
@@ -211,7 +211,7 @@ class _Dataset:
         path.write_text(json.dumps(content, indent=4, ensure_ascii=False) + "\n", encoding="utf-8")
 
     def _write_tasks(self) -> None:
-        """Write the tasks as pandas writes a table whose rows have names."""
+        """Write the tasks as pandas writes a table with named rows."""
         table = self._arrow.table({"task_index": list(range(len(self._tasks))), "task": self._tasks})
         kinds = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
         columns = [
@@ -302,7 +302,7 @@ class _Dataset:
 
 
 def _source(episode: Episode, number: int) -> dict[str, Any]:
-    """Tell where an episode is from."""
+    """Return the source of an episode."""
     head = episode.tables.get("tega", {})
     return {
         "episode_index": number,

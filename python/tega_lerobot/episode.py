@@ -1,4 +1,4 @@
-"""Resample a recording at a fixed rate: each frame has what was known by then, and nothing from later."""
+"""Resample a recording at a fixed rate: each frame has the newest earlier values, and nothing from later."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Column(NamedTuple):
 
     Attributes:
         values: float32, shape (frames, ...).
-        names: Of the values of one frame; of its axes where it has two.
+        names: Names of the values of one frame; names of its axes if it has two.
     """
 
     values: NDArray[np.float32]
@@ -48,8 +48,8 @@ class EpisodeMarker(NamedTuple):
 
     Attributes:
         t_ns: When, nanoseconds since the start of the session.
-        text: What is marked.
-        source: Who marked it.
+        text: Text of the mark.
+        source: Source of the mark.
     """
 
     t_ns: int
@@ -118,7 +118,7 @@ class _Stream:
         return newest
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the value that was newest at each time; what is not a number, or none of float32, is 0."""
+        """Return the newest value at each time; NaN and values outside float32 become 0."""
         rows = np.array(self.values, np.float64)[self.newest(grid_ns)]
         with np.errstate(over="ignore"):
             stored = rows.astype(np.float32)
@@ -300,7 +300,7 @@ def _columns(streams: dict[str, _Stream], grid_ns: NDArray[np.int64], samples: _
 
 
 def _targets(target: _Stream | None, arm: _Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return where the arm was to be at each frame: where it was, until somebody took hold of it."""
+    """Return the arm's target at each frame; before the first target, the arm's pose."""
     where = arm.at(grid_ns)
     if target is None or not target.times:
         return where

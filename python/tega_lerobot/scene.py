@@ -28,7 +28,7 @@ def check_scene(video: Path) -> tuple[int, int]:
     """Return height and width of a video's pictures.
 
     Raises:
-        RecordingError: It cannot be read, or has no time code, without which nobody knows when it was taken.
+        RecordingError: The video cannot be read, or has no time code, so its times are unknown.
     """
     if not times_path(video).is_file():
         raise RecordingError(
@@ -43,7 +43,7 @@ def check_scene(video: Path) -> tuple[int, int]:
 
 
 def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
-    """Write what a recording's own scene cameras filmed as videos with time codes, and return them by name.
+    """Write the films of a recording's own scene cameras as videos with time codes, and return them by name.
 
     Args:
         recording: The recording.

@@ -35,8 +35,8 @@ class Video:
     Args:
         path: The file.
         fps: Frames per second.
-        height: Of the pictures, pixels, an even number.
-        width: Likewise.
+        height: Height of the frames, pixels, an even number.
+        width: Width of the frames, pixels, an even number.
 
     Attributes:
         n_frames: How many it has.
@@ -70,7 +70,7 @@ class Video:
             self._write(self._stream.encode(frame))
 
     def close(self) -> None:
-        """Write what the encoder still has, and finish the file."""
+        """Write the encoder's remaining packets, and finish the file."""
         self._write(self._stream.encode())
         self._file.close()
 
@@ -100,14 +100,14 @@ class EpisodeCamera:
     """One finger's videos.
 
     Args:
-        folder: Of the dataset.
+        folder: Folder of the dataset.
         key: Name of the feature.
         fps: Frames per second.
         shape: Height and width of the pictures, even numbers of pixels.
 
     Attributes:
         total: Colours of all pictures.
-        episode: Of those of the episode.
+        episode: Colours of the episode's frames.
     """
 
     def __init__(self, folder: Path, key: str, fps: int, shape: tuple[int, int]) -> None:

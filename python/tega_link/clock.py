@@ -1,4 +1,4 @@
-"""Estimate the offset of two machines' monotonic clocks, from what they ask each other."""
+"""Estimate the offset of two machines' monotonic clocks, from their pings and pongs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Offset(NamedTuple):
 
     Attributes:
         offset_ns: Their clock minus ours.
-        round_trip_ns: Of the question this is from; the offset is wrong by at most half of it.
+        round_trip_ns: Round trip of the ping that this is from; the offset is wrong by at most half of it.
     """
 
     offset_ns: int
@@ -55,7 +55,7 @@ class ClockEstimate:
         self._kept: deque[tuple[int, Offset]] = deque()
 
     def add(self, t0_ns: int, t1_ns: int, t2_ns: int, t3_ns: int) -> None:
-        """Take in an answer; one whose times contradict each other is not believed."""
+        """Process an answer; one with contradictory times is ignored."""
         round_trip_ns = (t3_ns - t0_ns) - (t2_ns - t1_ns)
         if t2_ns < t1_ns or round_trip_ns < 0:
             return
@@ -71,7 +71,7 @@ class ClockEstimate:
         return self._kept[0][1] if self._kept else None
 
     def forget(self) -> None:
-        """Begin anew, with another machine."""
+        """Restart the estimate, with another machine."""
         self._kept.clear()
 
 
@@ -108,7 +108,7 @@ class PeerClock:
         self._send_ping(encode(Ping(session, t0_ns)))
 
     def hear(self, key: str, data: bytes, session: int) -> None:
-        """Take in a question or an answer of a session; what is of another or cannot be read counts for nothing."""
+        """Process a ping or pong of a session; those of another session or unreadable ones are ignored."""
         now_ns = time.monotonic_ns()
         try:
             heard = decode(Ping, data) if key.endswith("/ping") else decode(Pong, data)
@@ -125,7 +125,7 @@ class PeerClock:
                 self._estimate.add(heard.t0_ns, heard.t1_ns, heard.t2_ns, now_ns)
 
     def forget(self) -> None:
-        """Begin anew, with another machine."""
+        """Restart the estimate, with another machine."""
         with self._lock:
             self._estimate.forget()
             self._asked.clear()

@@ -41,7 +41,7 @@ class Commands:
         blocks: Levels for the loop.
         way: How long commands took, by the clock's estimate.
         n: Commands for the hand that were taken in.
-        rate_hz: Of late.
+        rate_hz: Recent rate of commands.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Commands:
 
         Args:
             start_ns: Start of the session.
-            stamp: Told when each block was complete and when it was heard; ``None`` where that is not traced.
+            stamp: Called with the times at which each block was complete and was received; ``None`` without tracing.
         """
         self._start_ns = start_ns
         if stamp is not None:
@@ -96,7 +96,7 @@ class Commands:
             self._tracker.forget()
 
     def foreign(self, stream: Literal["hand", "arm"]) -> None:
-        """Count a command from somebody who does not lead."""
+        """Count a command from a station that does not lead."""
         self._gates[stream].foreign()
 
     def hand(self, data: bytes) -> HandMessage | None:
@@ -165,7 +165,7 @@ class Commands:
         return command, now_ns, offset
 
     def switch(self, name: str) -> tuple[int, bool, bool]:
-        """Return when a switch was heard, whether that is fresh, and whether it counts as held."""
+        """Return when a switch was last received, whether that is fresh, and whether it counts as held."""
         said, heard_ns = self._switches, self._arm_ns
         if said is None:
             return heard_ns, False, False

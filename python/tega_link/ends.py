@@ -33,11 +33,11 @@ _MOST_CHUNKS = 64
 
 
 class FarFinger(Opened):
-    """A fingertip at the robot's station: what it feels comes as a stream, its pictures for display as they can.
+    """A fingertip at the robot's station: contacts come as a stream, frames for display with lower priority.
 
     Args:
         name: The finger.
-        robot: Whose.
+        robot: Name of the robot.
         rate_hz: Pictures a second there; 0 where that is not known.
     """
 
@@ -60,7 +60,7 @@ class FarFinger(Opened):
         """Do nothing: the robot's station closes the fingertip."""
 
     def show(self, t_ns: int, number: int, jpeg: bytes) -> None:
-        """Take the newest picture; one that nobody has looked at goes, and who looks unpacks it."""
+        """Replace the newest frame; an unread one is dropped, and the reader decodes it."""
         with contextlib.suppress(queue.Empty):
             self._pictures.get_nowait()
         with contextlib.suppress(queue.Full):
@@ -116,7 +116,7 @@ class FarMuscles(Opened):
         """Do nothing: the operator's station closes the amplifier."""
 
     def give(self, chunk: EmgChunk) -> None:
-        """Take in samples, in a thread of the link's; what nobody reads in time is lost."""
+        """Queue samples, in a thread of the link's; they are lost if they are not read in time."""
         with contextlib.suppress(queue.Full):
             self._chunks.put_nowait(chunk)
 
@@ -129,7 +129,7 @@ class FarMuscles(Opened):
 
 
 def far_muscles(source: Any, blocks: LiveStream[Intent]) -> Muscles:
-    """Return the EMG side of a run whose samples and levels come over the link."""
+    """Return the EMG side of a run with samples and levels that come over the link."""
     from tega.config.calibration import EmgMaxima
     from tega.loop.inbox.prepared import Muscles
     from tega.loop.inbox.sources import SourceReport
@@ -142,11 +142,12 @@ def far_muscles(source: Any, blocks: LiveStream[Intent]) -> Muscles:
 
 
 class FarHand(Opened):
-    """The robot's hand, seen from the operator's station: keeps what it is asked, for the link to send.
+    """The robot's hand, seen from the operator's station: keeps the requested closure, for the link to send.
 
     Args:
-        robot: Whose.
-        answered: Tells when a command was first handed to the link at or after a monotonic time, after that time.
+        robot: Name of the robot.
+        answered: Called with a monotonic time; returns it and when a command was first sent at or after it, ``None``
+            before that.
     """
 
     label: ClassVar[str] = "at the robot's station: angles as it tells them"
@@ -164,7 +165,7 @@ class FarHand(Opened):
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
-        """The joint angles as last told, float64 (16,), rad; NaN before that."""
+        """The newest reported joint angles, float64 (16,), rad; NaN before the first."""
         angles = self.angles
         return np.array(angles, np.float64) if len(angles) == _JOINTS else np.full(_JOINTS, np.nan)
 
@@ -177,7 +178,7 @@ class FarHand(Opened):
     def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
         """Ask for a closure level, or a closure between two; the frames are made at the other station.
 
-        What a reflex adds here goes with the level, as one move: the other station has the reflex that is fast.
+        A reflex's addition is sent with the level, as one move: the fast reflex is at the other station.
         """
         self.asked = split_level(level + added)
         return ()
@@ -192,8 +193,8 @@ class FarSwitch(Opened):
     """A switch that the operator holds.
 
     Args:
-        name: What it is for.
-        look: Returns when it was last heard, whether that is fresh, and whether it is held.
+        name: Name of the switch.
+        look: Returns when it was last received, whether that is fresh, and whether it is held.
     """
 
     def __init__(self, name: str, look: Callable[[], tuple[int, bool, bool]]) -> None:
@@ -259,7 +260,7 @@ class FarTracker(Opened):
         self._poses.append((pose, use_by_ns))
 
     def forget(self) -> None:
-        """Drop what nobody has read: another operator leads."""
+        """Drop unread poses, when another operator takes the lead."""
         self._poses.clear()
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:

@@ -17,10 +17,10 @@ _AHEAD_NS = 20_000_000
 class StampGate:
     """Checks the stamp of every message of a stream.
 
-    A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or ``reordered`` (its
-    number is the newest one's, or smaller), ``no clock`` (how old it is cannot be told yet), ``old`` (it may be older
-    than the time-to-live: its age as estimated, and half the round trip by which that can be wrong) or ``ahead`` (sent
-    after it was received, by more than the estimate of the clock can be wrong).
+    A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or ``reordered``
+    (its number is the newest one's, or smaller), ``no clock`` (its age is still unknown), ``old`` (it may be older
+    than the time-to-live: its age as estimated, and half the round trip as error bound) or ``ahead`` (sent after it
+    was received, by more than the error bound of the clock).
 
     Args:
         ttl_ns: How old a message may be at most, truly; the clocks' drift within ten seconds is not counted.
@@ -53,7 +53,7 @@ class StampGate:
         return self._count("malformed")
 
     def foreign(self) -> Refusal:
-        """Count a message from somebody else."""
+        """Count a message from another session."""
         return self._count("foreign")
 
     def refusal(self, stamp: Stamped, now_ns: int, clock: Offset | None) -> Refusal | Literal[""]:

@@ -60,7 +60,7 @@ class IntentSender:
         self._newest = intent
 
     def say_hand(self) -> None:
-        """Send what the hand shall do."""
+        """Send the hand's command."""
         asked = None if self.hand is None else self.hand.asked
         wanted = None
         if asked is not None:
@@ -72,7 +72,7 @@ class IntentSender:
             self._sent.append(stamp["sent_ns"])
 
     def say_arm(self) -> None:
-        """Send where the forearm is, and what is held."""
+        """Send the forearm's pose and the held switches."""
         may_move = self._guard is not None and self._guard.state == "active"
         self._send_arm(encode(ArmMessage(**self._stamp("arm"), **self._forearm.facts(may_move=may_move))))
 

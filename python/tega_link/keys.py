@@ -30,7 +30,7 @@ class StationKeys(NamedTuple):
     """One station's folder.
 
     Attributes:
-        name: Whose.
+        name: Name of the station.
         folder: Where.
         expires: Until when its certificate holds, UTC.
         made: Whether it was made now, or was there already.
@@ -50,7 +50,7 @@ def make_keys(
     days: int = 365,
     now: datetime | None = None,
 ) -> list[StationKeys]:
-    """Make what is not there yet: the authority, and a folder for each station.
+    """Create missing keys: the authority, and a folder for each station.
 
     Args:
         folder: For all of it; ``authority`` in it stays where it is, and each station's folder goes to its machine.

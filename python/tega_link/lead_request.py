@@ -28,9 +28,9 @@ class Lead:
 
     Args:
         link: The link; it is open before anything is asked.
-        join: What is asked; its session is drawn here.
+        join: The request; its session number is drawn here.
         anew: Called when a new session begins.
-        given: Told of the robot's welcome, before the lead counts as given.
+        given: Called with the robot's welcome, before the lead counts as given.
 
     Attributes:
         session: Number of the session; 0 for none.
@@ -119,7 +119,7 @@ class Lead:
 
     @property
     def is_recorded(self) -> bool:
-        """Whether a robot is led whose station records."""
+        """Whether a robot is led and its station records."""
         return self.has and self.welcome is not None and self.welcome.records
 
     def lose(self) -> None:

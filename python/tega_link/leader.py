@@ -19,12 +19,12 @@ class Leadership:
 
     Args:
         robot: The robot's name.
-        operators: Who may lead; nobody named means anybody.
+        operators: Names of the operators who may lead; empty means any.
         frame: Axes in which the arm's poses are wanted; ``""`` without an arm.
         hand: Whether there is a hand to be closed.
 
     Attributes:
-        session: Of the leader; 0 for none.
+        session: Session of the leader; 0 for none.
         name: The leader's name.
     """
 
@@ -37,7 +37,7 @@ class Leadership:
         self._alive: set[tuple[str, int]] = set()
 
     def ask(self, join: Join, now_ns: int) -> Refused | None:
-        """Take in that somebody asks for the lead; return why it is refused, ``None`` if it is given."""
+        """Process a request for the lead; return why it is refused, ``None`` if it is given."""
         self.look(now_ns)
         if (refused := self._refusal(join)) is not None:
             return refused
@@ -67,7 +67,7 @@ class Leadership:
         return self._lacking(join)
 
     def _lacking(self, join: Join) -> Refused | None:
-        """Return what the station lacks that this robot needs."""
+        """Return a refusal if the operator's station lacks something that this robot needs."""
         robot, frame = self._robot, self._frame
         if self._hand and not join.muscles:
             return Refused(f"robot {robot!r} has a hand, and this station has no EMG", "set [emg]")
@@ -115,14 +115,14 @@ class Reception:
     """Answers operators who ask to lead, and notices when one is gone.
 
     Args:
-        leader: Who leads.
+        leader: The leadership.
         lock: The station's; held while who leads changes.
         robot: The robot's name.
-        begin: Told of a session that begins, or with ``None`` that there is none any more, with the lock held.
-        tell: Told in a sentence what happens.
+        begin: Called with a session that begins, or ``None`` when there is none any more, with the lock held.
+        tell: Called with a sentence on each event.
 
     Attributes:
-        welcome: What an operator who leads is told; ``None`` while nobody may lead yet.
+        welcome: The message to a new leader; ``None`` before the robot can be led.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""Open one Zenoh session with the settings that were measured for it, and send and hear messages through it.
+"""Open one Zenoh session with the settings that were measured for it, and send and receive messages.
 
-Whatever is sent is handed to a thread of its own, so that nobody who steers waits for a network. What is heard is
-given to a function in one of Zenoh's threads, which must not send or wait.
+Messages are sent by a separate thread, so that steering never waits for a network. Received messages are passed to a
+function in one of Zenoh's threads, which must not send or wait.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ class Link(Opened):
         publisher.put(message)
 
     def hears(self, key: str, heard: Callable[[str, bytes], None]) -> None:
-        """Have a function told of every message under a key expression: the key after the root, and the message."""
+        """Call a function with every message under a key expression: the key after the root, and the message."""
         cut = len(self.root) + 1
 
         def callback(sample: Any) -> None:
@@ -198,7 +198,7 @@ class Link(Opened):
         return end
 
     def watches(self, key: str, seen: Callable[[str, bool], None]) -> None:
-        """Have a function told which signs of life under a key expression begin and end, those already there first."""
+        """Call a function when a liveliness token under a key expression begins or ends, existing ones first."""
         cut = len(self.root) + 1
         put = self._zenoh.SampleKind.PUT
 
@@ -276,7 +276,7 @@ _ALL = [
 
 
 def _access(net: NetSection) -> dict[str, Any]:
-    """Return who may say and hear what, by the names in certificates; all else is refused."""
+    """Return who may send and receive which keys, by the names in certificates; all else is refused."""
     root = root_key(net.robot_name)
 
     def rule(name: str, messages: list[str], flow: str, keys: list[str]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ class Stamped(msgspec.Struct, frozen=True, kw_only=True):
     """Fields that every message of a stream begins with.
 
     Attributes:
-        session: Who sends it: the operator's session, or the robot station's.
+        session: Session of the sender: the operator's, or the robot station's.
         sequence: Its number within stream and session, rising.
         sent_ns: When it was sent, on the sender's monotonic clock.
     """
@@ -56,7 +56,7 @@ class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
 
 
 class ArmMessage(Stamped, frozen=True, tag="ArmCommand", kw_only=True):
-    """Command for the arm: where the forearm is, and what the operator holds.
+    """Command for the arm: the forearm's pose and the switches that the operator holds.
 
     Attributes:
         pose: The newest pose, sender's clock and tracker's axes; ``None`` before there is one.
@@ -85,7 +85,7 @@ class Feature(Stamped, frozen=True, tag=True, kw_only=True):
 
     Attributes:
         t_ns: When the picture was taken, sender's clock.
-        contact: What was measured; its own times are those of the sender's session.
+        contact: The measured contact; its times are those of the sender's session.
     """
 
     t_ns: int
@@ -136,13 +136,13 @@ class State(Stamped, frozen=True, tag=True, kw_only=True):
     Attributes:
         leader: Session of the operator who leads; 0 for none.
         leader_name: That operator's name.
-        state: Of the run; ``""`` while it is being prepared.
+        state: State of the run; ``""`` while it is being prepared.
         reason: Why it is so.
-        alerts: What is wrong, one sentence each.
-        arm: What the arm does, in one line.
+        alerts: Present problems, one sentence each.
+        arm: State of the arm, in one line.
         angles_rad: The hand's joint angles; empty without a hand.
         refused: Commands of this operator's session that were not obeyed, by why.
-        problem: What is wrong with what the operator sends, such as its clock not being known yet.
+        problem: Problem with the operator's messages, such as an unknown clock offset.
     """
 
     leader: int = 0
@@ -183,7 +183,7 @@ class Join(msgspec.Struct, frozen=True, tag=True):
 
     Attributes:
         session: A number drawn for this.
-        name: Who it is.
+        name: Name of the operator's station.
         protocol: Which messages it speaks.
         tega: Its version.
         frame: Axes of its tracker's poses; ``""`` where it has none.

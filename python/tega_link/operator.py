@@ -37,7 +37,7 @@ class OperatorStation(Station):
 
     Args:
         config: The session's settings.
-        bus: Tells what passes in the session, and is told what comes over the link for a recording.
+        bus: Source of the session's records, and receiver of the link's records for a recording.
         stop: Asked while the robot is looked for.
     """
 
@@ -74,7 +74,7 @@ class OperatorStation(Station):
         """Find the robot and take the lead.
 
         Raises:
-            DeviceUnavailableError: It is not there, or somebody else leads it.
+            DeviceUnavailableError: The robot is not there, or another operator leads it.
             KeyboardInterrupt: ``stop`` said so.
         """
         link = self._link
@@ -154,7 +154,7 @@ class OperatorStation(Station):
         self._start_ns = start_ns
 
     def _levels(self, intent: Intent) -> None:
-        """Note the newest block of EMG; what is asked of the hand is the guard's decision."""
+        """Store the newest block of EMG; the guard decides which level the hand gets."""
         if self._start_ns is not None:
             self._intent.intent(
                 msgspec.structs.replace(intent, t_ns=self._start_ns + intent.t_ns, taken_ns=0)
@@ -177,7 +177,7 @@ class OperatorStation(Station):
         return ""
 
     def alert(self) -> str:
-        """Return what the robot's station says is wrong there."""
+        """Return the problem that the robot's station reports."""
         state = self._state
         said = () if state is None else [a for a in state.alerts if not a.startswith("link: ")]
         return f"robot: {'; '.join(said)}" if said else ""

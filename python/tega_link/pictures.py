@@ -28,7 +28,7 @@ class PictureSender:
         link: Open.
         session: The robot station's.
         rate_hz: Pictures a second of each fingertip.
-        quality: Of the JPEG, 1 to 100.
+        quality: Quality of the JPEG, 1 to 100.
         wanted: Whether anybody looks.
 
     Attributes:

@@ -171,7 +171,7 @@ class RobotStation(Station):
         self._start_ns = start_ns
 
     def missing(self) -> str:
-        """Say that nobody leads, or that the leader's commands do not come."""
+        """Return that no operator leads, or that the leader's commands do not come."""
         if self._error:
             return self._error
         if self._leader.session == 0:
@@ -187,7 +187,7 @@ class RobotStation(Station):
         self._features[contact.finger](encode(feature))
 
     def changed(self, change: RunState) -> None:
-        """Tell that the run's state has changed, here and to the operator."""
+        """Report a change of the run's state, here and to the operator."""
         super().changed(change)
         stamp = self._stamp(self._session, "event")
         self._send_event(encode(Change(**stamp, change=change)))

@@ -23,7 +23,7 @@ _NEVER_OLD_NS = 10**12
 
 
 class SampleSender:
-    """Sends what the amplifier gives, about twenty times a second, while the robot's station records.
+    """Sends the amplifier's samples, about twenty times a second, while the robot's station records.
 
     Args:
         stamp: Returns what every message of the stream begins with.

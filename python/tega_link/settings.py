@@ -38,20 +38,21 @@ class NetSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     Attributes:
         station: Which one this is: ``operator`` or ``robot``.
         name: What this station is called; with keys, the name in its certificate.
-        robot: Of the operator: which robot is led.
-        operators: Of the robot: who may lead it; none named means, without keys, anybody on this machine.
-        connect: Of the operator: where the robot is, such as ``tls/192.168.1.20:7447``.
-        listen: Of the robot: where it waits for operators, such as ``tls/192.168.1.20:7447``.
+        robot: Operator only: name of the robot to lead.
+        operators: Robot only: operators who may lead it; without any and without keys, any operator on this machine
+            may.
+        connect: Operator only: address of the robot, such as ``tls/192.168.1.20:7447``.
+        listen: Robot only: address on which it waits for operators, such as ``tls/192.168.1.20:7447``.
         keys: This station's folder, as ``tega-teleop net keys`` makes it; needed for any address but this machine's.
-        rate_hz: Of the operator: commands a second.
+        rate_hz: Operator only: commands a second.
         ttl_ms: A command that may be older than this is not obeyed, touch likewise not felt, and without a command for
             so long the robot holds. Has to be above the way there and back.
-        lost_ms: Of the operator: without a word from the robot for so long it stops sending and says so.
+        lost_ms: Operator only: time without a message from the robot after which it stops sending and reports that.
         lease_ms: After so long without a sign the other station counts as gone.
-        wait_s: Of the operator: how long to look for the robot at the start.
-        images_hz: Of the robot: pictures a second of each fingertip that are sent for display; 0 for none.
-        jpeg_quality: Of those.
-        tracker: Of the operator: what sees the forearm; none means ``input.motion``, if there is one.
+        wait_s: Operator only: time to look for the robot at the start.
+        images_hz: Robot only: frames a second of each fingertip that are sent for display; 0 for none.
+        jpeg_quality: JPEG quality of these frames.
+        tracker: Operator only: the tracker of the forearm; none means ``input.motion``, if there is one.
     """
 
     station: Literal["operator", "robot"]
@@ -117,7 +118,7 @@ class Endpoint(NamedTuple):
 
     @property
     def on_this_machine(self) -> bool:
-        """Whether nobody outside this machine can reach it."""
+        """Whether the address can be reached from this machine only."""
         if self.host == "localhost":
             return True
         try:
@@ -132,13 +133,13 @@ class Endpoint(NamedTuple):
 
 
 def checked_net(net: NetSection) -> Endpoint:
-    """Check what the fields say together.
+    """Check that the fields fit together.
 
     Returns:
         Where this station listens or connects to.
 
     Raises:
-        ConfigError: They do not fit, or the link would leave this machine without keys.
+        ConfigError: The fields do not fit, or the link would leave this machine without keys.
     """
     ours, others = ("connect", "listen") if net.station == "operator" else ("listen", "connect")
     text = getattr(net, ours)

@@ -67,7 +67,7 @@ class Station(Part, Opened):
         return ""
 
     def alert(self) -> str:
-        """Return what is wrong at the other station, ``""`` for nothing."""
+        """Return the other station's problem, ``""`` for none."""
         return ""
 
     def unsent(self) -> str:

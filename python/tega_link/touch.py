@@ -1,4 +1,4 @@
-"""Show the robot's fingertips at the operator's station: what they feel, and their pictures for display."""
+"""Show the robot's fingertips at the operator's station: their contacts, and their frames for display."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:
     """Return a calibration that also knows what counts as full touch of a robot's fingertips.
 
-    What it knows itself stays; else what the robot's station knows is taken.
+    The calibration's own values have precedence over those of the robot's station.
 
     Raises:
-        CalibrationError: Of a fingertip neither knows it, or it was made for another preset.
+        CalibrationError: Neither side knows the full touch of a fingertip, or it was made for another preset.
     """
     known = {name: calibration.touch(name) or welcome.touch.get(name) for name in welcome.fingers}
     for name, full in known.items():

@@ -28,9 +28,9 @@ class Heard(NamedTuple):
     Attributes:
         at_ns: When it was set, on this machine's monotonic clock; when it came, where its stamp is of another clock.
         received_ns: When it came, on the same.
-        text: What it says; numbers are written out.
+        text: Text of the marker; numbers are written out.
         stamp_s: Its stamp as it came, by the sender's clock.
-        correction_s: What was added to that to get this machine's LSL clock.
+        correction_s: Correction added to that stamp to get this machine's LSL clock, seconds.
     """
 
     at_ns: int
@@ -46,13 +46,13 @@ class LslMarkersIn:
     Two streams of one name are refused: one of them may be what an experiment that crashed has left behind.
 
     Args:
-        name: What the stream is called.
-        hear: Told of each marker, in that thread.
+        name: Name of the stream.
+        hear: Called with each marker, in that thread.
 
     Attributes:
-        problem: What is wrong, one sentence; ``""`` while the one stream is there and its stamps can be true.
+        problem: Problem, one sentence; ``""`` while exactly one stream is there and its stamps are plausible.
         n_heard: Markers so far.
-        n_unstamped: Of those, the markers whose stamps are of another clock.
+        n_unstamped: Markers so far with stamps of another clock.
         correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
 
     Raises:
@@ -113,7 +113,7 @@ class LslMarkersIn:
             inlet.close_stream()
 
     def _pull(self, inlet: Any, wait_s: float) -> bool:
-        """Take the next marker, once there is one; tell whether there was."""
+        """Process the next marker, once there is one; return whether there was."""
         values, stamp_s = inlet.pull_sample(timeout=wait_s)
         if values is not None:
             self._take(" ".join(map(str, values)), float(stamp_s), float(inlet.time_correction()))

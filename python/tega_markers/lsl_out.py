@@ -1,4 +1,4 @@
-"""Send a stream of texts that says what a run does, each with the time at which it happened."""
+"""Send a stream of texts that mark the events of a run, each with the time at which it happened."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _STANDING = ("session", "trial", "state")
 class LslMarkersOut:
     """An outlet of one text channel of irregular rate, type ``Markers``.
 
-    Stamps are this machine's LSL clock (``lsl_local_clock``, seconds) at the moment that is marked, not at that of
-    sending; on Linux that is the monotonic clock that a run counts from. Streams take a second to find each other, and
-    what is sent before is not heard: who comes is told how things stand, with the times since when.
+    Stamps are this machine's LSL clock (``lsl_local_clock``, seconds) at the marked moment, not at that of sending;
+    on Linux that is the monotonic clock that a run counts from. Streams take a second to find each other, and earlier
+    markers are lost: a new listener gets the present states, with the times at which they began.
 
     Args:
-        name: What the stream is called; its source identifier is ``tega-NAME``.
+        name: Name of the stream; its source identifier is ``tega-NAME``.
 
     Raises:
         MissingExtraError: pylsl is not installed.
@@ -58,7 +58,7 @@ class LslMarkersOut:
                 self._standing[kind] = text, at_ns
 
     def greet(self) -> None:
-        """Tell how things stand if somebody has begun to listen; returns at once."""
+        """Send the present states if a listener has connected; returns at once."""
         with self._lock:
             heard, self._heard = self._heard, bool(self._outlet.have_consumers())
             if self._heard and not heard:
@@ -70,7 +70,7 @@ class LslMarkersOut:
         self.n_pushed += 1
 
     def close(self) -> None:
-        """Take the stream away, once those who listen have had the time to hear its end."""
+        """Remove the stream, after a pause in which listeners receive its end."""
         if self._outlet is not None and self._outlet.have_consumers():
             time.sleep(_LINGER_S)
         self._outlet = None

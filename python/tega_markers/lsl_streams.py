@@ -43,13 +43,13 @@ _NUMBERS: Final = frozenset({"double", "float", "int32", "int64", "uint32", "boo
 class LslStreams:
     """Makes a stream of each topic when its first record comes, called as the topic is: ``tega/tactile/thumb/contact``.
 
-    Stamps are this machine's LSL clock at the moment that a record tells of. Samples of EMG go as they were read, with
-    the rate that the source states; all else is of irregular rate.
+    Stamps are this machine's LSL clock at the moment of each record. Samples of EMG keep the rate that the source
+    states; all other streams have an irregular rate.
 
     Args:
-        names: What is sent.
+        names: Names of the streams to send.
         prefix: What every stream's name begins with.
-        bus: Tells the records.
+        bus: Source of the records.
         backlog: Where records wait, so that a slow network delays no loop.
         at_ns: Turns a time of the session into one of the monotonic clock.
 

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 
 class RunMarkers:
-    """Sends what a run does, and records what others mark. Make it early: streams take a second to find each other.
+    """Sends markers of a run, and records markers of other programs.
+
+    Create it early: streams take a second to find each other.
 
     =====================  ==========================================================
     marker                 when
@@ -34,7 +36,7 @@ class RunMarkers:
 
     Args:
         settings: Which streams.
-        bus: Told what others mark; tells what there is to mark.
+        bus: Receives markers of other programs, and is the source of the records to mark.
 
     Raises:
         MissingExtraError: pylsl is not installed.
@@ -65,7 +67,7 @@ class RunMarkers:
                 bus.subscribe(kind, mark, name="markers", backlog=self._waiting)
 
     def problem(self) -> str:
-        """Return why nothing is heard, ``""`` while all is well; asked again and again, it also sees who listens."""
+        """Return why no markers are received, ``""`` without a problem. Poll it: it also detects new listeners."""
         if self._out is not None:
             self._out.greet()
         return "" if self._in is None else self._in.problem
@@ -92,7 +94,7 @@ class RunMarkers:
         self._tell(f"trial:{trial}", self._start_ns)
 
     def summary(self) -> dict[str, Any]:
-        """Return the counts of the markers, sent and heard."""
+        """Return the counts of markers sent and received."""
         said: dict[str, Any] = {}
         if self._out is not None:
             said["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}

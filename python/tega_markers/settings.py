@@ -13,7 +13,7 @@ class MarkersSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Markers by the Lab Streaming Layer; needs the extra ``lsl``.
 
     Attributes:
-        lsl_out: Name of the stream on which a run tells its states, faults, trials and pedals; none means it does not.
+        lsl_out: Name of the stream on which a run sends its states, faults, trials and pedals; none to send none.
         lsl_in: Name of another program's stream of markers, which are recorded; none means none are.
         lsl_streams: Which numbers of a run go out as streams: ``emg``, ``closure``, ``touch``, ``vest``, ``poses``.
             Their names begin with ``lsl_out``, or ``tega``.

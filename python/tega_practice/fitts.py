@@ -17,10 +17,9 @@ t runs from the target's appearing, reaction included, to the entry after which 
 out. Where every movement hits, TP is the standard's IDe over the mean of t. Two rules are added, since a dwelling test
 ends without an error but by time running out, and some decoders know five levels only:
 
-- a movement that ran out of time brings no bits and costs its time; fewer than two hits, whose scatter nobody knows,
-  bring none;
-- a cursor that moves in steps of q cannot tell ends closer than that: q² / 12 is the variance of a number rounded to q.
-  So five levels, all hit exactly, carry a finite number of bits.
+- a movement that timed out brings no bits and costs its time; fewer than two hits, with unknown scatter, bring none;
+- a cursor that moves in steps of q does not resolve end points closer than that: q² / 12 is the variance of a number
+  rounded to q. So five levels, all hit exactly, carry a finite number of bits.
 
 Path efficiency is the distance from start to entry over the length of the cursor's path to there, mean over the hits;
 overshoots are the times that the cursor left the target again before it was hit, per movement; completion is the share
@@ -52,8 +51,8 @@ CONDITIONS: Final[tuple[tuple[float, float, float], ...]] = (
     (0.25, 0.75, 0.12),
     (0.25, 0.75, 0.08),
 )
-"""Lower centre, upper centre and width: ID 1.17 to 2.86 bits. Every target holds one of the five levels and lies within
-0 to 1: at an end of the range nobody can overshoot. Decoders of levels can hit all of them."""
+"""Lower centre, upper centre and width: ID 1.17 to 2.86 bits. Every target holds one of the five levels and lies
+within 0 to 1, because no overshoot is possible at an end of the range. Decoders of levels can hit all of them."""
 
 _GAUSSIAN: Final = 4.133
 
@@ -63,8 +62,8 @@ class Movement(NamedTuple):
 
     Attributes:
         distance: Between the centres asked for, closure.
-        width: Of the target.
-        centre: Of the target.
+        width: Width of the target.
+        centre: Centre of the target.
         start: Closure when the target appeared.
         entry: Closure at the entry after which the cursor stayed; where it was not hit, the last closure.
         endpoint: Closure when the dwell was over; ``None`` where time ran out.
@@ -154,8 +153,8 @@ def fitts_score(movements: Sequence[Movement], *, cursor_step: float) -> FittsSc
 
     Args:
         movements: Those that were asked for to be counted; what began inside its target is left out.
-        cursor_step: Closure between two neighbouring places of the cursor: 0.25 for five levels; for a closure what
-            the display can tell, 0.01.
+        cursor_step: Closure between two neighbouring places of the cursor: 0.25 for five levels; for a closure the
+            resolution of the display, 0.01.
 
     Raises:
         InvalidValueError: No movement counts, or ends without scatter have no step either.

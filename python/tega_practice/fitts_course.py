@@ -66,7 +66,7 @@ def fitts_plan(
     """Return the movements of a test: each condition to and fro, the conditions in an order of chance.
 
     Args:
-        seed: Of the order.
+        seed: Seed of the order.
         movements: That count, of each condition.
         conditions: Lower centre, upper centre, width.
 

@@ -25,17 +25,17 @@ class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
     """Result of a Fitts test: the headline, and every movement, from which all figures can be had again.
 
     Attributes:
-        person: Who.
+        person: Participant ID.
         preset: Rules of the levels.
         decoder: Name of the decoder; with the rules, the preset's too.
         options: Its options, as JSON.
-        seed: Of the conditions' order.
+        seed: Seed of the conditions' order.
         dwell_s: So long the cursor had to stay.
         timeout_s: After so long the next target came.
         cursor_step: Closure between neighbouring places of the cursor.
         throughput_bits_s: Mean over the conditions.
         completion_percent: Movements that hit.
-        path_efficiency_percent: Of the hits; left out without any.
+        path_efficiency_percent: Path efficiency of the hits; left out without any.
         overshoots: Per movement.
         movements: A row a movement: distance, width, centre, start, entry, end-point (-1: none), time_s, path,
             overshoots, 1 where it began inside its target.
@@ -117,12 +117,12 @@ class DecoderSkill(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         decoder: Its name.
-        person: Who; ``None``: over people.
+        person: Participant ID; ``None``: over people.
         tests: How many tests.
-        unit: What the intervals go over: ``conditions`` of one person, or ``people``.
+        unit: Unit of the intervals: ``conditions`` of one person, or ``people``.
         throughput_bits_s: Mean and interval.
         completion: Share of movements, mean over the tests.
-        path_efficiency: Likewise; ``None`` without a hit.
+        path_efficiency: Mean over the tests; ``None`` without a hit.
         overshoots: A movement, likewise.
         difference_bits_s: Throughput less that of the first decoder, paired by unit; ``None`` for the first.
     """
@@ -146,7 +146,7 @@ def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -
 
     Args:
         records: Results.
-        decoders: Which, the first being what the others are compared with; none means all, by name.
+        decoders: Names of the decoders; the others are compared with the first. None means all, by name.
 
     Raises:
         CalibrationError: There is no result.

@@ -20,9 +20,9 @@ class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         decoder: Its name.
-        person: Who; ``None``: over people.
+        person: Participant ID; ``None``: over people.
         practices: How many.
-        unit: What the intervals go over: ``practices`` of one person, or ``people``.
+        unit: Unit of the intervals: ``practices`` of one person, or ``people``.
         rms_error_levels: Root of the mean square of level less curve, mean over the units.
         in_target: Share of the time on the level asked for, mean over the practices.
         difference_levels: Error less that with the first decoder, paired by person; over people alone.
@@ -54,7 +54,7 @@ def compare_tracked(records: Sequence[PracticeRecord], decoders: Sequence[str] =
 
     Args:
         records: Practices.
-        decoders: Which, the first being what the others are compared with; none means all, by name.
+        decoders: Names of the decoders; the others are compared with the first. None means all, by name.
     """
     names = list(decoders) or sorted({record.decoder for record in records})
     people = sorted({record.person for record in records})

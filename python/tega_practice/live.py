@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["CLOSURE_STEP", "LEVEL_STEP", "cursor_of", "fitts_test"]
 
 LEVEL_STEP: Final = 0.25
-"""Of the cursor of a decoder that knows five levels."""
+"""Step of the cursor of a decoder with five levels."""
 CLOSURE_STEP: Final = 0.01
-"""Of one that gives a closure: what the bar and its number tell apart."""
+"""Step of the cursor of a decoder with a closure: the resolution of the bar and its number."""
 _SILENT_S: Final = 3.0
 _APART_S: Final = 1e-6
 
@@ -54,11 +54,11 @@ def fitts_test(
         movements: That count, of each distance and width.
         dwell_s: So long the cursor has to stay in a target.
         timeout_s: After so long the next target comes anyway.
-        seed: Of the order.
+        seed: Seed of the order.
         settings: How the settings file is named in the commands that are suggested.
 
     Returns:
-        What was kept, its figures, and where it is kept.
+        The saved record, its figures, and its path.
 
     Raises:
         ConfigError: The settings have no EMG.

@@ -51,9 +51,9 @@ class PeopleSkill(msgspec.Struct, frozen=True, kw_only=True):
         people: How many did the test with it.
         refused: On how many it could not be calibrated.
         throughput_bits_s: Mean over people, with its 95 % interval.
-        completion: Likewise, share of movements.
-        path_efficiency: Likewise; ``None`` where nobody hit anything.
-        overshoots: Likewise, a movement.
+        completion: Share of movements completed, mean over people, with its 95 % interval.
+        path_efficiency: Mean over people, with its 95 % interval; ``None`` without any hit.
+        overshoots: Overshoots per movement, mean over people, with its 95 % interval.
         difference_bits_s: Throughput less that with the first decoder, person by person; ``None`` for the first.
         lost_bits_s: Throughput less that without an effect, person by person; ``None`` without an effect.
     """
@@ -76,7 +76,7 @@ def person_at_test(
     """Let one simulated person calibrate each decoder, practise with it, and do the test under each effect.
 
     Args:
-        seed: Who, and all chance.
+        seed: Seed of the person and of all random draws.
         decoders: As :func:`tega_practice.simulated.simulated_decoder` takes them.
         effects: Names of :data:`EFFECT_NAMES`.
         movements: That count, of each distance and width.
@@ -132,13 +132,13 @@ def people_at_test(
     """Return each simulated person's tests, in the order of the seeds.
 
     Args:
-        seeds: Who.
+        seeds: Seeds of the people.
         decoders: Which.
         effects: Which.
         movements: That count, of each distance and width.
         workers: Processes.
-        out: A file with a person a line, as JSON: who is in it is not simulated again, others are added as they end.
-        progress: Told how many are done.
+        out: A file with a person a line, as JSON. People in it are not simulated again, others are added as they end.
+        progress: Called with the number of finished people.
 
     Raises:
         MissingExtraError: joblib is not installed, and more than one worker is asked for.
@@ -188,11 +188,11 @@ def compare_people(
 
     Args:
         people: Their tests.
-        decoders: Which, the first being what the others are compared with.
+        decoders: Names of the decoders; the others are compared with the first.
         effects: Which.
 
     Raises:
-        CalibrationError: A decoder could be calibrated on nobody.
+        CalibrationError: A decoder could be calibrated on no person.
     """
     ordered = sorted(people, key=lambda one: one.person)
     return [_row(ordered, decoder, decoders[0], effect) for effect in effects for decoder in decoders]

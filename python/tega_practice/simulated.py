@@ -1,13 +1,13 @@
 """Simulate a person at the Fitts test: sees the cursor late, aims with an error, corrects, through the real decoder.
 
-The muscles, the eye's delays and the errors are the person's of :mod:`tega_sim.operator`; nothing is tuned to a result.
-What the person does:
+The muscles, the eye's delays and the errors are those of :mod:`tega_sim.operator`; nothing is tuned to a result. The
+model of the person:
 
 - A new target is answered after reaction time and choice. The person knows from practice which closure an effort gives
   (:func:`practised`), and aims at the effort that gives the target's centre. The error is a share of the change.
 - The cursor is seen ``rt_ms`` late. When it had time to settle (as long as practice has shown, and a refractory time)
-  and stands more than a quarter of the target's width from the centre, the effort is corrected by what the practised
-  relation says of the difference, over and over.
+  and stands more than a quarter of the target's width from the centre, the effort is corrected by the difference,
+  through the practised relation, repeatedly.
 
 Effects of :data:`tega_sim.operator.EFFECTS` come after calibration and practice, so the person learns them from the
 cursor alone. Everything is simulated, and says so wherever it is shown.
@@ -83,14 +83,14 @@ def simulated_decoder(name: str, person: PersonNumbers, seed: int) -> tuple[Call
 
     Args:
         name: ``rules-paper``, ``rules``, one of :data:`tega.stages.learned.compare.LEARNED`, or an installed decoder's.
-        person: Who.
-        seed: Of everything random.
+        person: The simulated person.
+        seed: Seed of all random draws.
 
     Returns:
         What makes the decoder, at its start; and the excitation of full effort.
 
     Raises:
-        CalibrationError: A model cannot be fitted to what the person tracked.
+        CalibrationError: A model cannot be fitted to the person's tracking.
         ConfigError: There is no such decoder.
     """
     preset: Literal["paper", "live"] = "paper" if name == "rules-paper" else "live"
@@ -207,8 +207,8 @@ class SimulatedAim:
     """Eye and hand of a person at the test.
 
     Args:
-        person: Who.
-        seed: Of the reaction times.
+        person: The simulated person.
+        seed: Seed of the reaction times.
         label: Which stretch of the session.
         known: What practice has taught.
     """
@@ -271,8 +271,8 @@ def simulated_fitts(  # noqa: PLR0917  # one argument a part of the test
     """Let a simulated person do the test.
 
     Args:
-        person: Who.
-        seed: Of everything random; the targets' order is the same for every decoder and effect.
+        person: The simulated person.
+        seed: Seed of all random draws; the targets' order is the same for every decoder and effect.
         make: Makes the decoder.
         full_effort: Excitation of full effort.
         known: What practice has taught of it.

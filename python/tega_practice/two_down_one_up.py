@@ -19,7 +19,7 @@ STEP: Final = 0.75
 """Factor of a step towards the harder."""
 
 REVERSALS: Final = 8
-"""It ends after so many turns; the first two only find the neighbourhood."""
+"""Number of reversals after which the staircase ends; the first two only find the neighbourhood."""
 
 LONGEST: Final = 50
 """And after so many questions, whatever is answered."""

@@ -44,16 +44,16 @@ def learn_vest(
 ) -> tuple[VestSkillRecord, Path]:
     """Teach and test a person, and keep the score.
 
-    Shown is what the mapping shows differently: a question that it cannot answer is not asked. Practice goes on until
-    four answers in a row are right, twelve questions at most; a staircase finds the smallest difference of firmness
-    that is told. In the test nothing is said about right and wrong.
+    The lesson covers only differences that the mapping shows: other questions are not asked. Practice goes on until
+    four answers in a row are right, twelve questions at most; a staircase finds the smallest perceptible difference
+    of firmness. The test gives no feedback on answers.
 
     Args:
         config: The settings, with ``calibration.person``.
-        vest: The open vest, with what is left of the person's day.
+        vest: The open vest, with the rest of the person's dose for the day.
         guide: Shows and asks.
         questions: How many the test has, at least two for each thing that can be shown.
-        seed: Of the order.
+        seed: Seed of the order.
         test_only: Leave out lesson, practice and staircase.
         clock: Time.
 
@@ -61,7 +61,7 @@ def learn_vest(
         The score, and where it is kept.
 
     Raises:
-        Undecided: Nobody is there to answer.
+        Undecided: No participant is there to answer.
         ConfigError: The mapping shows a value that only a real metric measures.
         CalibrationError: No person is named, or motors are warm or the day's vibration is nearly used up.
         DeviceUnavailableError: The vest went away.
@@ -126,7 +126,7 @@ def _practise(lesson: Lesson, aspect: Aspect, guide: Guide, chance: random.Rando
 
 
 def _compare(lesson: Lesson, guide: Guide, chance: random.Random) -> float | None:
-    """Find the smallest difference of firmness that is told; the staircase makes it harder and easier."""
+    """Find the smallest perceptible difference of firmness; the staircase adapts the difficulty."""
     guide.part("Which was firmer?", "Two touches come one after the other; they become more and more alike.")
     guide.ready("Attend to how strong each is")
     stairs = TwoDownOneUp(start=0.4, least=0.02, most=1 - BASE)

@@ -1,4 +1,4 @@
-"""Keep what a person could tell by the vest: a score for each test, by person and mapping."""
+"""Keep a person's test scores with the vest, one for each test, by person and mapping."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class AspectScore(NamedTuple):
     """Answers to one kind of question.
 
     Attributes:
-        aspect: What was asked about.
+        aspect: Aspect of touch in question.
         asked: How many.
         right: Share of right answers, 0 to 1.
         chance: Share that guessing gives.
@@ -30,19 +30,19 @@ class AspectScore(NamedTuple):
 class VestSkillRecord(
     CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-vest-skill"
 ):
-    """Result of a test of the vest, and what the staircase found before it.
+    """Result of a test of the vest, and of the staircase before it.
 
     Attributes:
-        person: Who.
+        person: Participant ID.
         mapping: Name of the mapping.
         options: Its options, as JSON.
-        seed: Of the order.
+        seed: Seed of the order.
         right_percent: Right answers of the test.
         chance_percent: What guessing gives.
-        difference_percent: Difference of firmness that is told in 71 % of pairs, of the maximum; left out where the
+        difference_percent: Difference of firmness that is perceived in 71 % of pairs, of the maximum; left out if the
             staircase did not settle, or was not run.
         dose_s: What lesson and test used of the day of the most driven motor, seconds of full drive.
-        answers: A row a question of the test: about what, what was shown, what was said, how many answers there were.
+        answers: A row a question of the test: aspect, shown cue, answer, number of choices.
     """
 
     comments: ClassVar[dict[str, str]] = {

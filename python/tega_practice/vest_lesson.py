@@ -1,4 +1,4 @@
-"""Play contacts on a vest as the settings' mapping shows them, for a person who learns what they feel like."""
+"""Play contacts on a vest as the settings' mapping shows them, for a person to learn the sensations."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class TaughtTouch(NamedTuple):
 
 
 class Cue(NamedTuple):
-    """One thing to be told apart.
+    """One contact that a person learns to recognize.
 
     Attributes:
-        key: What is typed for it.
-        words: What it is.
+        key: Key to type for it.
+        words: Description.
         finger: Which finger touches.
         press: How, to begin with.
         then: How from the middle on.
@@ -135,7 +135,7 @@ class Lesson:
         clock: Time.
 
     Attributes:
-        aspects: What the mapping shows differently, and can be asked about.
+        aspects: Aspects of touch that the mapping shows differently, and questions can cover.
 
     Raises:
         ConfigError: The mapping shows a value that only a real metric measures, such as a force.
@@ -166,8 +166,8 @@ class Lesson:
 
         Raises:
             DeviceUnavailableError: The vest went away.
-            CalibrationError: Motors are warm, or the person's dose of the day is nearly used up: what was felt was
-                weaker than what was asked for, and would teach something wrong.
+            CalibrationError: Motors are warm, or the person's dose of the day is nearly used up: the vest would be
+                weaker than commanded, and teach something wrong.
         """
         lowered = self._lowered()
         with self.silence():
@@ -197,7 +197,7 @@ class Lesson:
             self._vest.write(self._now_ns(), self._loop().silence())
 
     def dose_s(self) -> float:
-        """Return what the most driven motor has used of its day, seconds of full drive; 0 without a budget."""
+        """Return the most driven motor's used dose of the day, seconds of full drive; 0 without a budget."""
         return float(self._vest.budget.dose_s.max()) if isinstance(self._vest, BudgetedVest) else 0.0
 
     def frames(self, shown: Cue) -> list[tuple[int, MotorLevels]]:

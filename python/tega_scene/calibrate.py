@@ -57,8 +57,8 @@ class LensCalibration:
     """Collects views of the board that differ, until they cover the picture.
 
     Args:
-        width: Of the pictures, pixels.
-        height: Likewise.
+        width: Width of the frames, pixels.
+        height: Height of the frames, pixels.
 
     Attributes:
         views: Those that were taken.
@@ -96,7 +96,7 @@ class LensCalibration:
         return True
 
     def wish(self) -> str:
-        """Return what the next view should be, in words; ``""`` when there are enough of every kind."""
+        """Return an instruction for the next view; ``""`` when there are enough of every kind."""
         middles = np.array([sign[:2] for sign in self._signs]).reshape(-1, 2)
         names = (
             ("upper left", "top", "upper right"),

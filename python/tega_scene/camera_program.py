@@ -1,7 +1,7 @@
 """Film with one scene camera as a program of its own, so that encoding never holds the run's interpreter lock.
 
-:class:`~tega_scene.filmed_run.RunCameras` starts it. Packets, small pictures for the page and counts go to its output.
-Where its input ends it encodes what it has, says its counts, and ends.
+:class:`~tega_scene.filmed_run.RunCameras` starts it. It writes packets, small frames for the page and counts to its
+output. At the end of its input it encodes the remaining frames, writes its counts, and ends.
 """
 
 from __future__ import annotations

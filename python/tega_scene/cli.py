@@ -308,7 +308,7 @@ def record(
 @click.argument("out", type=_FILE, metavar="OUT.mp4")
 @json_option
 def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
-    """Write a recorded camera as MP4 with a time code beside it (OUT.times.csv); nothing is encoded anew.
+    """Write a recorded camera as MP4 with a time code beside it (OUT.times.csv); nothing is re-encoded.
 
     With --json: {"pictures": n, "file": ..., "times": ...}.
     """

@@ -29,7 +29,7 @@ _STEP_PX: Final = 0.25
 _MOST_PX: Final = 2.5
 _LEAST_CONTRAST: Final = 20.0
 _SETTLED_PX: Final = 0.15
-"""What the last pass may still move a corner; a side that goes on moving follows something else than its edge."""
+"""Largest movement of a corner in the last pass, pixels; a side that moves further follows another edge."""
 
 _LEAST_MODULE_PX: Final = 3.0
 """Width of the black border below which a side is left alone: its two edges run into one another in the lens's blur,
@@ -45,9 +45,9 @@ def tag_dictionary(family: Family) -> Any:
 class TagFinder:
     """Finds tags of one family.
 
-    OpenCV's detector finds and reads them; each side is then measured anew, where brightness changes most along lines
-    across it, and a corner is where two sides meet. That takes whole sides of dozens of pixels in the place of the few
-    pixels about a corner.
+    OpenCV's detector finds and reads them. Each side is then measured again, where brightness changes most along
+    lines across it, and a corner is the intersection of two sides. This uses whole sides of dozens of pixels instead
+    of the few pixels about a corner.
 
     Args:
         family: Which tags.
@@ -103,7 +103,7 @@ class TagFinder:
         ]
 
     def refined(self, grey: NDArray[np.uint8], corners: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Return corners where the sides meet once each is measured anew; ``None`` where a side does not settle."""
+        """Return corners at the intersections of the re-measured sides; ``None`` if a side does not settle."""
         now: NDArray[np.float64] | None = corners
         before = corners
         for reach_px in _REACHES_PX:

@@ -88,9 +88,9 @@ def _damage(error: Exception) -> RecordingError:
 
 
 def stands_alone(video: str, packet: bytes) -> bool:
-    """Tell whether a decoder can begin with a packet: the format's parameters and a picture that refers to no other.
+    """Return whether decoding can begin with a packet: it has parameters and a frame that refers to no other.
 
-    Of another format than ``h264`` or ``av1`` none does.
+    Always false for formats other than ``h264`` and ``av1``.
     """
     if video == "av1":
         return _av1_alone(packet)

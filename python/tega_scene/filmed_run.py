@@ -1,6 +1,6 @@
 """Film a run with the scene cameras of its settings: each in a process of its own, its video on the run's bus.
 
-A scene camera moves nothing. One that goes away is told of and looked for again, and the run goes on without it.
+A scene camera moves nothing. A lost camera is reported and searched for, and the run continues without it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RunCameras:
 
     Args:
         cameras: The settings'.
-        bus: Told of every encoded picture, and of small ones where somebody looks.
+        bus: Receives every encoded frame, and small frames if there is a viewer.
         stack: Ends the processes, should the run not begin.
         stop: Asked whether to give up.
 
@@ -52,7 +52,7 @@ class RunCameras:
         DeviceUnavailableError: A camera does not open, or has another size.
         RecordingError: A file is not there, or is no video.
         CalibrationError: A file of intrinsics is not there, or is none.
-        ConfigError: Likewise a layout.
+        ConfigError: A layout file is not there, or is not valid.
         MissingExtraError: OpenCV or PyAV is not installed.
     """
 
@@ -89,7 +89,7 @@ class RunCameras:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return the counts by camera, and what it is."""
+        """Return each camera's source, rate and counts."""
         return {
             one.camera.name: {
                 "source": one.camera.source,
@@ -114,7 +114,7 @@ class RunCameras:
 
 
 class _FilmingProcess:
-    """One camera's process, and a thread that hears it, and starts another where it dies.
+    """One camera's process, and a thread that reads its output and restarts it when it dies.
 
     Attributes:
         camera: Its settings.
@@ -167,7 +167,7 @@ class _FilmingProcess:
         )
 
     def ask_end(self) -> None:
-        """Have it encode what it has, and end."""
+        """Let it encode its remaining frames, and end it."""
         self._leaving.set()
         with self._lock:
             pipe = self._process.stdin
@@ -226,7 +226,7 @@ class _FilmingProcess:
                     self._tell(self._since_ns())
 
     def _hear(self, again: Reopening) -> bool:
-        """Take what the process says until it ends; return whether its camera was open."""
+        """Process the output until it ends; return whether the camera was open."""
         pipe, is_open = self._process.stdout, False
         assert isinstance(pipe, io.BufferedReader)
         while True:
@@ -280,7 +280,7 @@ class _FilmingProcess:
 
 
 def _closed(process: subprocess.Popen[bytes], patience_s: float) -> int:
-    """End a process whose output was heard to its end, close that, and return its code."""
+    """End a process after its output has ended, close its pipes, and return its exit code."""
     code = end_child(process, patience_s)
     if process.stdout is not None:
         process.stdout.close()

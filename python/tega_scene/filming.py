@@ -1,8 +1,8 @@
-"""Film with one scene camera: a thread reads it, another encodes what it saw.
+"""Film with one scene camera: one thread reads frames, another encodes them.
 
-A picture's time is when the machine had it, on its monotonic clock. Pictures that the encoder has no time for are
-dropped and counted, so that none is stamped late because those before it had to wait. What a sender had ready when the
-camera was opened is older than that time, and left out.
+A frame's time is its arrival at the machine, on its monotonic clock. Frames are dropped and counted when the encoder
+is too slow, so that no frame is stamped late because of a queue. Frames that a sender had ready when the camera was
+opened are older than their arrival, and are left out.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class CameraTally(msgspec.Struct):
         missed: Pictures that the camera's rate says are missing in gaps between those that came.
         longest_gap_s: Longest time between two pictures.
         lost: How often the camera went away.
-        trouble: Why it stopped, or is away; ``""`` where it was told to end.
+        trouble: Why filming stopped, or the camera is away; ``""`` after a requested end.
     """
 
     pictures: int = 0
@@ -67,9 +67,10 @@ class Filming:
 
     Args:
         camera: Its settings.
-        give: Given what is encoded, in a thread of this: times on the monotonic clock and packets.
-        show: Given a small picture five times a second, uint8 (H, W, 3) BGR, in another; ``None`` for nobody.
-        reopens: Look for a camera that went away until told to leave; else its end is the film's.
+        give: Called in a thread with encoded data: times on the monotonic clock and packets.
+        show: Called in another thread with a small frame five times a second, uint8 (H, W, 3) BGR; ``None`` for no
+            viewer.
+        reopens: If true, look for a lost camera until :meth:`leave`; else filming ends with it.
 
     Attributes:
         tally: What came of it so far.

@@ -8,8 +8,8 @@
     tags = [{id = 0, size_mm = 50, at_mm = [-200, 0, 0], x = [1, 0, 0], y = [0, 1, 0]}]
 
     [object]
-    base_mm = 82                        # diameter of what stands on the table, whose middle is the origin
-    grip_mm = 110                       # height over it at which the hand holds
+    base_mm = 82                        # diameter of the object's base; its middle is the origin
+    grip_mm = 110                       # height over the base at which the hand holds it
     cube = {first = 10, edge_mm = 50, tag_mm = 38, at_mm = [0, 0, 285]}
 
     [hand]
@@ -136,7 +136,7 @@ class TagLayout(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         table: Tags that lie on the table; they say where up is.
-        object: Those of what is lifted.
+        object: Tags of the lifted object.
         hand: Those of the hand, on whatever moves with its palm.
         family: Kind of tag.
     """
@@ -229,13 +229,13 @@ def check_layout(layout: TagLayout, name: str) -> None:
 def example_layout(*, height_mm: float = 260.0, base_mm: float = 82.0) -> TagLayout:
     """Return the layout that the sheets of ``tega-teleop scene tags`` are for.
 
-    Four tags of 50 mm on the table about the marked place, all on one sheet, a box of 50 mm with tags of 38 mm on a
-    post of 15 mm on the object, one on the hand, and two tags of 25 mm on the object's wall, to both sides as the
-    camera sees it, that tell its width. The camera looks from between +x and +y and from above, so that it sees three
-    sides of each box.
+    Four tags of 50 mm are on the table about the marked place, all on one sheet. A box of 50 mm with tags of 38 mm is
+    on a post of 15 mm on the object, and one on the hand. Two tags of 25 mm on the object's wall, to both sides as
+    the camera sees it, measure its width. The camera looks from between +x and +y and from above, so that it sees
+    three sides of each box.
 
     Args:
-        height_mm: Of the object, which is held half way up.
+        height_mm: Height of the object, which is held half way up.
         base_mm: Diameter of the object's base.
     """
     corners = [(-105.0, 65.0, 0.0), (105.0, 65.0, 0.0), (-105.0, -65.0, 0.0), (105.0, -65.0, 0.0)]

@@ -1,4 +1,4 @@
-"""Keep what a camera's lens does to a picture: the intrinsics file that a ChArUco calibration writes."""
+"""Keep a camera's lens parameters: the intrinsics file that a ChArUco calibration writes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Intrinsics of a camera at one resolution: pinhole, with the distortion of OpenCV's five terms.
 
     Attributes:
-        width: Of a picture, pixels.
-        height: Likewise.
+        width: Width of a frame, pixels.
+        height: Height of a frame, pixels.
         fx: Focal length across, pixels.
         fy: Focal length down, pixels.
         cx: Where the optical axis meets the picture, pixels from its left; the first pixel's middle is 0.
-        cy: Likewise from its top.
+        cy: The same from its top.
         distortion: k1, k2, p1, p2, k3.
         rms_px: How far the board's corners were from where these numbers put them, root mean square, pixels.
         n_views: Pictures of the board that they come from.

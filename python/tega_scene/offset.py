@@ -56,7 +56,7 @@ def flash_light(
 
     Args:
         out: The file, CSV with the columns ``t_ns`` and ``on``.
-        write: Given what is to be written to the terminal, at once.
+        write: Called with text for the terminal, which must appear at once.
         n_flashes: How often it gets white.
         wait: Waits for seconds.
         clock_ns: The machine's monotonic clock.
@@ -136,7 +136,7 @@ def measure_offset(recording: Path, name: str, flashes: Path) -> CameraOffset:
 def estimate_offset(
     t_s: NDArray[np.float64], shades: NDArray[np.float64], edges: list[tuple[int, bool]]
 ) -> CameraOffset:
-    """Estimate how late pictures are whose parts get light and dark.
+    """Estimate the delay of frames in which some parts get light and dark.
 
     Args:
         t_s: float64 (n,), times of the pictures, seconds, rising.

@@ -1,9 +1,9 @@
 """Score a lift from the poses that a camera saw: lift-off, 0.2 m, stable, slips, deformations, drop, put down, placed.
 
-The rule is that of a simulated trial's truth (:class:`tega_sim.score.TrialScorer`); what it is told here is measured.
-Heights and width are smoothed by straight lines about each moment, slip by few pieces of parabolas, which neither
-smear the beginning of a fall nor take noise for motion (:mod:`tega_scene.smoothing`). All are looked at a hundred times
-a second.
+The rule is that of a simulated trial's truth (:class:`tega_sim.score.TrialScorer`), here with measured input. Heights
+and width are smoothed by straight lines about each moment, slip by few pieces of parabolas, which neither smear the
+beginning of a fall nor take noise for motion (:mod:`tega_scene.smoothing`). All are evaluated a hundred times a
+second.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
         narrowing_error_m: Standard error of that.
         height_m: Largest height, metres.
         along_mm: Standard error of the object's place along the view, millimetres, one picture of those that place it.
-        across_mm: Likewise across it.
+        across_mm: Standard error of the object's place across the view, millimetres, in the same way.
         seen: Share of the pictures in which the object was seen.
         placed: Share of the pictures that place it (:data:`~tega_scene.resting.PLACED_M`).
         hand_seen: Share in which the hand was.
@@ -116,9 +116,9 @@ class SceneCourses(NamedTuple):
 
     Attributes:
         t_s: float64 (n,), a hundred a second.
-        height: Of the object's grip point over where it stood, metres.
-        lowest: Of the lowest point of its base, likewise; straight from picture to picture, since a fitted line would
-            round the moment of lift-off off.
+        height: Height of the object's grip point over its place at the start, metres.
+        lowest: Height of the lowest point of its base over its place at the start, metres. It is straight from frame
+            to frame, since a fitted line would blur the moment of lift-off.
         slip: How far its grip point is lower than the palm, against the start, metres.
         width: How much wider it is than untouched, metres.
     """
@@ -133,9 +133,9 @@ class SceneCourses(NamedTuple):
 def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTrack:
     """Return poses of an object that stands upright on the table while it rests at the trial's start.
 
-    A box on its lid is never quite parallel to it: what it leans at rest is taken out, about the middle of its tags.
-    Then its base is over or under the table by what the place is wrong, nearly all of it along the view: that much it
-    is moved along the view (conditional mean of a normal error), and what is left, straight down.
+    A box on its lid is never quite parallel to it: the tilt at rest is removed, about the middle of its tags. The
+    base is then over or under the table by the error of the place, nearly all of it along the view. It is moved along
+    the view by that part (conditional mean of a normal error), and by the remainder straight down.
 
     Args:
         track: Poses.
@@ -170,7 +170,7 @@ def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTra
 
 
 def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s: float) -> SceneCourses:
-    """Return what the rule is told.
+    """Return the rule's input.
 
     Args:
         track: Poses, :func:`righted`.
@@ -204,14 +204,14 @@ def _heights(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a point's height over the table in each picture, and its standard error there, float64 (n,), metres.
 
-    A camera sees what is across its view some ten times better than what is along it, and looks down, so that the
-    noise along the view is in the height. But how far something is from the camera on level ground hardly changes
-    while it is lifted, slips or falls: that is smoothed over time, and the height is where each picture's ray is at
+    A camera measures positions across its view some ten times better than along it, and looks down, so noise along
+    the view enters the height. But an object's distance from the camera on level ground hardly changes while it is
+    lifted, slips or falls. That distance is smoothed over time, and the height is taken where each frame's ray has
     that distance.
 
     Args:
         track: Where the camera stands.
-        pose: Of the body.
+        pose: Poses of the body.
         body: Its tags; the ray is that to their middle.
         at_m: The point, float64 (3,), in the body's axes.
     """
@@ -337,10 +337,10 @@ def score_scene(
 
 
 class SceneRule:
-    """Tells the rule of a trial what was measured, moment by moment.
+    """Feeds the measured courses to the rule of a trial, moment by moment.
 
     Args:
-        courses: What was measured.
+        courses: The measured courses.
         harm_m: Narrowing from which the object counts as deformed, metres.
         window_s: End of the window of the lift on the video's clock, seconds.
 
@@ -357,7 +357,7 @@ class SceneRule:
         self.aloft = False
 
     def go(self) -> None:
-        """Tell it all."""
+        """Feed all moments."""
         courses = self._courses
         dropped = False
         reference_m = off_s = 0.0

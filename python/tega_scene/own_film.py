@@ -56,7 +56,7 @@ def filmed_cameras(reader: McapReader) -> list[str]:
 
 
 def own_film(recording: Path, camera: str | None, beside: Path) -> OwnFilm:
-    """Write what a camera filmed of a run as a video with a time code.
+    """Write a recorded camera's film of a run as a video with a time code.
 
     Args:
         recording: The run's.

@@ -45,7 +45,7 @@ class ScenePart(Part):
             self._cameras.end()
 
     def notes(self) -> list[str]:
-        """Return sentences on what is missing from the film."""
+        """Return sentences on missing parts of the film."""
         if self._cameras is None:
             return ["scene: no camera was opened: the run was neither recorded nor shown"]
         return self._cameras.notes()

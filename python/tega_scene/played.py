@@ -37,9 +37,9 @@ class PlayedCamera:
     """Decodes a camera's video up to the playhead, and converts the one picture that is to be seen.
 
     Args:
-        topic: Of its video, ``/scene/NAME/video``.
+        topic: Topic of its video, ``/scene/NAME/video``.
         keys_ns: When pictures came that stand alone, rising, time of the recording.
-        bus: Told of each picture.
+        bus: Receives each frame.
     """
 
     def __init__(self, topic: str, keys_ns: Iterable[int], bus: Bus) -> None:
@@ -54,7 +54,7 @@ class PlayedCamera:
     def begin(self, at_ns: int, *, jumped: bool) -> None:
         """Go on from the last picture before a place that stands alone; from the first one after it, if there is none.
 
-        One whose turn it is anyway is decoded on.
+        If such a frame is next anyway, decoding continues.
         """
         place = max(bisect_right(self._keys_ns, at_ns) - 1, 0)
         key_ns = self._keys_ns[place] if self._keys_ns else NEVER_NS
@@ -75,7 +75,7 @@ class PlayedCamera:
         self._decoded_ns = known_ns
 
     def settle(self, moment: PlayedMoment) -> None:
-        """Tell the newest picture, and that there is none once it is a second old.
+        """Report the newest frame, and that there is none once it is a second old.
 
         Raises:
             RecordingError: It cannot be converted; once, that there is none.
@@ -108,7 +108,7 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
 
     Args:
         path: The MCAP file that ``scene record`` wrote.
-        bus: Told of its pictures.
+        bus: Receives their frames.
         start_ns: The machine's clock at the beginning of the recording.
         end_ns: Length of the recording.
         behind_ns: As of :class:`FollowedFile`.

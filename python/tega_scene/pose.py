@@ -1,8 +1,8 @@
 """Fit the pose of a body to the corners of all its tags at once, with its error.
 
-Least squares of the reprojection error (Gauss-Newton with damping) over position and rotation; tags that slide with the
-object's width are measured against that pose. The covariance is the inverse of the normal matrix times the corners'
-variance, taken from what is left over, though never less than :data:`CORNER_PX` of error.
+Least squares of the reprojection error (Gauss-Newton with damping) over position and rotation; tags that slide with
+the object's width are measured against that pose. The covariance is the inverse of the normal matrix times the
+corners' variance, taken from the residuals, but with at least :data:`CORNER_PX` of error.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CORNER_PX: Final = 0.05
-"""Error of a corner that a fit never claims to be below, pixels: what is the same in all corners does not show."""
+"""Least error of a corner in a fit, pixels: errors common to all corners do not show in the residuals."""
 
 _STEPS: Final = 30
 STRANGE_PX: Final = 1.5
@@ -59,7 +59,7 @@ class BodyFitter:
 
     Args:
         body: Its tags.
-        lens: Of the camera.
+        lens: Lens of the camera.
 
     Attributes:
         ids: Numbers of its tags.
@@ -181,7 +181,7 @@ class BodyFitter:
 
 
 def corner_weights(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what the eight coordinates of a tag's corners, (4, 2) pixels, count in a fit, (8,), 1 where it is wide."""
+    """Return a fit's weights of a tag's corner coordinates, (4, 2) pixels, as (8,); 1 for a wide tag."""
     (x1, y1), (x2, y2) = corners[2] - corners[0], corners[3] - corners[1]
     longest = max(float(np.hypot(*(corners[k] - corners[k - 1]))) for k in range(4))
     narrow_px = float(abs(x1 * y2 - x2 * y1)) / 2 / longest
@@ -309,7 +309,7 @@ def _along(
     position: NDArray[np.float64],
     rotation: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return how what is seen changes as each point moves along its way, (2 n,)."""
+    """Return the derivatives of the projected points along each point's direction, (2 n,)."""
     there = points @ rotation.T + position
     slope: NDArray[np.float64] = np.einsum("nij,nj->ni", _per_metre(there, 1 / there[:, 2]), ways).ravel()
     return slope

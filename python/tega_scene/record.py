@@ -46,7 +46,7 @@ def record_cameras(
     stop: Callable[[], bool],
     video: VideoFormat = "h264",
 ) -> dict[str, CameraTally]:
-    """Record until told to stop, or until every camera has stopped.
+    """Record until a stop is requested, or until every camera has stopped.
 
     Args:
         out: The MCAP file; it must not exist.
@@ -109,7 +109,7 @@ def _write(
 
 @tells_damage
 def export_camera(recording: Path, name: str, out: Path) -> int:
-    """Write a camera of a recording as MP4, without encoding it anew, and its time code beside it.
+    """Write a camera of a recording as MP4, without re-encoding, and its time code beside it.
 
     The times are less the camera's offset, where one was estimated (:mod:`tega_scene.offset`).
 
@@ -169,7 +169,7 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
 def scene_epoch(reader: McapReader) -> int:
     """Return the log time at which the machine's monotonic clock was 0, by a recording that has been read.
 
-    Of a session that filmed itself that is by the session's own start.
+    For a session that filmed itself, the session's own start determines it.
 
     Raises:
         RecordingError: It does not say.

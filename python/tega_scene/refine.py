@@ -27,7 +27,7 @@ _ROUNDS: Final = 6
 _STRANGE_PX: Final = 0.5
 _SPREAD_PX: Final = 2 * CORNER_PX
 _NOTHING: Final = 1e-9
-"""Added to the diagonal, so that a picture all of whose tags were left out stays where it is."""
+"""Added to the diagonal, so that a frame with all its tags left out stays unchanged."""
 
 
 def refined_corners(
@@ -42,7 +42,7 @@ def refined_corners(
         corners_m: Where the layout says they are, (4, 3) by tag, metres.
         seen: Corners of each picture, (4, 2) by tag, pixels.
         poses: The body's pose in each picture, as fitted with the layout.
-        lens: Of the camera.
+        lens: Lens of the camera.
 
     Returns:
         float64 (4, 3) by tag; the layout's own where too few pictures show two tags at once.

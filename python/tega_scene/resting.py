@@ -1,7 +1,7 @@
 """Find where an object stands that was put down: where, since when, how far from its mark, upright, still, let go of.
 
-The limits are those of a simulated trial's truth (:mod:`tega_sim.score`). A camera feels no fingers: who has let go has
-gone away with the hand.
+The limits are those of a simulated trial's truth (:mod:`tega_sim.score`). A camera cannot sense fingers: the object
+counts as let go once the hand has moved away.
 """
 
 from __future__ import annotations

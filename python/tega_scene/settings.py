@@ -40,8 +40,8 @@ class SceneConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         source: Its number, a device such as ``/dev/video0``, an address such as ``rtsp://192.168.1.20/main``, or a
             video file, which is filmed once from the run's start. ``$TEGA_NAME`` in an address stands for that
             environment variable, since the settings stand in every recording and a password must not.
-        width: Of the pictures, pixels, even.
-        height: Likewise.
+        width: Width of the frames, pixels, even.
+        height: Height of the frames, pixels, even.
         rate_hz: Pictures a second.
         video: Format of the recorded stream.
         crf: Quality, smaller is better; 18 loses little.
@@ -74,15 +74,15 @@ class SceneConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 def is_camera(source: str) -> bool:
-    """Tell whether a name is a camera: a number, a device such as /dev/video0, or an address."""
+    """Return whether a name is a camera: a number, a device such as /dev/video0, or an address."""
     return source.isdecimal() or source.startswith(("/dev/", *ADDRESSES))
 
 
 def full_source(source: str) -> str:
     """Return an address with its environment variables in their places; any other source as it is.
 
-    Only variables whose names begin with ``TEGA_`` are put in: a settings file of somebody else's must not send another
-    one to the host that it names.
+    Only variables with names that begin with ``TEGA_`` are inserted. Otherwise a foreign settings file could send the
+    content of any variable to the host in its address.
 
     Raises:
         InvalidValueError: One is not set, or has another name.

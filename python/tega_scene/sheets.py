@@ -59,7 +59,7 @@ def modules_mm(
         bits: bool (n, n), dark where true.
         x: Left, millimetres.
         y: Top.
-        pitch: Of one square.
+        pitch: Side of one square, millimetres.
     """
     found = []
     for row, line in enumerate(bits):

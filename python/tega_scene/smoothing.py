@@ -1,9 +1,9 @@
-"""Fit smooth courses to what was measured in single pictures, with their speeds and errors.
+"""Fit smooth courses to the measurements of single frames, with their speeds and errors.
 
-A straight line about each moment smears a sudden fall over the moments before it. Where the moment at which something
-begins to move counts, :func:`trended` fits pieces of parabolas with as few changes of acceleration as the errors allow
-(trend filtering of second order: Kim, Koh, Boyd and Gorinevsky, *l1 Trend Filtering*, SIAM Review 51, 2009), so that
-what is slow is averaged over long and what is sudden stays sudden.
+A straight line about each moment smears a sudden fall over the moments before it. Where the onset of a motion counts,
+:func:`trended` fits pieces of parabolas with as few changes of acceleration as the errors allow (trend filtering of
+second order: Kim, Koh, Boyd and Gorinevsky, *l1 Trend Filtering*, SIAM Review 51, 2009). Slow motion is then averaged
+over long, and sudden motion stays sudden.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def smoothed(
 
     Args:
         t_s: (n,), rising, seconds.
-        values: (n,); what is not a number is passed over.
+        values: (n,); NaN is skipped.
         errors: (n,), standard errors.
         at_s: (m,), moments.
     """
@@ -88,13 +88,13 @@ def trended(
 ) -> Course:
     """Fit pieces of parabolas with few changes of acceleration.
 
-    Minimised is half the sum of squared residuals over errors, plus a cost of the sum of the absolute third differences
-    over the median error, by least squares that are weighted anew in each round. Errors that the residuals belie are
-    scaled up once. The error of the course is that of one picture: more than it is.
+    The minimised cost is half the sum of squared residuals over errors, plus a cost of the sum of the absolute third
+    differences over the median error, by iteratively reweighted least squares. Errors that the residuals contradict
+    are scaled up once. The error of the course is that of one frame, an upper bound.
 
     Args:
         t_s: As of :func:`smoothed`, as the next two.
-        values: What was measured.
+        values: Measured values.
         errors: Its standard errors.
         at_s: (m,), moments in equal steps.
     """
@@ -173,7 +173,7 @@ def joined(
 
 
 def where_seen(seen_s: NDArray[np.float64], at_s: NDArray[np.float64], course: Course) -> Course:
-    """Return a course without what is told of moments that are far from every sight."""
+    """Return a course without the moments that are far from every observation."""
     if not len(seen_s):
         return course
     next_ = np.clip(np.searchsorted(seen_s, at_s), 1, max(1, len(seen_s) - 1))

@@ -31,7 +31,7 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
 
     Args:
         source: A number, a device or an address.
-        size: Width and height to ask a local camera for, pixels; an address sends what it sends.
+        size: Width and height to request from a local camera, pixels; an address has a size that its sender chooses.
         rate_hz: Pictures a second to ask for, likewise.
 
     Raises:
@@ -111,8 +111,8 @@ def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], 
 
     Args:
         source: As of :func:`open_pictures`.
-        size: Likewise.
-        tell: Given a line for whoever holds the board.
+        size: As of :func:`open_pictures`.
+        tell: Called with a line for the person who holds the board.
 
     Raises:
         CalibrationError: There are too few views, or they do not fit a flat board.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _MARGIN_PX: Final = 70
 _WHOLE_EVERY: Final = 30
-"""Of so many pictures one is looked at whole; in the others, where the tags were."""
+"""Number of frames of which one is searched whole; in the others, only near the tags' last places."""
 
 _MOVED_PX: Final = 2.0
 _REFINED_STRANGE_PX: Final = 0.6
@@ -63,8 +63,8 @@ class SceneTrack(NamedTuple):
 
     Attributes:
         t_s: float64 (n,), times of the pictures.
-        object: Of what is lifted.
-        hand: Of the hand.
+        object: Poses of the lifted object.
+        hand: Poses of the hand.
         view: float64 (3,), direction in which the camera looks, in the table's axes.
         eye_m: float64 (3,), where it stands.
         table_rms_px: Residual of the table's tags.
@@ -86,7 +86,7 @@ class SceneSightings(NamedTuple):
 
     Attributes:
         t_s: Times of the pictures, seconds, rising.
-        corners: Of each picture: (4, 2) pixels by tag. Those of the table are there now and then.
+        corners: Corners of each frame: (4, 2) pixels by tag. Tags of the table are present only now and then.
     """
 
     t_s: list[float]
@@ -100,7 +100,7 @@ def track_scene(
 
     Args:
         pictures: Time in seconds, rising, and picture, uint8 (H, W) or (H, W, 3).
-        lens: Of the camera.
+        lens: Lens of the camera.
         layout: Which tags are where.
 
     Raises:
@@ -150,7 +150,7 @@ def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> S
 
     Args:
         sightings: As of :func:`sight_tags`.
-        lens: Of the camera.
+        lens: Lens of the camera.
         layout: Which tags are where.
 
     Raises:

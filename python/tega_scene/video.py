@@ -52,8 +52,8 @@ class SceneEncoder:
     """Encodes the pictures of one camera.
 
     Args:
-        width: Of the pictures, pixels, even.
-        height: Likewise.
+        width: Width of the frames, pixels, even.
+        height: Height of the frames, pixels, even.
         rate_hz: About how many come a second: one of so many stands alone.
         video: Format.
         crf: Quality, smaller is better.
@@ -85,7 +85,7 @@ class SceneEncoder:
         self._last = -1
 
     def encode(self, image: NDArray[np.uint8], t_ns: int) -> list[tuple[int, bytes]]:
-        """Add a picture, uint8 (H, W, 3) in blue, green, red, or (H, W) grey; return what is ready: time and packet.
+        """Add a frame, uint8 (H, W, 3) BGR, or (H, W) grey; return the finished packets with their times.
 
         Raises:
             RecordingError: The encoder refuses it.

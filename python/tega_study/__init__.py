@@ -3,20 +3,20 @@
 ::
 
     plan.py      study.toml and plan.csv, never changed once written
-    order.py     who does what in which order, from a seed
+    order.py     order of conditions and objects for each participant, from a seed
     journal.py   a session's events, appended and synced one by one
-    state.py     what the events say: which trials are done, which comes next
+    state.py     state derived from the events: finished trials, next trial
     lead/        leading a session through its trials
-    observe/     a rater's console beside it
+    observe/     a rater's console during a session
     observers.py the raters' files
-    score/       how far accounts of the same trials agree; BORIS files
-    ratings.py   what participants answered
-    touch_rows.py what each fingertip said, frame by frame
+    score/       agreement between accounts of the same trials; BORIS files
+    ratings.py   participants' ratings
+    touch_rows.py each fingertip's readings, frame by frame
     privacy.py   withdrawal and the anonymised copy
     trials.py    one row a trial, with the events it comes from
     rank.py people.py counts.py coupling.py power.py    the statistics, each with its source
     analyse.py   all numbers of a report in one record
-    figures.py tables.py page.py report.py    the record as pictures, CSV and one HTML file
+    figures.py tables.py page.py report.py    the record as figures, CSV and one HTML file
     silico/      the whole study with simulated people
 
 Example::

@@ -43,10 +43,10 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         planned_people: As planned; ``None`` where there is no plan.
-        withdrawn: People whose data were deleted.
+        withdrawn: Number of participants with deleted data.
         people: With at least one trial.
         complete: With all their trials over.
-        planned_trials: Of those who have not withdrawn.
+        planned_trials: Trials planned for participants who have not withdrawn.
         status: Number of trials by how they ended; ``not run`` for the rest.
         redone: Trials of which an attempt that had taken place does not count, with the experimenter's reason.
     """
@@ -64,7 +64,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     """All numbers of a report; equal input gives equal bytes.
 
     Attributes:
-        source: What it was made from.
+        source: ``study``, or the names of the files that it was made from.
         simulated: Whether the people are simulated.
         interim: Whether the plan is not complete yet.
         blind: Whether results are withheld for that reason: no trial, mean, test, effect or course is in it.
@@ -73,8 +73,8 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         conditions: The first is compared with the second.
         family: Tests that were corrected together.
         alpha: Level.
-        plan_sha256: Of the plan; empty without one.
-        flow: Who took part.
+        plan_sha256: SHA-256 of the plan; empty without one.
+        flow: Counts of the people and trials that took part.
         trials: One row a trial, with its events.
         cells: Table I.
         tests: All tests.
@@ -82,22 +82,22 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         arms: By condition.
         contrasts: First condition against second.
         pose_use: Dwell and transitions.
-        planner: What the next study needs.
-        agreements: Of raters, experimenter and, in simulation, the truth.
+        planner: Sample sizes for the next study.
+        agreements: Agreement of raters, experimenter and, in simulation, the truth.
         ratings: What participants answered after blocks.
         probes: The second task, where the plan has one.
         directions: The paper's differences and the study's, where its people are simulated.
-        assumptions: What a study in silico takes for granted.
-        parameters: Of the simulated people, by section and name.
+        assumptions: Assumptions of a study in silico.
+        parameters: Parameters of the simulated people, by section and name.
         sensitivity: Which directions hold when that is changed.
         fingers: The contacts that Fig 3 shows.
         outcomes: Each outcome's difference between the first two conditions, over people.
         further: The same of each further condition, less the second.
-        object_facts: What is known of the objects.
-        rehearsed: In a plan of people, those whose session did not run in the lab.
+        object_facts: Known properties of the objects.
+        rehearsed: In a plan for real participants, those with a session outside the lab.
         counted_by: In how many of the trials that count who counted slips, deformations and drops.
         format: Always ``tega-study-analysis``.
-        version: Of the format.
+        version: Format version.
     """
 
     source: str
@@ -302,12 +302,12 @@ def analyse(
         objects: In the order of the tables.
         conditions: The first is compared with the second.
         family: ``metric:object``.
-        flow: Who took part.
+        flow: Counts of the people and trials that took part.
         alpha: Level.
         simulated: Whether the people are.
         interim: Whether the plan is not complete yet.
         crossed: Whether each person had one condition before the other.
-        plan_sha256: Of the plan.
+        plan_sha256: SHA-256 of the plan.
 
     Raises:
         RecordingError: No trial counts.

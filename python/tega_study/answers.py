@@ -34,9 +34,9 @@ class TrialCoupling(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         trial: Its id.
-        participant: Whose.
-        object: What was lifted.
-        condition: What the vest did.
+        participant: Participant ID.
+        object: Name of the lifted object.
+        condition: Vest condition.
         signal: ``cci`` or ``eda``.
         samples: On the grid.
         n_eff: Independent samples that they are worth.
@@ -67,15 +67,15 @@ class ArmCoupling(msgspec.Struct, frozen=True, kw_only=True):
     """One condition's correlations of the pose with one signal.
 
     Attributes:
-        condition: What the vest did.
+        condition: Vest condition.
         signal: ``cci`` or ``eda``.
         trials: With a correlation.
-        people: They are of.
+        people: Number of participants in these trials.
         r: Mean by Fisher's z over each person's trials, then over people.
-        lowest: Of all trials.
+        lowest: Lowest r of all trials.
         positive: Share of trials with r above 0.
         r_pooled: Over all samples of all trials in one; mixes differences between trials into it.
-        r_others: As ``r``, with other trials' touch: what the shared course alone gives.
+        r_others: As ``r``, with the touch of other trials: the part that the shared course alone explains.
         slope: Mean answer over people.
         lags_s: Lags, seconds; above 0 touch follows the pose.
         lag_r: Mean by Fisher's z over trials at each lag.
@@ -125,7 +125,7 @@ class PoseUse(msgspec.Struct, frozen=True, kw_only=True):
         dwell: Mean share of time at each of the poses 0 to 4.
         intermediate: Share at 1 to 3.
         transitions: Mean number of changes per trial.
-        transitions_intermediate: Of those, into or out of an intermediate pose.
+        transitions_intermediate: Mean number of changes per trial into or out of an intermediate pose.
         silent: Mean share of the time with a closed hand after lift-off in which no finger is read as touching, so
             that the vest is still; ``None`` where nothing was lifted off.
     """
@@ -151,7 +151,7 @@ def answers(
     Args:
         trials: All; those that do not count or have no course are passed over.
         courses: By trial id.
-        objects: What was lifted.
+        objects: Names of the lifted objects.
         conditions: The first is compared with the second.
 
     Returns:

@@ -1,6 +1,6 @@
 """Name a study's files as BIDS names files: ``sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a1_run-07_touch.csv``.
 
-Only names follow BIDS: the files' contents are TEGA's own, so what is named so is no BIDS data set.
+Only the names follow BIDS. The files have TEGA's own formats, so the result is not a BIDS data set.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ BIDS_NAME: Final = re.compile(
     r"sub-(?P<sub>[A-Za-z0-9]+)/ses-01/beh/sub-(?P=sub)_ses-01"
     r"(_task-[A-Za-z0-9]+(_acq-a[0-9]+)?_run-[0-9]{2,})?(_desc-[A-Za-z0-9]+)?_[A-Za-z0-9]+(\.[A-Za-z0-9]+)?"
 )
-"""Name of a person's file; what belongs to nobody keeps its path below ``sourcedata/``, which BIDS leaves free."""
+"""Name of a person's file. Other files keep their path below ``sourcedata/``, which BIDS leaves free."""
 _SESSION = "ses-01"
 _TRIAL = re.compile(r"-t(\d+)(?:-a(\d+))?")
 
@@ -26,7 +26,7 @@ def bids_names(paths: Iterable[str], plan: StudyPlan) -> dict[str, str]:
     """Return a name for each file, no two alike where capitals do not count.
 
     Args:
-        paths: Of a study's files, below its folder, with ``/`` between their parts.
+        paths: Paths of a study's files, relative to its folder, with ``/`` as separator.
         plan: The study's: it has the people, and the object of each trial.
     """
     own = {person: own_name(person) for person in plan.participants}

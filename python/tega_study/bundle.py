@@ -54,7 +54,7 @@ class BundledFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
     Attributes:
         path: Below the study's folder, with ``/`` between its parts.
         n_bytes: Its length.
-        sha256: Of its content, hexadecimal.
+        sha256: SHA-256 of the content, hexadecimal.
         name: In the ZIP file, where that is not the path.
     """
 
@@ -74,13 +74,13 @@ class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
     Attributes:
         participant: Anonymous id of the person.
-        plan_sha256: Of the study's plan.
+        plan_sha256: SHA-256 of the study's plan.
         rehearsed: Whether the session, or a part of it, did not run in the lab.
         written_by: Versions of TEGA, Python and packages.
         trials: The outcome of each trial when the bundle was written.
         files: All other files.
         format: Always ``tega-session-bundle``.
-        version: Of the format.
+        version: Format version.
     """
 
     participant: str
@@ -97,7 +97,7 @@ class WrittenBundle(NamedTuple):
     """A bundle that was written.
 
     Attributes:
-        manifest: What it holds.
+        manifest: The bundle's manifest.
         left_out: Files and links of the person that it does not hold: links, and names that no other computer takes.
     """
 
@@ -109,7 +109,7 @@ class OpenedBundle(NamedTuple):
     """A bundle that was opened; each of its files had the right hash.
 
     Attributes:
-        manifest: What it holds.
+        manifest: The bundle's manifest.
         trials: Worked out from its events by this version of TEGA.
     """
 
@@ -127,12 +127,12 @@ def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = Fals
 
     Args:
         folder: The study's folder.
-        participant: Whose session.
+        participant: Participant ID of the session.
         out: The file; new, and outside of the study's folder. Its place is noted, for a withdrawal.
         bids: Name the files in it as BIDS does (:mod:`tega_study.bids_names`); opened, they have their own names again.
 
     Raises:
-        InvalidValueError: Nobody in the plan has that id, or the file cannot be there.
+        InvalidValueError: The ID is not in the plan, or the file cannot be written there.
         RecordingError: The person has no session or has withdrawn, or the study is damaged.
         DeviceUnavailableError: The session is open in another program.
     """
@@ -215,7 +215,7 @@ def _photos(folder: Path) -> set[str]:
 
 
 def _check_belongs(folder: Path, manifest: BundleManifest, source: str) -> None:
-    """Refuse a bundle with a file that none has: what is opened is trusted like what was recorded here."""
+    """Refuse a bundle with an unexpected file, because opened files are trusted like local recordings."""
     photos = _photos(folder)
     for one in manifest.files:
         if one.path not in {*_OF_THE_STUDY, *photos} and not _belongs(Path(one.path), manifest.participant):

@@ -28,8 +28,8 @@ class Test(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
-        object: What was lifted.
-        level: What the row can speak of.
+        object: Name of the lifted object.
+        level: Level of the claim that the row supports.
         test: Name of the test, with how p was got.
         people: How many took part.
         n: Trials under the first and the second condition.
@@ -37,11 +37,11 @@ class Test(msgspec.Struct, frozen=True, kw_only=True):
         p: Two-sided; ``None`` where the data allow no test, or p-values are withheld.
         p_holm: Corrected over the family that the plan names.
         p_exact: Given the ties that are there.
-        effect_name: What the effect is.
+        effect_name: Name of the effect.
         effect: First condition against the second.
         low: Lower end of its 95 % interval.
         high: Upper end.
-        note: What a reader has to know.
+        note: Caveats for the reader.
     """
 
     __test__ = False  # it is no class of tests for pytest
@@ -94,7 +94,7 @@ def compare(
 
     Args:
         trials: All of it; those that do not count are passed over.
-        objects: What was lifted.
+        objects: Names of the lifted objects.
         conditions: The first is compared with the second.
         family: ``metric:object`` that Holm's method corrects together, within each level.
         crossed: Whether each person had one condition before the other, so that the order can be taken out.

@@ -20,7 +20,7 @@ class Shares(NamedTuple):
 
     Attributes:
         fisher: Two-sided p of Fisher's exact test.
-        boschloo: Of Boschloo's, which is never less powerful.
+        boschloo: p of Boschloo's test, which is never less powerful.
         difference: First share less the second.
         low: Lower end of Newcombe's 95 % interval of it.
         high: Upper end.
@@ -106,9 +106,9 @@ def adjusted_ratio(
         values: One per trial: counts, or times in seconds.
         haptic: Whether the trial is of the first condition.
         place: Its place in the session; its logarithm is the covariate, since learning is fast at first.
-        person: Whose it is.
+        person: The person's ID.
         counts: Whether values are counts.
-        confidence: Of the interval.
+        confidence: Confidence level of the interval.
 
     Returns:
         ``None`` with fewer than three people, where a condition has no event, or where nothing converged.

@@ -1,9 +1,8 @@
-"""Correlate touch with the chosen pose over a trial, to tell an answer to touch from mere mechanics.
+"""Correlate touch with the chosen pose over a trial, to separate responses to touch from mere mechanics.
 
-A hand that closes raises touch by itself. So a correlation is shown beside what it is without any answer: with
-the touch of another trial, in the arm that felt nothing, and at other lags. Lag ``l > 0``: touch follows the
-pose, as mechanics has it; ``l < 0``: the pose follows touch, as an answer would, and none is quicker than 0.2
-s.
+A closing hand raises touch by itself. So a correlation is shown beside its value without any response: with the touch
+of another trial, in the arm without feedback, and at other lags. Lag ``l > 0``: touch follows the pose, by mechanics.
+Lag ``l < 0``: the pose follows touch, as in a response, and no response is quicker than 0.2 s.
 """
 
 from __future__ import annotations
@@ -183,7 +182,7 @@ def other_trials(
 ) -> list[list[float]]:
     """Correlate each trial's pose with the touch of every other trial, over the shorter one's length.
 
-    What is left of a correlation when nobody can have answered: the course that all these trials share.
+    This is the correlation without any response: the course that all these trials share.
     """
     return [
         [pearson(pose[: len(touch)], touch[: len(pose)]) for j, touch in enumerate(touches) if j != i]
@@ -192,7 +191,7 @@ def other_trials(
 
 
 def partial(x: NDArray[np.float64], y: NDArray[np.float64], given: NDArray[np.float64]) -> float:
-    """Return the correlation of two series with what a third explains of both taken out."""
+    """Return the partial correlation of two series given a third."""
     xy, xg, yg = pearson(x, y), pearson(x, given), pearson(y, given)
     rest = (1 - xg * xg) * (1 - yg * yg)
     return (xy - xg * yg) / math.sqrt(rest) if rest > 0 else math.nan
@@ -203,8 +202,8 @@ def response_slope(
 ) -> float:
     """Return by how many levels the pose changes within 0.3 s for a unit of touch 0.4 s before.
 
-    Below 0: more touch, looser grip, as somebody does who answers. It is noisy, and needs many trials. Samples in which
-    nothing is touched are left out.
+    Below 0: more touch leads to a looser grip, as in a response. The slope is noisy, and needs many trials. Samples
+    without touch are skipped.
     """
     ahead, ago = round(0.3 * rate_hz), round(0.4 * rate_hz)
     felt = touch[: len(touch) - ago - ahead]

@@ -1,8 +1,8 @@
 """Find lift-off and slip in the signals of a study's trials: the detector as one more account.
 
-The detector sees what was kept of the fingertips, the hand and the arm, and nothing that a person or the simulation
-says. Its events stand beside the session's in ``detected.jsonl``, with their confidence, and are compared like a
-rater's; they are never counted instead of a rater's.
+The detector uses only recordings of the fingertips, the hand and the arm, not statements of a person or the
+simulation. Its events are stored beside the session's in ``detected.jsonl``, with their confidence, and are compared
+like a rater's. They never replace a rater's events.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class TrialEvents(msgspec.Struct, frozen=True):
     """Events that the detector found in one attempt.
 
     Attributes:
-        participant: Whose.
+        participant: Participant ID.
         trial: Its number.
         attempt: Its attempt.
-        object: What was lifted.
-        events: What was found, in the order of time; seconds from the trial's start.
-        missing: What the attempt has no record of: ``closure`` of the hand, ``height`` of the arm.
+        object: Name of the lifted object.
+        events: Detected events in order of time; seconds from the trial's start.
+        missing: Signals that the attempt did not record: ``closure`` of the hand, ``height`` of the arm.
     """
 
     participant: str
@@ -52,7 +52,7 @@ class TrialEvents(msgspec.Struct, frozen=True):
 
     @property
     def unobservable(self) -> tuple[Kind, ...]:
-        """Kinds of events that cannot be observed without what is missing."""
+        """Kinds of events that cannot be observed without the missing signals."""
         kinds: tuple[Kind, ...] = ("lift_off",) if "height" in self.missing else ()
         return (*kinds, "slip") if self.missing else kinds
 
@@ -119,11 +119,11 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
 
     Args:
         folder: The study's folder.
-        participants: Whose sessions; all where none is named.
+        participants: IDs of the participants; all if none is given.
         live: As of :func:`events_of`.
 
     Raises:
-        InvalidValueError: Nobody has that id.
+        InvalidValueError: Unknown participant ID.
         RecordingError: The study is damaged, or no attempt has frames of its fingertips.
     """
     plan, gone = read_plan(folder), withdrawn_ids(folder)

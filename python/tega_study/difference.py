@@ -18,9 +18,9 @@ class OutcomeDifference(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
-        object: What was lifted.
+        object: Name of the lifted object.
         condition: The first condition.
-        people: Who did both conditions.
+        people: Number of participants with both conditions.
         first: Mean of people's means under the first condition; successes as a share.
         second: Under the second.
         difference: First less second.
@@ -54,7 +54,7 @@ def outcome(
     Args:
         trials: The study's.
         metric: Which outcome.
-        name: Of the object.
+        name: Name of the object.
         conditions: The first is compared with the second.
     """
     sides: list[dict[str, list[float]]] = [{}, {}]
@@ -88,6 +88,6 @@ def outcome(
 def outcomes(
     trials: Sequence[Trial], objects: Sequence[str], conditions: tuple[str, str]
 ) -> tuple[OutcomeDifference, ...]:
-    """Return every metric of every object that somebody did under both conditions."""
+    """Return every metric of every object that at least one person lifted under both conditions."""
     found = (outcome(trials, metric, name, conditions) for metric in METRICS for name in objects)
     return tuple(one for one in found if one.people)

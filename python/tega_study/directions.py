@@ -18,7 +18,7 @@ class Direction(OutcomeDifference, frozen=True, kw_only=True):
     """One difference that the paper prints, and the study's.
 
     Attributes:
-        paper_first: What the paper prints with touch.
+        paper_first: The paper's printed value with touch.
         paper_second: Without.
         paper_sign: 1 where the first is more, -1 where it is less.
         verdict: ``as printed`` and ``opposite`` where the interval is all on one side of 0.

@@ -153,10 +153,10 @@ def _bracket(ax: Axes, values: Sequence[Sequence[float]], text: str) -> None:
 
 
 def figure_8_trials(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, list[str]]:
-    """Choose the trials of Fig 8: of the first person with courses of all objects, the first three haptic ones each.
+    """Choose Fig 8's trials: the first person with courses of all objects, the first three haptic ones each.
 
     Returns:
-        Trial ids by object; empty where nobody has them.
+        Trial IDs by object; empty if there are none.
     """
     condition = analysis.conditions[0]
     for person in dict.fromkeys(t.participant for t in analysis.trials):

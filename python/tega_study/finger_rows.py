@@ -15,16 +15,16 @@ class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         trial: Id of the trial.
-        object: What was lifted.
-        condition: What the vest did.
+        object: Name of the lifted object.
+        condition: Vest condition.
         finger: Which.
         preset: Readings.
         cci: Contact concentration (Eq 6).
         eda: Contact area, pixels (Eq 4).
         cci_norm: As a share of the calibrated press, at most 1; ``None`` where there is none.
-        eda_norm: Likewise.
+        eda_norm: Contact area as a share of the calibrated press, at most 1; ``None`` where there is none.
         peak_x: Peak, pixels.
-        peak_y: Likewise.
+        peak_y: Vertical position of the peak, pixels.
     """
 
     trial: str

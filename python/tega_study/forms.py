@@ -14,7 +14,7 @@ FORMS: Final = ("consent.md", "data-protection.md")
 
 
 def write_forms(folder: Path, out: Path) -> list[Path]:
-    """Write the forms; what the plan does not know stands in brackets, for the lab to complete.
+    """Write the forms. Values missing from the plan are left in brackets, for the lab to complete.
 
     Args:
         folder: The study's folder.

@@ -24,7 +24,7 @@ class HandRow(NamedTuple):
         t_s: Since the trial's start, seconds.
         level: Closure level asked for, 1 to 5; ``None`` before the first.
         closure: Closure measured at the joints, levels with fractions; ``None`` where no hand is read.
-        height_m: Of the arm's end, metres; ``None`` where no arm is measured.
+        height_m: Height of the arm's end, metres; ``None`` if no arm is measured.
         tips_mm: Height of each fingertip over the palm by the joints, thumb first, millimetres; ``None`` where no hand
             is read.
     """

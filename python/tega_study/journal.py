@@ -53,14 +53,14 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
         n: Its number in the file, from 1 without a gap.
         t_ns: When, on the session's clock, nanoseconds.
         kind: What.
-        trial: Of which trial; 0 where it belongs to none.
+        trial: Trial number; 0 for events outside of trials.
         attempt: Its attempt, from 1.
         status: ``trial_end``: how it ended.
         success: ``trial_end``: as scored by rule. ``override``: as corrected by a person.
         undone: ``undo``: number of the event that does not count.
-        source: Who says so: ``auto``, or a rater's id.
+        source: ``auto``, or a rater's ID.
         text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised copies.
-        item: ``rating``: what was asked, such as ``tlx.effort``. ``muscles``: the channel, such as ``ch1``.
+        item: ``rating``: the question, such as ``tlx.effort``. ``muscles``: the channel, such as ``ch1``.
             ``behaviour``: its name in the plan.
         value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over. ``muscles``: the channel's median
             frequency in the trial, Hz. ``squeeze``: its amplitude, as a share of the calibrated maximum. Both are left

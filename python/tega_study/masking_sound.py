@@ -1,6 +1,6 @@
-"""Play what a study's participant hears: pink noise that masks a vest's motors, and the beeps of a second task.
+"""Play a participant's sounds: pink noise that masks a vest's motors, and the beeps of a second task.
 
-Who could hear the motors would know by ear what they are to feel.
+Audible motors would let the participant identify the cue by ear.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def pink_loop(seed: int = 0) -> NDArray[np.float32]:
     """Make a loop of pink noise: power falls as 1/f within :data:`BAND_HZ`, phases are random, its end fits its start.
 
     Args:
-        seed: Of the phases; a study plays the same sound in all conditions and to everybody.
+        seed: Seed of the phases; a study plays the same sound in all conditions and to everybody.
 
     Returns:
         float32 (524288,), root mean square 1.
@@ -171,13 +171,13 @@ class MaskingSound:
         return made
 
     def beep(self) -> None:
-        """Have a beep played with the next block; when it leaves the loudspeaker, :meth:`sounded_ns` tells."""
+        """Play a beep with the next block; :meth:`sounded_ns` returns when it leaves the loudspeaker."""
         self._asked.append(None)
 
     def sounded_ns(self) -> list[int]:
         """Return when beeps left the loudspeaker since the last call, on the machine's monotonic clock, nanoseconds.
 
-        It is the sound card's own word: what a wireless headphone takes beyond it is not known.
+        The time is reported by the sound card; the additional delay of a wireless headphone is unknown.
         """
         found = []
         while self._sounded_ns:

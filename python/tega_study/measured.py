@@ -1,8 +1,8 @@
-"""Read what a scene camera measured of a session's trials: an account beside the raters' own.
+"""Read a scene camera's measurements of a session's trials: an account beside the raters' own.
 
-The camera's events are ``measured.jsonl`` beside the session's, by rule, written anew by each measurement. Who looks at
-them confirms a trial or corrects it; that account is a rater's file of its own, ``observers/camera+ID.jsonl``, and
-counts as a rater's does. The camera's stays as it was, so that ``study score`` can say how far both agree.
+The camera's events are ``measured.jsonl`` beside the session's, found by rule, overwritten by each measurement. A
+rater confirms a trial or corrects it; that account is a rater's separate file, ``observers/camera+ID.jsonl``, and
+counts as a rater's does. The camera's account stays unchanged, so ``study score`` can compute how far both agree.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Measure the trials of a session with a scene camera, and let a person confirm or correct what was measured."""
+"""Measure the trials of a session with a scene camera, and let a person confirm or correct the result."""
 
 from __future__ import annotations
 
@@ -40,18 +40,18 @@ KINDS: Final[dict[str, Kind]] = {
 """Events of a scene that a study's journal has."""
 
 CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
-"""What a person may add."""
+"""Kinds of events that a person may add."""
 
 
 class MeasuredTrial(msgspec.Struct, frozen=True):
     """Measurement of one attempt by a camera.
 
     Attributes:
-        participant: Whose.
+        participant: Participant ID.
         trial: Its number.
         attempt: Its attempt.
-        object: What was lifted.
-        outcome: What was measured, times from the trial's start; ``None`` where it could not be.
+        object: Name of the lifted object.
+        outcome: Measured outcome, times from the trial's start; ``None`` where it could not be measured.
         problem: Why it could not.
     """
 
@@ -78,17 +78,17 @@ def measure_session(
 
     Args:
         folder: The study's folder.
-        participant: Whose session.
-        video: A video of the whole session; its time code is on the session's clock. ``None`` for what a camera of the
-            settings filmed into each trial's recording.
-        lens: Of the camera; ``None`` for those in the recordings, like the layout.
+        participant: Participant ID of the session.
+        video: A video of the whole session; its time code is on the session's clock. ``None`` for the frames that a
+            camera of the settings recorded with each trial.
+        lens: Lens of the camera; ``None`` for those in the recordings, like the layout.
         layout: Which tags are where.
         camera: Which camera of the settings; ``None`` for the only one.
         harm_m: Narrowing from which the object counts as deformed, metres.
         mark_m: Second mark of a task of two places, as of :func:`tega_scene.outcomes.score_scene`.
 
     Raises:
-        InvalidValueError: Nobody has that id, or the mark is no place on the table.
+        InvalidValueError: Unknown participant ID, or the mark is no place on the table.
         RecordingError: The study or the video is damaged, has no time code, or shows no trial of the session.
         CalibrationError: The intrinsics in a recording are damaged.
         ConfigError: A layout in a recording is damaged.
@@ -132,7 +132,7 @@ def measure_session(
 
 
 class _Film(NamedTuple):
-    """Pictures on the machine's clock, and what is known of their camera; or why there are none."""
+    """Frames on the machine's clock, with lens and layout of their camera; or why there are none."""
 
     pictures: Iterator[tuple[float, NDArray[np.uint8]]] = iter(())
     lens: Lens | None = None
@@ -152,7 +152,7 @@ def _one_film(video: Path, starts_ns: Sequence[int]) -> Iterator[_Film]:
 
 
 def _own_films(folders: Sequence[Path], camera: str | None) -> Iterator[_Film]:
-    """Return what was filmed into each trial's recording."""
+    """Return the film in each trial's recording."""
     for folder in folders:
         with tempfile.TemporaryDirectory() as beside:
             try:
@@ -177,7 +177,7 @@ def between(
 def write_measured(
     path: Path, signed: str, found: Sequence[tuple[JournalEvent, JournalEvent, MeasuredTrial]]
 ) -> None:
-    """Write the camera's events of a session anew.
+    """Replace the camera's events of a session.
 
     Args:
         path: The file, :func:`~tega_study.measured.measured_path`.
@@ -236,10 +236,10 @@ def confirm_trial(
 
     Args:
         folder: The study's folder.
-        participant: Whose session.
+        participant: Participant ID of the session.
         trial: Number of the trial.
-        rater: Who confirms, a code such as ``r1``.
-        attempt: Of the trial.
+        rater: The confirming rater, a code such as ``r1``.
+        attempt: Number of the trial's attempt.
         struck: Events that did not happen, by their number in the camera's file.
         added: Events that the camera has missed: kind, seconds from the trial's start.
 

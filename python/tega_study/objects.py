@@ -1,7 +1,7 @@
-"""Keep what is known of a study's objects: mass, stiffness, friction, a photo, and how each was measured.
+"""Keep the properties of a study's objects: mass, stiffness, friction, a photo, and how each was measured.
 
-It stands in ``objects.toml`` beside the plan, one table an object, for people to read and change; photos lie in
-``objects/``. The plan names the objects only, and is not changed by it.
+Properties are stored in ``objects.toml`` beside the plan, one table an object, for people to read and edit; photos
+are in ``objects/``. The plan names the objects only, and stays unchanged.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _Amount = Annotated[float, msgspec.Meta(gt=0, le=100_000)]
 
 
 class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Properties of an object; ``None`` where nobody measured it.
+    """Properties of an object; ``None`` for those not measured.
 
     Attributes:
         mass_g: Mass as it is lifted, grams.
@@ -46,7 +46,7 @@ class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 def read_objects(folder: Path) -> dict[str, ObjectFacts]:
-    """Read what is known of a study's objects; nothing where nobody has written anything.
+    """Read the properties of a study's objects; nothing if none were recorded.
 
     Args:
         folder: The study's folder.
@@ -71,7 +71,7 @@ def read_objects(folder: Path) -> dict[str, ObjectFacts]:
 
 
 def objects_text(known: Mapping[str, ObjectFacts]) -> str:
-    """Return the content of ``objects.toml``; what is not known is left out."""
+    """Return the content of ``objects.toml``; unknown properties are left out."""
     tree: dict[str, dict[str, Any]] = {
         name: {key: value for key, value in msgspec.to_builtins(facts).items() if value not in {None, ""}}
         for name, facts in known.items()
@@ -80,7 +80,7 @@ def objects_text(known: Mapping[str, ObjectFacts]) -> str:
 
 
 def note_object(folder: Path, name: str, *, photo: Path | None = None, **changes: Any) -> ObjectFacts:
-    """Write down what is known of an object; what is not given stays as it was.
+    """Record properties of an object; properties that are not given stay unchanged.
 
     Args:
         folder: The study's folder.

@@ -1,4 +1,4 @@
-"""Read the raters' own files of a session, and tell which trials a rater saw from start to end."""
+"""Read the raters' own files of a session, and find the trials that a rater saw from start to end."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def observer_path(folder: Path, participant: str, rater: str) -> Path:
 def read_observers(folder: Path, participant: str) -> dict[str, list[JournalEvent]]:
     """Read every rater's events of a session, by rater in the order of their names.
 
-    Who confirmed what a camera measured (``camera+ID``) comes after those who watched for themselves.
+    Raters who confirmed a camera's measurement (``camera+ID``) come after those who watched the trials.
     """
     folder_of = events_path(folder, participant).parent / "observers"
     found = sorted(folder_of.glob("*.jsonl"), key=lambda path: ("+" in path.stem, path.name))
@@ -35,12 +35,12 @@ def read_observers(folder: Path, participant: str) -> dict[str, list[JournalEven
 
 
 def saw_whole(events: Sequence[JournalEvent], trial: int, attempt: int) -> bool:
-    """Tell whether a rater saw a trial from its start to its end."""
+    """Return whether a rater saw a trial from its start to its end."""
     return any(
         e.kind == "trial_end" and (e.trial, e.attempt) == (trial, attempt) and e.text == WHOLE for e in events
     )
 
 
 def was_shown_proposals(events: Sequence[JournalEvent]) -> bool:
-    """Tell whether a rater was shown what rule and detector say, and so agrees with them for that reason too."""
+    """Return whether a rater saw proposals of rule and detector, which raises the agreement with them."""
     return any(e.kind == "session_start" and e.item == PROPOSED for e in events)

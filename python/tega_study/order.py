@@ -21,8 +21,8 @@ class Slot(NamedTuple):
 
     Attributes:
         block: Number of its block, from 1: trials in a row with the same object and condition.
-        object: What is lifted.
-        condition: What the vest does.
+        object: Name of the object to lift.
+        condition: Vest condition.
     """
 
     block: int
@@ -34,9 +34,9 @@ def shuffled(items: Sequence[_Item], *, seed: int, purpose: str) -> list[_Item]:
     """Put items into an order that depends on the seed and the purpose alone.
 
     Args:
-        items: What to order; equal items are told apart by their place.
+        items: Items to order; equal items are distinguished by their place.
         seed: The study's seed.
-        purpose: What the order is for; another purpose, another order.
+        purpose: Purpose of the order; each purpose has a different order.
     """
 
     def key(place: int) -> str:
@@ -102,9 +102,9 @@ def lay_out(
 ) -> list[Slot]:
     """Return a person's trials in their order.
 
-    ``period``: one condition for all objects, then the next (few changes of the vest; learning and condition cannot be
-    told apart within a person). ``abba``: per object the conditions there and back, which cancels what grows evenly.
-    ``pairs``: per object rounds of one trial per condition, each round in an order of its own.
+    ``period``: one condition for all objects, then the next (few changes of the vest; learning and condition cannot
+    be separated within a person). ``abba``: per object the conditions there and back, which cancels linear growth.
+    ``pairs``: per object rounds of one trial per condition, each round in a different order.
 
     Args:
         objects: In the person's order.
@@ -112,7 +112,7 @@ def lay_out(
         trials: Per object and condition.
         layout: See above.
         seed: The study's seed.
-        person: Whose order it is; used by ``pairs``.
+        person: ID of the person; used by ``pairs``.
     """
     runs: list[tuple[str, str, int]] = []
     if layout == "period":

@@ -168,7 +168,7 @@ def _value_of(cell: Cell, metric: str) -> str:
 
 
 def _paper_values(analysis: Analysis) -> dict[tuple[str, str, str], str]:
-    """Return what the paper prints for the study's own conditions and objects, by condition, metric and object."""
+    """Return the paper's values for the study's conditions and objects, by condition, metric and object."""
     return {
         (condition, metric, name): text
         for condition, metrics in PAPER_TABLE_1.items()
@@ -199,7 +199,7 @@ def _difference(one: Direction) -> str:
 
 
 def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
-    """Tell for each direction how often it has the paper's sign, and which parameters turn it."""
+    """Return for each direction how often it has the paper's sign, and which parameters reverse it."""
     found = []
     people = [row for row in rows if row.what not in {"arm", "reading"}]
     for place, asked in enumerate(rows[0].directions if rows else ()):

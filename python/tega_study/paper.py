@@ -41,4 +41,4 @@ PAPER_SETUP = {
     "events": "one trained observer counted visible slips and deformations",
     "time": "printed without a unit; fits the 15 s window only as sums of ten trials",
 }
-"""What the paper says of its set-up, by row of the report's comparison."""
+"""The paper's description of its set-up, by row of the report's comparison."""

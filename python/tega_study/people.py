@@ -32,7 +32,7 @@ class Ratio(NamedTuple):
         ratio: Below 1 where the first condition has less.
         low: Lower end of the 95 % interval.
         high: Upper end.
-        t: Of the logarithm against 0.
+        t: t of the logarithm against 0.
         df: Degrees of freedom: people less one.
         p: Two-sided.
     """
@@ -51,7 +51,7 @@ class CrossOver(NamedTuple):
     Attributes:
         effect: First condition less the second.
         period: First period less the second.
-        t: Of the effect.
+        t: t of the effect.
         p: Two-sided.
     """
 
@@ -68,7 +68,7 @@ def sign_flip(differences: ArrayLike, *, seed: int = 0) -> float:
 
     Args:
         differences: One per person.
-        seed: Of the random changes.
+        seed: Seed of the random changes.
 
     Example:
         >>> sign_flip([-1.0, -2.0, -1.5, -3.0, -2.5, -1.0])
@@ -108,7 +108,7 @@ def ratio_of_means(first: ArrayLike, second: ArrayLike, *, confidence: float = 0
     Args:
         first: Each person's mean under the first condition.
         second: Under the second.
-        confidence: Of the interval.
+        confidence: Confidence level of the interval.
 
     Returns:
         ``None`` where a condition has no event at all, there are fewer than two people, or everybody is the same.
@@ -132,7 +132,7 @@ def paired_log_ratio(first: ArrayLike, second: ArrayLike, *, confidence: float =
     Args:
         first: Each person's mean of the logarithm under the first condition.
         second: Under the second.
-        confidence: Of the interval.
+        confidence: Confidence level of the interval.
     """
     off = np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64)
     if len(off) < 2:
@@ -158,7 +158,7 @@ def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]], *, seed: int = 
 
     Args:
         groups: For each person the values under the first and under the second condition.
-        seed: Of the random exchanges.
+        seed: Seed of the random exchanges.
     """
     pooled = [np.concatenate([np.asarray(a, float), np.asarray(b, float)]) for a, b in groups]
     sizes = [np.size(a) for a, _ in groups]

@@ -1,6 +1,6 @@
 """Make, write and read a study's plan: ``study.toml`` and ``plan.csv``, never changed once written.
 
-``study.toml`` has what was decided, with the seed and the SHA-256 of ``plan.csv``; ``plan.csv`` has one row a trial.
+``study.toml`` has the settings, with the seed and the SHA-256 of ``plan.csv``; ``plan.csv`` has one row a trial.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ CONDITIONS = {
     "non-haptic": "vest worn and connected, shows nothing",
     "event-gated": "vest worn, shows contact, slip and release only",
 }
-"""What the vest does in each condition. It is worn in all of them, and ``masking.level_dbfs`` plays the same sound in
-all of them (reading A36)."""
+"""Vest conditions. The vest is worn in all, with the same ``masking.level_dbfs`` sound (reading A36)."""
 
 CODED = ("slip", "deformation", "drop", "lift_off")
 """Behaviours that raters code in every study."""
@@ -50,8 +49,8 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
 
     Attributes:
         participants: How many people are planned; looking at p-values before they are all there is a look too many.
-        objects: What is lifted.
-        conditions: What the vest does; the first two are compared, the second is the reference.
+        objects: Names of the objects to lift.
+        conditions: Vest conditions; the first two are compared, the second is the reference.
         trials: Per person, object and condition.
         layout: How conditions follow one another, see :func:`tega_study.order.lay_out`.
         rest_s: Between two trials, seconds (the paper's minute).
@@ -61,14 +60,14 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         window_s: Time in which the object has to be lifted, seconds.
         stable: Whether the stable second has to begin in the window, or to be complete in it; see
             :mod:`tega.stages.events.outcomes`.
-        scored_by: Whose outcome of a trial counts: that of the session and its raters, or the scene camera's where it
-            has measured the trial.
+        scored_by: Source of the outcomes that count: the session and its raters, or the scene camera where it has
+            measured the trial.
         alpha: Two-sided level of the tests.
         family: The tests that are corrected together, ``metric:object``.
         probe: Whether a beep now and then is to be answered in every trial (dual task).
-        seed: Of all orders; absent in an anonymised copy.
+        seed: Seed of all orders; absent in an anonymised copy.
         simulated: Whether the people are simulated.
-        plan_sha256: Of ``plan.csv``.
+        plan_sha256: SHA-256 of ``plan.csv``.
         behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
     """
 
@@ -100,8 +99,8 @@ class PlannedTrial(msgspec.Struct, frozen=True):
         participant: Anonymous id, such as ``p01``.
         trial: Number within the person, from 1.
         block: Number of its block, from 1.
-        object: What is lifted.
-        condition: What the vest does.
+        object: Name of the object to lift.
+        condition: Vest condition.
         repeat: Its number among those of the same object and condition, from 1.
         rest_s: Rest before it, seconds.
     """
@@ -124,7 +123,7 @@ class StudyPlan(msgspec.Struct, frozen=True):
     """Settings and trials.
 
     Attributes:
-        settings: What was decided.
+        settings: The study's settings.
         trials: All trials, person after person in their order.
     """
 
@@ -135,7 +134,7 @@ class StudyPlan(msgspec.Struct, frozen=True):
         """Return a person's trials in their order.
 
         Raises:
-            InvalidValueError: Nobody in the plan has that id.
+            InvalidValueError: The ID is not in the plan.
         """
         mine = tuple(trial for trial in self.trials if trial.participant == participant)
         if not mine:
@@ -198,7 +197,7 @@ def make_plan(
 
     Args:
         participants: As in :class:`StudySettings`, like the others.
-        seed: Of all orders.
+        seed: Seed of all orders.
         objects: Names without spaces.
         conditions: The first two are compared; names of :data:`CONDITIONS` can be run, others only be planned.
         trials: Per person, object and condition.
@@ -209,7 +208,7 @@ def make_plan(
         long_rest_every: Trials.
         window_s: Seconds.
         stable: As in :class:`StudySettings`, like the next.
-        scored_by: Whose outcome counts.
+        scored_by: Source of the outcomes that count.
         alpha: Level of the tests.
         family: ``metric:object``; the paper's seven where ``None``.
         probe: Whether beeps are to be answered in every trial.
@@ -365,7 +364,7 @@ def read_plan(folder: Path) -> StudyPlan:
 
     Raises:
         RecordingError: There is none, or it is not as it was written.
-        UnsafeNameError: Somebody in it, an object or a condition has a name that cannot be a folder's.
+        UnsafeNameError: A participant, an object or a condition has a name that cannot be a folder's.
     """
     import tomllib
 

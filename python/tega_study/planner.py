@@ -18,14 +18,14 @@ class Planner(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         metric: ``slips`` or ``deformations``.
-        object: What is lifted.
+        object: Name of the lifted object.
         mean: Under the first condition.
         reference: Under the second.
         spread: Name in :data:`tega_study.power.SPREADS`.
         least: Fewest people with whom the test can be significant at all; ``None`` for more than are tried.
         people: For 80 % power of the report's test over people, corrected over the plan's family; ``None`` for more
             than :data:`tega_study.power.MOST_PEOPLE`.
-        power_at_12: Of twelve people, one full set of orders.
+        power_at_12: Power with twelve people, one full set of orders.
         error: Two standard errors of that, at most.
     """
 
@@ -48,7 +48,7 @@ def next_study(
     trials: int,
     alpha: float,
 ) -> tuple[Planner, ...]:
-    """Return what the next study needs, a row for each count of the family that differs and each spread.
+    """Return sample sizes for the next study, a row for each count of the family that differs and each spread.
 
     Args:
         cells: Means of this study, which the next is assumed to have.

@@ -27,11 +27,11 @@ class EffectSpread(NamedTuple):
     """Assumed differences between people and between trials.
 
     Attributes:
-        dispersion: Of the counts: variance = mean + dispersion * mean².
-        sd_level: Of people's log level.
-        sd_effect: Of people's log effect.
-        time_sd_effect: Of people's log effect on the time.
-        time_sd: Of the log times of one person's trials.
+        dispersion: Dispersion of the counts: variance = mean + dispersion * mean².
+        sd_level: Standard deviation of people's log level.
+        sd_effect: Standard deviation of people's log effect.
+        time_sd_effect: Standard deviation of people's log effect on the time.
+        time_sd: Standard deviation of the log times of one person's trials.
     """
 
     dispersion: float
@@ -56,7 +56,7 @@ class PlannedTest(NamedTuple):
     """One test of the plan's family, with the means that are assumed.
 
     Attributes:
-        metric: ``duration_s``, or what is counted.
+        metric: ``duration_s``, or a count.
         mean: Expected value of a trial under the first condition.
         reference: Under the second.
     """
@@ -87,7 +87,7 @@ def least_people(metric: str, *, tests: int, alpha: float = 0.05) -> int | None:
     the family are taken to find nothing, so that the correction is the strongest.
 
     Args:
-        metric: Of the test.
+        metric: Metric of the test.
         tests: Number of tests that are corrected together.
         alpha: Two-sided level.
 
@@ -128,7 +128,7 @@ def power_of(
         spread: See :data:`SPREADS`.
         alpha: Two-sided level.
         runs: Number of studies.
-        seed: Of the simulation.
+        seed: Seed of the simulation.
 
     Raises:
         InvalidValueError: A value is out of range.
@@ -167,7 +167,7 @@ def people_for(
         spread: See :data:`SPREADS`.
         alpha: Two-sided level.
         runs: Number of studies for each size.
-        seed: Of the simulation.
+        seed: Seed of the simulation.
     """
     low = least_people(family[target].metric, tests=len(family), alpha=alpha) or MOST_PEOPLE + 1
     best, high = None, MOST_PEOPLE
@@ -215,7 +215,7 @@ def _draw(
     spread: EffectSpread,
     runs: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw each person's means under both conditions, each (runs, people): of times the mean logarithm."""
+    """Draw each person's means under both conditions, each (runs, people); for times the mean logarithm."""
     shape = runs, people
     if test.metric == "duration_s":
         effect = random.normal(math.log(test.mean / test.reference), spread.time_sd_effect, shape)

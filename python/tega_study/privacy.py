@@ -1,8 +1,8 @@
 """Withdraw a person from a study by deleting their data, and write a study's anonymised copy.
 
-Everything about one person lies in files and folders that bear the person's id (``sessions/p03``, ``courses/p03``,
-...), so that it can be deleted whole; what the program made of the person elsewhere is noted beside the session. Muscle
-signals can identify a person: the anonymised copy has none, nor texts, names or dates.
+Everything about one person is in files and folders that bear the person's ID (``sessions/p03``, ``courses/p03``,
+...), so that it can be deleted whole. Files that the program made of the person elsewhere are listed beside the
+session. Muscle signals can identify a person: the anonymised copy has none, nor texts, names or dates.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ ELSEWHERE = NOTES
 REPORTS = ("report", "report.html")
 COURSES = "courses"
 ROLES = ("auto", "arm", CAMERA, "experimenter", "participant")
-"""Sources of events that name nobody."""
+"""Sources of events that identify no person."""
 
 
 class Withdrawal(NamedTuple):
     """Files deleted, changed and left by a withdrawal.
 
     Attributes:
-        deleted: What was deleted: files, folders and links in the study's folder.
+        deleted: Deleted files, folders and links of the study's folder.
         changed: BORIS projects that the person's observations were taken out of.
-        left: What is to be looked at by hand: what links led to, what the program made of the person elsewhere, and
-            files of others that bear the person's id.
+        left: Paths to check by hand: targets of links, files that the program made of the person elsewhere, and other
+            people's files that bear the person's ID.
     """
 
     deleted: list[Path]
@@ -52,11 +52,11 @@ class Withdrawal(NamedTuple):
 
 
 def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
-    """Note what the program made of a person outside of the study's folder, so that withdrawing can tell of it.
+    """Record a file that the program made of a person outside of the study's folder, for a withdrawal to list.
 
     Args:
         folder: The study's folder.
-        participant: Whose.
+        participant: Participant ID.
         path: A file or a folder.
     """
     path, notes = path.absolute(), events_path(folder, participant).parent / ELSEWHERE
@@ -94,19 +94,19 @@ def _copies(notes: Path, seen: set[Path]) -> list[Path]:
 def withdraw(folder: Path, participant: str) -> Withdrawal:
     """Delete what there is of a person, and the reports that it went into. It cannot be undone.
 
-    The id stays in the plan and in ``withdrawn.txt``, so that the study's flow can be told. Links are deleted and not
-    followed. Copies made elsewhere, and the disk's own (journals, snapshots, worn flash cells), are not reached. A
-    deletion that was cut short is finished by asking again.
+    The ID stays in the plan and in ``withdrawn.txt``, so that the study's flow can be reported. Links are deleted and
+    not followed. Copies made elsewhere, and the disk's own (journals, snapshots, worn flash cells), are not reached.
+    Call it again to finish an interrupted deletion.
 
     Args:
         folder: The study's folder.
-        participant: Whose data.
+        participant: Participant ID.
 
     Returns:
-        What was deleted, and what is left.
+        The deleted and the remaining files.
 
     Raises:
-        InvalidValueError: Nobody in the plan has that id.
+        InvalidValueError: The ID is not in the plan.
         DeviceUnavailableError: The session is open in another program.
     """
     read_plan(folder).of(participant)
@@ -120,7 +120,7 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
 
 
 def own_name(participant: str) -> re.Pattern[str]:
-    """Return what the names of a person's own files and folders match, such as ``p03`` and ``p03-t07-a1``."""
+    """Return a pattern of the names of a person's files and folders, such as ``p03`` and ``p03-t07-a1``."""
     return re.compile(rf"{re.escape(participant)}([-_.].*)?")
 
 
@@ -169,7 +169,7 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
 
 
 def forget_person(path: Path, participant: str) -> bool:
-    """Take a person's observations out of a BORIS project; tell whether there were any."""
+    """Remove a person's observations from a BORIS project; return whether there were any."""
     try:
         tree = parse_json(read_foreign(path, most_mib=256), dict[str, Any])
         mine = [name for name in tree["observations"] if str(name).startswith(f"{participant}_")]
@@ -185,9 +185,9 @@ def forget_person(path: Path, participant: str) -> bool:
 def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     """Write an anonymised copy of a study, fit to be published and to make the report from.
 
-    It has plan, what is known of the objects, events and courses of touch and level under new ids in a new order; no
-    muscle signals, pictures, photos, texts or raters' names; times count from each session's first event; the seed,
-    from which the old ids could be worked out, is left out.
+    The copy has the plan, the objects' properties, events and courses of touch and level under new IDs in a new
+    order; no muscle signals, frames, photos, texts or raters' names. Times count from each session's first event. The
+    seed is left out, because the old IDs could be computed from it.
 
     Args:
         folder: The study's folder.

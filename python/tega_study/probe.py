@@ -1,7 +1,7 @@
 """Measure a participant's spare attention in a trial: a beep now and then, answered with a pedal (dual task).
 
-Who has to think about the vest answers later or not at all. Beeps come at times drawn from the plan's seed, so that
-nobody can expect them. What counts as an answer stands in ``beep_score.py``.
+A person who has to think about the vest answers later or not at all. Beeps come at times drawn from the plan's seed,
+so that they cannot be expected. ``beep_score.py`` defines which presses count as answers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def beep_times(trial: PlannedTrial, attempt: int, *, seed: int, until_s: float) 
     Args:
         trial: Which.
         attempt: Its attempt; the second has other times.
-        seed: Of the plan.
+        seed: Seed of the plan.
         until_s: No beep comes later.
 
     Example:
@@ -51,12 +51,12 @@ class ProbeUse(msgspec.Struct, frozen=True, kw_only=True):
     """Answers to the beeps under a condition, a mean for each person first.
 
     Attributes:
-        condition: What the vest did.
-        people: Who heard any.
+        condition: Vest condition.
+        people: Number of people with at least one beep.
         beeps: How many counted.
         answered: Share of them that was answered, mean over people.
         answered_low: Smallest of a person.
-        reaction_s: Median over people of each one's mean reaction time, seconds; ``None`` where nobody answered.
+        reaction_s: Median over people of each one's mean reaction time, seconds; ``None`` without any answer.
         false_answers: Presses that answered nothing.
     """
 

@@ -71,7 +71,7 @@ def mann_whitney(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> Man
     Args:
         x: First group.
         y: Second group.
-        confidence: Of the interval.
+        confidence: Confidence level of the interval.
 
     Raises:
         ShapeError: A group is empty.
@@ -129,9 +129,9 @@ def _conditional(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
 def rank_biserial_interval(a: float, n: int, m: int, *, confidence: float = 0.95) -> tuple[float, float]:
     """Return a confidence interval of the rank-biserial correlation of ``n`` against ``m`` values.
 
-    Newcombe's method 5 (Statist. Med. 25 (2006) 559): all A whose distance from the one seen is within the normal
-    quantile times the standard error that Hanley and McNeil's model gives at *that* A. Stays inside -1 to 1, and
-    has a width where the groups do not overlap.
+    Newcombe's method 5 (Statist. Med. 25 (2006) 559): the interval contains every A that is within the normal
+    quantile times the standard error of the observed one, by Hanley and McNeil's model at *that* A. It stays inside
+    -1 to 1, and has a width where the groups do not overlap.
     """
     z = float(scipy_stats().norm.ppf(0.5 + confidence / 2))
     size = (n + m) / 2 - 1

@@ -20,8 +20,8 @@ class RatingUse(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         item: The question; :data:`RAW_TLX` for the mean of the six scales, of blocks that have all of them.
-        condition: What the vest did.
-        people: Who answered.
+        condition: Vest condition.
+        people: Number of people who answered.
         answers: How many.
         median: Over people, 0 to 100.
         low: Smallest of a person.

@@ -27,7 +27,7 @@ class Report(NamedTuple):
     Attributes:
         page: The HTML file.
         tables: The folder of CSV files, figures and ``analysis.json``.
-        analysis: What is in it.
+        analysis: The analysis that the report shows.
     """
 
     page: Path

@@ -13,7 +13,7 @@ from tega_study.journal import Journal, JournalEvent, Status, events_path, undon
 from tega_study.plan import PlannedTrial, StudyPlan
 
 Where = Literal["lab", "emulated", "simulated"]
-"""What the devices of a session are."""
+"""Kind of a session's devices."""
 
 TrialStatus = Literal["planned", "running", "redo"] | Status
 REPEATABLE = ("done", "failed_task")
@@ -24,7 +24,7 @@ class SessionState(msgspec.Struct, frozen=True):
     """State of a session's trials.
 
     Attributes:
-        status: Of each trial by its number.
+        status: Status of each trial by its number.
         running: Number and attempt of the trial that is going on, or was when everything stopped.
         next: Number and attempt of the trial to do next; ``None`` when all are over.
         n_over: How many trials need nothing more.
@@ -138,7 +138,7 @@ def resume(
     Args:
         folder: The study's folder.
         plan: Its plan.
-        participant: Whose session.
+        participant: Participant ID of the session.
         t_ns: Now, on the session's clock, nanoseconds.
         where: Where its trials run, which the events then say.
 
@@ -146,7 +146,7 @@ def resume(
         The journal to go on with, and how the session stands.
 
     Raises:
-        InvalidValueError: Nobody in the plan has that id, or the plan is not for sessions that run there.
+        InvalidValueError: The ID is not in the plan, or the plan is not for sessions that run there.
         RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open.
     """
@@ -180,7 +180,7 @@ def resume(
 
 
 def check_where(plan: StudyPlan, where: Where) -> None:
-    """Refuse a rehearsal in a plan of people, and people in a plan of rehearsals: neither could be told apart later.
+    """Refuse a rehearsal in a plan of people, and people in a plan of rehearsals, to keep the two apart.
 
     Raises:
         InvalidValueError: The plan is not for it.
@@ -198,7 +198,7 @@ def check_where(plan: StudyPlan, where: Where) -> None:
 
 
 def rehearsed(events: Sequence[JournalEvent]) -> bool:
-    """Tell whether a session, or a part of it, did not run in the lab."""
+    """Return whether a session, or a part of it, did not run in the lab."""
     return any(event.kind == "session_start" and event.item in {"simulated", "emulated"} for event in events)
 
 

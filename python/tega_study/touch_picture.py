@@ -36,7 +36,7 @@ class FingerPicture(NamedTuple):
 
     Attributes:
         finger: Which.
-        preset: Of the loop.
+        preset: Preset of the loop.
         baseline: The untouched gel, BGR, uint8 (H, W, 3).
         touch: The gel when touched most, with the contact and the map of the metric that the loop used.
         cci_max: CCI that counts as full; 0 where it is not known.
@@ -76,7 +76,7 @@ _NUMBERS = ("mass", "spread", "threshold", "eda", "cci", "peak")
 
 
 def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
-    """Return what was measured in a picture as arrays."""
+    """Return the measurements of a frame as arrays."""
     m = touch.contact
     found: dict[str, NDArray[Any]] = {
         "numbers": np.array([getattr(m, name) for name in _NUMBERS]),
@@ -89,7 +89,7 @@ def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
 
 
 def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
-    """Return a picture with what was measured in it, out of the arrays of its file."""
+    """Return a frame with its measurements from the arrays of its file."""
     numbers = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
     x, y, peak_x, peak_y = (float(one) for one in file["places"])
     contact = Contact(
@@ -112,7 +112,7 @@ def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
 
 
 def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset: Preset) -> TouchImage:
-    """Measure a picture of an earlier version's file, which does not say what the loop measured in it."""
+    """Measure a frame from an earlier version's file, which lacks the loop's measurements."""
     metric = preset_metric(preset, baseline)
     for k in range(_SETTLED_FRAMES):
         contact = metric.update(frame, k * _FRAME_NS)
@@ -149,7 +149,7 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     """Find the firmest contact in a trial's recording: the largest sum of the touch map.
 
     Args:
-        folder: Of the attempt: ``recordings/p01/p01-t07-a1``.
+        folder: Folder of the attempt: ``recordings/p01/p01-t07-a1``.
 
     Returns:
         ``None`` where no finger touched anything, or nothing is recorded.
@@ -215,7 +215,7 @@ def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.ui
 def pictures_of(
     folder: Path, trials: Sequence[Trial], objects: Sequence[str], condition: str
 ) -> dict[str, FingerPicture]:
-    """Choose Fig 3's pictures: of the first person who has any, the first trial of each object with a contact.
+    """Choose Fig 3's frames: the first person with any, the first trial of each object with a contact.
 
     Args:
         folder: The study's folder.

@@ -24,7 +24,7 @@ class TouchRow(NamedTuple):
         mass: Sum of the pressure map.
         peak: Its largest value.
         x: Centroid, pixels.
-        y: Likewise.
+        y: Vertical position of the centroid, pixels.
     """
 
     t_s: float

@@ -27,22 +27,23 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         participant: Anonymous id of the person.
         trial: Number within the person.
         repeat: Its number among those of the same person, object and condition.
-        object: What was lifted.
-        condition: What the vest did.
-        status: ``done`` and ``failed_task`` are data; the others are told in the flow and take no part.
-        success: Lifted, held and not dropped; as corrected where somebody did.
+        object: Name of the lifted object.
+        condition: Vest condition.
+        status: ``done`` and ``failed_task`` are data; the others are reported in the flow and left out of the
+            statistics.
+        success: Lifted, held and not dropped; as corrected, if it was.
         slips: After lift-off, as the paper counts them (reading A68).
         slips_before: Before lift-off.
         deformations: In the whole trial (reading A69).
-        drops: Likewise.
+        drops: In the whole trial.
         duration_s: From the start to the end of the trial, seconds; ``None`` where it did not run to its end.
         lift_off_s: From the start, seconds.
-        rater: Who counted slips, deformations and drops at a console of their own; empty where the session's own
+        rater: The rater who counted slips, deformations and drops at a separate console; empty if the session's own
             events are counted.
-        counted_by: Who counted them, in words: that rater, else the sources of the session's own events.
+        counted_by: Source of the counts, in words: that rater, else the sources of the session's own events.
         redone: Why an attempt that had taken place does not count, as the experimenter said; ``""`` where none.
-        beeps: Of the second task, those that count.
-        beeps_answered: Of them, in time.
+        beeps: Beeps of the second task that count.
+        beeps_answered: Number of these beeps answered in time.
         false_answers: Presses that answered no beep.
         reaction_s: Median from beep to press, seconds; ``None`` where none was answered.
         squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first; ``None``
@@ -124,9 +125,9 @@ def trials_of_events(
 ) -> list[Trial]:
     """Work out a person's trials.
 
-    Slips, deformations and drops are those of the first rater, in the order of the names, who saw the trial from start
-    to end; where nobody did, those among the session's own events. If the camera's outcome counts, it replaces them and
-    the success wherever it has measured the trial, as confirmed or corrected by a person if one has.
+    Slips, deformations and drops are those of the first rater, in the order of the names, who saw the trial from
+    start to end; without one, those among the session's own events. If the camera's outcome counts, it replaces them
+    and the success wherever it has measured the trial, as confirmed or corrected by a person if one has.
 
     Args:
         planned: The person's, in their order.

@@ -1,7 +1,7 @@
-"""Lead through a device's first hour: who it is, how fast, how late, its limits, one least motion, and its stop.
+"""Lead through a device's first hour: identity, rate, latency, limits, one least motion, and stop.
 
-Everything goes through the driver that a run would use. What is felt or moves does so at the least strength, after a
-person has said yes; :func:`accept_device` makes the report.
+Everything goes through the driver that a run would use. Motions and sensations have the least strength, and need a
+person's confirmation first; :func:`accept_device` makes the report.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ _SLOW: Final = 0.9
 
 
 class _SaidOnce:
-    """Tells the guide what goes on, each thing once."""
+    """Shows progress to the guide, each message once."""
 
     def __init__(self, guide: AcceptanceGuide) -> None:
         self._guide, self._last = guide, ""

@@ -34,8 +34,8 @@ def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> I
 
     Args:
         source: The open driver.
-        gate: What a run believes of a pose.
-        guide: The person whose forearm is tracked.
+        gate: Checks that a run applies to poses.
+        guide: The guide of the person with the tracked forearm.
 
     Yields:
         The steps rate, latency, limits, least and stop.

@@ -313,12 +313,12 @@ def _hand_stop(hand: Any, guide: AcceptanceGuide) -> AcceptanceStep:
 
 
 def seen_status(answer: str) -> AcceptanceStatus:
-    """Return how a step went by what a person saw: a no is a failure, and where nobody looked somebody should."""
+    """Return the step's result: "no" fails it, no answer means that a person has to look."""
     return "look" if not answer else "failed" if answer.lower().startswith("n") else "passed"
 
 
 def _motors_off(make: Any, options: Any, step: AcceptanceStep) -> AcceptanceStep:
-    """Ask the hand itself, read anew, whether its motors are off."""
+    """Re-read from the hand whether its motors are off."""
     harmless = make.harmless(options) if isinstance(make, HarmlessDevice) else None
     if harmless is None:
         return step

@@ -12,7 +12,7 @@ import msgspec
 from tega.runtime.files.whole_file import write_whole
 
 AcceptanceStatus = Literal["passed", "look", "failed", "skipped"]
-"""``look``: usable, but somebody should look at it."""
+"""``look``: usable, but a person should check it."""
 
 STEPS: Final = ("identity", "rate", "latency", "limits", "least", "stop")
 """Steps in their order; ``least`` is one motion or pulse at the least strength, or one least touch of a sensor."""
@@ -41,10 +41,10 @@ class AcceptanceStep(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         name: One of :data:`STEPS`.
         status: How it went.
-        said: What was found, one or two sentences.
+        said: Finding, one or two sentences.
         todo: What to do about it; ``""`` for nothing.
         measured: Numbers that were measured, by a name that ends with the unit.
-        answers: What the person was asked, and what they answered.
+        answers: Questions to the person, and the answers.
     """
 
     name: str
@@ -60,16 +60,16 @@ class AcceptanceReport(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         format: ``tega-acceptance``.
-        version: Of this format.
+        version: Format version.
         made: When it began, UTC.
         tega: Version of this program.
         system: Operating system, processor and Python.
         check: Part of the settings, such as ``vest``.
         kind: Kind of device.
         driver: Its driver.
-        device: What the device is called; a serial number where it has one.
+        device: Name of the device; a serial number if it has one.
         options: The driver's options of the settings that are numbers or yes and no; no path, name or key.
-        answered: Whether a person answered; without one nobody has seen or felt anything.
+        answered: Whether a person answered; otherwise nothing was seen or felt.
         steps: All steps, in order.
         send_back: What to send to the project.
     """
@@ -98,7 +98,7 @@ class AcceptanceGuide(Protocol):
     """Person at the device, or what stands for one."""
 
     def say(self, text: str) -> None:
-        """Tell something."""
+        """Show a message."""
         ...
 
     def confirm(self, text: str) -> bool:
@@ -106,7 +106,7 @@ class AcceptanceGuide(Protocol):
         ...
 
     def ask(self, text: str) -> str:
-        """Ask what is seen or felt; ``""`` where nobody answers."""
+        """Ask for a sight or sensation; ``""`` without an answer."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Choose what is accepted, run its steps, and gather the report."""
+"""Choose the device to accept, run its steps, and gather the report."""
 
 from __future__ import annotations
 

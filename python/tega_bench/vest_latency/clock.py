@@ -1,4 +1,4 @@
-"""Tell when each sample of a recording was heard, on the clock that the commands are stamped with.
+"""Compute the time of each sample of a recording, on the clock that the commands are stamped with.
 
 There are three ways, from the surest to the least sure; the result says which it was and how far it may be off.
 
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from tega.errors import InvalidValueError
 
 CLICKS_MS: Final = {"keys": 20.0, "speaker": 8.0}
-"""How well the time of a click is known, ms: a keyboard tells of a key up to so long after it was heard; a speaker's
-stamp lacks what its converter takes, and sound takes 3 ms a metre."""
+"""Uncertainty of a click's time, ms. A keyboard reports a key up to that long after its sound; a speaker's stamp
+lacks its converter's delay, and sound takes 3 ms a metre."""
 
 _CLICK_HZ = 2000.0
 _WIDTH_S = 0.002
@@ -43,7 +43,7 @@ class SoundBlock(NamedTuple):
         first: Number of its first sample.
         n: Samples.
         at_s: When it came.
-        age_s: How old its first sample was then, by the sound system; NaN where that does not tell.
+        age_s: Age of its first sample then, as stated by the sound system; NaN if unknown.
     """
 
     first: int
@@ -53,7 +53,7 @@ class SoundBlock(NamedTuple):
 
 
 class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
-    """Time of each sample: sample n was heard at ``began_s + n / rate_hz``.
+    """Time of each sample: sample n was recorded at ``began_s + n / rate_hz``.
 
     Attributes:
         began_s: Time of the first sample.
@@ -69,11 +69,11 @@ class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def by_blocks(blocks: Sequence[SoundBlock], rate_hz: float, *, latency_s: float) -> ClockMap:
-    """Map by what the sound system says.
+    """Map by the sound system's time stamps.
 
     Args:
         blocks: As they came.
-        rate_hz: What was asked for.
+        rate_hz: Requested rate.
         latency_s: The input's latency as it states it.
 
     Raises:
@@ -116,10 +116,10 @@ def _line(index: NDArray[np.float64], at_s: NDArray[np.float64], rate_hz: float)
 
 
 def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.float64]:
-    """Return when something short and hard was heard, seconds from the first sample.
+    """Return the times of short, hard sounds, seconds from the first sample.
 
-    A click is a peak of what is above 2 kHz, ten times the middle level and a fifth of the loudest; its time is where
-    it rose through half of its peak.
+    A click is a peak of the signal above 2 kHz, ten times the middle level and a fifth of the loudest; its time is
+    the rise through half of its peak.
 
     Args:
         samples: float64 (n,), the sound.
@@ -129,7 +129,7 @@ def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.floa
         float64 (n_clicks,).
 
     Raises:
-        InvalidValueError: The rate is too low to tell a click from a motor.
+        InvalidValueError: The rate is too low to separate a click from a motor.
         MissingExtraError: scipy is not installed.
     """
     from tega_bench.vest_latency.detect import load_signal
@@ -156,7 +156,7 @@ def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.floa
 def by_clicks(
     samples: NDArray[np.float64], rate_hz: float, clicks_s: Sequence[float], *, source: str
 ) -> ClockMap:
-    """Map by clicks whose times are known, in a recording that began at any time.
+    """Map by clicks with known times, in a recording that began at any time.
 
     Args:
         samples: float64 (n,), the recording.
@@ -165,7 +165,7 @@ def by_clicks(
         source: What made them: a key of :data:`CLICKS_MS`.
 
     Raises:
-        InvalidValueError: They are too few, or not found in the recording.
+        InvalidValueError: The clicks are too few, or not found in the recording.
     """
     known = np.sort(np.asarray(clicks_s, np.float64))
     if len(known) < _FEWEST_CLICKS:

@@ -9,9 +9,9 @@ The rule, for each burst that was commanded at time c and lasted T:
    the 0.3 s before c. Full strength E is the middle e of c + 0.3 s to c + T.
 3. Looking back from there, e was last below 60 % of E at t60, and before that last below 25 % at t25. The vibration
    *begins* where the straight line through both meets zero, and is at *half* where e was last below 50 %.
-4. A burst is left out, with the reason, where E is not four times the background's loudest moment, the
-   sound clips, something was heard between c and t25, or the vibration is not steady; and where it is further from
-   the middle of the others than 3.5 times their scaled median deviation and 15 ms.
+4. A burst is left out, with the reason, if E is not four times the background's loudest moment, the sound clips,
+   there is a sound between c and t25, or the vibration is not steady; and if it is further from the middle of the
+   others than 3.5 times their scaled median deviation and 15 ms.
 5. There is a result only of six bursts and half of all.
 """
 
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tega.errors import InvalidValueError, MissingExtraError
 
 FEWEST: Final = 6
-"""Of fewer bursts there is no result."""
+"""Least number of bursts for a result."""
 SHORTEST_S: Final = 0.5
 """A burst lasts so long, so that a motor that starts late reaches its full strength."""
 MOST_DELAY_S: Final = 0.25
@@ -194,7 +194,7 @@ def _left_out(why: str, over: float = np.nan) -> BurstOnset:
 
 
 def _without_hum(cut: NDArray[np.float64], rate_hz: float, n_quiet: int) -> NDArray[np.float64]:
-    """Take out the harmonics of 50 or 60 Hz as they are in the quiet part: they go on the same in the burst."""
+    """Remove the harmonics of 50 or 60 Hz measured in the quiet part: they continue unchanged in the burst."""
     t = np.arange(len(cut)) / rate_hz
     best, left = cut, np.inf
     for mains_hz in (50.0, 60.0):
@@ -213,7 +213,7 @@ def _without_hum(cut: NDArray[np.float64], rate_hz: float, n_quiet: int) -> NDAr
 def _spin(
     signal: Any, sound: NDArray[np.float64], rate_hz: float, commands_s: Sequence[float], on_s: float
 ) -> float:
-    """Return the frequency at which bursts stand out from what was before them; NaN for none."""
+    """Return the frequency at which bursts stand out from the sound before them; NaN for none."""
 
     def spectrum(from_s: float, to_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         found = []

@@ -1,4 +1,4 @@
-"""Read and write a recording of sound (WAV), and beside it what was commanded meanwhile (JSON)."""
+"""Read and write a sound recording (WAV), and beside it the log of commands during it (JSON)."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", ta
     """The bursts of one motor; times in seconds from any moment, all from the same.
 
     Attributes:
-        version: Of the format.
+        version: Format version.
         made: When, UTC.
         driver: The vest's driver.
-        device: What the vest is called.
+        device: Name of the vest.
         layout: Which motors it has.
         motor: The motor.
         percent: How hard.
@@ -40,7 +40,7 @@ class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", ta
         clicks_s: When there was a click to go by.
         clicks: What made it; ``""`` for none.
         clock: How the recording made here lies in time; ``None`` for one made elsewhere.
-        notes: What the vest's driver had to say.
+        notes: Notes of the vest's driver.
     """
 
     version: Literal[1] = 1

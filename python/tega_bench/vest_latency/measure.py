@@ -1,4 +1,4 @@
-"""Play bursts on one motor, find their onsets in what was heard, and make the motor's record."""
+"""Play bursts on one motor, find their onsets in the recorded sound, and make the motor's record."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class OnsetFound(NamedTuple):
 
     Attributes:
         clock: How it lies in time.
-        onsets: What was heard.
+        onsets: Detected onsets.
     """
 
     clock: ClockMap
@@ -44,7 +44,7 @@ class OnsetFound(NamedTuple):
 
 
 def watched_vest(vest: VestSink) -> VestSink:
-    """Return a vest, if it can tell when a frame leaves.
+    """Return a vest, if it reports when a frame leaves.
 
     Raises:
         DeviceUnavailableError: It cannot, so that no delay can be counted from there.
@@ -74,15 +74,15 @@ def play_bursts(
     Every frame passes the vest's own limits. A burst that they lower is not counted.
 
     Args:
-        vest: An open vest that tells when a frame leaves.
+        vest: An open vest that reports when a frame leaves.
         motor: Which.
         layout: Which motors it has.
         percent: How hard.
         bursts: How often.
         clock: Time.
-        seed: Of the rests.
+        seed: Seed of the rests.
         stop: Asked all the time whether to end early, which raises KeyboardInterrupt.
-        told: Told how many bursts are done, of how many.
+        told: Called with the number of finished bursts and the total.
 
     Returns:
         When the first frame of each burst left, seconds on the monotonic clock; and how many did not leave as wanted.
@@ -135,7 +135,7 @@ def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> Ons
     Args:
         samples: float64 (n,), -1 to 1.
         rate_hz: Samples per second.
-        log: What was commanded.
+        log: Log of the commands.
 
     Raises:
         CalibrationError: Nothing says how log and recording lie in time.

@@ -35,7 +35,7 @@ class Microphone:
     Attributes:
         rate_hz: Samples per second.
         latency_s: The input's latency, as the sound system states it.
-        name: What it is called.
+        name: Name of the microphone.
     """
 
     def __init__(self, device: str | None = None) -> None:
@@ -92,11 +92,11 @@ class Microphone:
 
     @property
     def heard_s(self) -> float:
-        """Length of what was heard so far, seconds."""
+        """Length of the recording so far, seconds."""
         return self._n / self.rate_hz
 
     def heard(self) -> tuple[NDArray[np.float64], list[SoundBlock]]:
-        """Return what was heard, float64 (n,), -1 to 1, and the blocks in which it came.
+        """Return the recorded sound, float64 (n,), -1 to 1, and the blocks in which it came.
 
         Raises:
             DeviceUnavailableError: The microphone was unplugged meanwhile, or the system has lost samples.
@@ -128,7 +128,7 @@ class Microphone:
 
 
 class Speaker:
-    """Clicks from the system's loudspeaker whose times are known."""
+    """Clicks with known times from the system's loudspeaker."""
 
     def __init__(self) -> None:
         self._wanted = threading.Event()

@@ -33,8 +33,8 @@ def keys(
 ) -> None:
     """Make a private authority and a folder of keys for each station, or what of it is not there yet.
 
-    Copy each station's folder to its machine by a way you trust, and name it as net.keys. Keep DIR/authority to
-    yourself: who has it can make stations. With --json: {"stations": [{"name", "folder", "expires", "made"}]}.
+    Copy each station's folder to its machine by a way you trust, and name it as net.keys. Keep DIR/authority secret:
+    anyone with it can make stations. With --json: {"stations": [{"name", "folder", "expires", "made"}]}.
     """
     from tega.ui.cli.options import echo_json
     from tega_link.keys import make_keys

@@ -29,8 +29,8 @@ def operator(**options: Any) -> None:
 def robot(**options: Any) -> None:
     """Run the robot's station: hand, arm, fingertips and recorder, until Ctrl-C.
 
-    It waits for an operator, obeys one at a time, and holds hand and arm by itself when that one is lost. See
-    docs/two-machines.md.
+    The station waits for an operator, obeys one at a time, and holds hand and arm by itself when that operator is
+    lost. See docs/two-machines.md.
     """
     run_settings(**options, check=partial(_check_station, options["config"].name, "robot"))
 
@@ -39,7 +39,7 @@ def _check_station(name: str, station: str, settings: SessionConfig) -> None:
     """Refuse settings that are not this station's.
 
     Raises:
-        ConfigError: They have no table ``[net]``, or are the other station's.
+        ConfigError: The settings have no table ``[net]``, or are the other station's.
     """
     net = net_of(settings)
     if net is None:

@@ -15,7 +15,7 @@ from tega.runtime.child_process import python_command, python_environment
 def report_apart(folder: Path) -> Path:
     """Write a study's report and return its page.
 
-    What goes wrong is told by the process that writes, on this one's standard error.
+    The writing process prints errors on this process's standard error.
 
     Args:
         folder: The study's.

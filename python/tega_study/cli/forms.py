@@ -20,7 +20,7 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 def forms(*, folder: Path, out: Path, as_json: bool) -> None:
     """Write templates of a consent form and a data protection sheet, filled in from the plan.
 
-    They are templates, no legal advice: complete what stands in brackets, and have them approved.
+    The forms are templates, not legal advice. Complete the parts in brackets, and have the forms approved.
     """
     from tega_study.forms import write_forms
 

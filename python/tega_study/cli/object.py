@@ -1,4 +1,4 @@
-"""Note what is known of a study's object: ``tega-teleop study object``."""
+"""Record an object's properties: ``tega-teleop study object``."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def object_(
     photo: Path | None,
     as_json: bool,
 ) -> None:
-    """Note what is known of one of the plan's objects in objects.toml; the report shows it.
+    """Record properties of one of the plan's objects in objects.toml; the report shows them.
 
-    What is not given stays as it was; with nothing given, what is known is shown.
+    Properties that are not given stay unchanged. Without any, the recorded ones are shown.
     """
     import msgspec
 

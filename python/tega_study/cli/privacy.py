@@ -19,8 +19,8 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> None:
     """Delete everything of one person, and reports made with it. It cannot be undone.
 
-    Links are deleted and not followed. What they led to, what lies elsewhere, such as the person's calibration, and
-    files of others that bear the id are listed: look at them, and at backups and copies, by hand.
+    Links are deleted and not followed. Their targets, data elsewhere such as the person's calibration, and other
+    people's files that bear the ID are listed: check them, and backups and copies, by hand.
     """
     from tega_study.plan import read_plan
     from tega_study.privacy import withdraw as delete
@@ -51,9 +51,9 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
 def export(*, folder: Path, out: Path, bids: bool, as_json: bool) -> None:
     """Write an anonymised copy, fit to be published: new ids, no muscle signals, texts, names or dates.
 
-    Nobody can work out the old ids, you included: the key that made the new ones is thrown away.
+    The old IDs cannot be recovered, not even by you: the key that made the new ones is thrown away.
 
-    With --bids the ids stay, and the signals can identify a person: give them only to whom that person agreed to.
+    With --bids the IDs stay, and the signals can identify a person: share them only as that person agreed.
     """
     import secrets
 

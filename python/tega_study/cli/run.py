@@ -188,7 +188,7 @@ def _bench(
     shear: Shear,
     config: Path | None,
 ) -> Iterator[TrialBench]:
-    """Make what the trials run on."""
+    """Create the bench for the trials."""
     import json
     import tempfile
 

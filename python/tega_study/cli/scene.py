@@ -39,9 +39,9 @@ def measure(
 ) -> None:
     """Score the trials of a study's session by a camera; study score compares them with the raters.
 
-    Without a video: by what a camera of the settings filmed into each trial's recording. Writes
+    Without a video: from the frames that a camera of the settings recorded in each trial. Writes
     sessions/ID/measured.jsonl. With --json: {"trials": [{"participant", "trial", "attempt", "object", "outcome",
-    "problem"}]}, an outcome as scene score says it.
+    "problem"}]}, an outcome in the format of scene score.
     """
     import msgspec
 
@@ -99,7 +99,7 @@ def confirm(
     only_list: bool,
     as_json: bool,
 ) -> None:
-    """Confirm what the camera measured of a trial, or correct it; the camera's own account stays as it is.
+    """Confirm or correct the camera's measurement of a trial; the camera's own account stays unchanged.
 
     With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now; with --list those that were measured.
     """

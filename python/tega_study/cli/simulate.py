@@ -152,9 +152,9 @@ def simulate(
 ) -> None:
     """Run the whole study with simulated people, and report it once all sessions are there.
 
-    Each person goes through a whole session in the plan's order, with what was learned and tired from trial to trial.
-    The results are the same with any number of workers, shards and machines. Run it again to go on where it was
-    stopped; a session that was cut short is run anew. The report says which parameter file the people are from.
+    Each person goes through a whole session in the plan's order, with learning and fatigue from trial to trial. The
+    results are the same with any number of workers, shards and machines. Run it again to continue after a stop; an
+    interrupted session is restarted. The report names the parameter file that the people were drawn from.
     """
     from tega_sim.world import crossed
     from tega_study.cli.apart import report_apart

@@ -71,10 +71,10 @@ def take(
 @click.option("--task", required=True, help="What was done, in words.")
 @json_option
 def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -> None:
-    """Say anew what was done in the recordings of a session's FOLDER, or in FILES of it.
+    """Change the task of the recordings in a session's FOLDER, or of FILES in it.
 
-    It stands in session.json, and is the episode's task in a LeRobot dataset; the recordings stay as they are. With
-    --json: the files.
+    The task is stored in session.json, and is the episode's task in a LeRobot dataset. The recordings stay unchanged.
+    With --json: the files.
     """
     from tega.recording.mcap_folder import SessionFolder
 
@@ -99,9 +99,9 @@ def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -
 )
 @json_option
 def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:
-    """Copy recordings with their pictures encoded anew as JPEG; everything else stays as it is.
+    """Copy recordings with their frames encoded as JPEG; everything else stays unchanged.
 
-    SESSION is a file, or a session's folder. What was lossless is so no more: verify then takes contacts as recorded.
+    SESSION is a file, or a session's folder. Lossless frames become lossy: verify then uses the recorded contacts.
     With --json: the paths.
     """
     from tega.recording.encode import encode_session

@@ -24,9 +24,9 @@ COMMANDS: Final = ("start", "mark", "slip", "deformation", "drop", "undo", "end"
 def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> None:
     """Give the session that study run leads on this machine a command, as if its key had been pressed.
 
-    A command does what the key would do at that moment: start begins no trial in a rest. The answer says how the
-    session stood. A program that does not want to start a process appends a line such as {"do": "start"} to
-    FOLDER/sessions/ID/told.jsonl.
+    A command has the effect of the key at that moment: start does not begin a trial during a rest. The answer
+    contains the session's state. A program that does not want to start a process appends a line such as {"do":
+    "start"} to FOLDER/sessions/ID/told.jsonl.
     """
     from tega.runtime.clock import SystemClock
     from tega_study.lead.tell import tell as give

@@ -28,7 +28,7 @@ class EpisodeLine(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknow
         step: ``begun``; how it ended; ``cut`` where the program ended before it did, and what there is was kept.
         at_s: When, seconds since 1970.
         file: The recording; a discarded one's name goes to a later episode.
-        task: What was to be done, in words.
+        task: Description of the task.
         duration_s: How long it was.
         why: Why it was discarded, where that was no person.
     """

@@ -22,13 +22,13 @@ _MOST: Final = 64
 
 
 class EpisodePedal:
-    """Gives the presses of the marker's seat, whoever has its device open.
+    """Return presses of the marker seat's device, opened here or by a run.
 
     Args:
         seat: Its settings; ``None`` for none, which is never pressed.
 
     Attributes:
-        problem: Why it cannot be heard between episodes; ``""`` while it can.
+        problem: Reason why the pedal cannot be read between episodes; ``""`` if it can.
     """
 
     def __init__(self, seat: InputConfig | None) -> None:
@@ -39,14 +39,14 @@ class EpisodePedal:
         self.problem = ""
 
     def types(self, key: str) -> bool:
-        """Tell whether a key in the terminal is a press that is heard anyway: of a pedal that is a keyboard."""
+        """Return whether a terminal key is also reported by the pedal, because the pedal is a keyboard."""
         seat = self._seat
         if seat is None or self.problem or getattr(seat.options, "report", "") != "keyboard":
             return False
         return seat.button in {None, key}
 
     def watch(self, bus: Bus) -> None:
-        """Hear it through a run, which opens it by itself."""
+        """Subscribe to the pedal's presses during a run, which opens the device itself."""
         bus.subscribe(Button, self._button, name="episode")
 
     def _button(self, button: Button) -> None:
@@ -54,7 +54,7 @@ class EpisodePedal:
             self._pressed.append(button.button)
 
     def listen(self) -> None:
-        """Open it, unless it is, and hear what is pressed from half a second from now on."""
+        """Open the device if it is closed, and report presses from half a second from now on."""
         self._since_s = time.monotonic() + _QUIET_S
         self._pressed.clear()
         if self._seat is None or self._source is not None:
@@ -99,7 +99,7 @@ def pedal_names(pedals: str, seat: InputConfig | None, taken: frozenset[str]) ->
         taken: Keys that mean something already.
 
     Raises:
-        InvalidValueError: They are not one to three of their own, or no such device is set.
+        InvalidValueError: The pedals are not one to three different ones, or no such device is configured.
     """
     names = tuple(name.strip() for name in pedals.split(",")) if "," in pedals else tuple(pedals)
     if len(set(names)) != len(names) or len(names) > 3 or set(names) & (taken | {""}):

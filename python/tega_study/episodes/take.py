@@ -97,15 +97,15 @@ class _Running:
 
 
 class EpisodeTaker:
-    """Takes episodes into a session's folder until it is told to end.
+    """Records episodes in a session's folder until the operator ends it.
 
     Args:
-        config: The devices' settings; what they say of the recording's folder and of an output folder does not count.
+        config: The devices' settings; their recording folder and output folder are ignored.
         folder: The session's folder: new, or one that holds recordings already.
-        desk: What the operator sees and presses.
-        task: What is done in the episodes, in words.
-        pedals: What a foot switch types, or which buttons of ``input.marker`` are pressed with commas between: to go
-            on, to discard, to do again; as many of them as there are.
+        desk: The operator's screen and keys.
+        task: Description of the episodes' task.
+        pedals: Keys typed by a foot switch, or buttons of ``input.marker``, separated by commas: continue, discard,
+            repeat. One to three of them.
         stop: Asked all the time whether to end.
         settings: How the settings' file is named in what an error suggests.
 
@@ -161,7 +161,7 @@ class EpisodeTaker:
         return ended
 
     def _heard(self) -> list[str]:
-        """Return the keys pressed, the pedals by what they mean."""
+        """Return the pressed keys, with pedals replaced by their meaning."""
         if self._stop():
             raise KeyboardInterrupt
         keys = self._desk.keys()
@@ -227,7 +227,7 @@ class EpisodeTaker:
         return [self._pedal.problem] if self._pedal.problem else []
 
     def _watch(self, running: _Running, number: int) -> str:
-        """Look on until it ends; what was said of it meanwhile, ``""`` for nothing yet."""
+        """Show the episode until it ends; return the key that ended it, ``""`` for none yet."""
         keys = [("Enter", "end"), (DISCARD, "discard"), (AGAIN, "discard, and again")]
         while not running.over:
             for key in self._heard():
@@ -253,7 +253,7 @@ class EpisodeTaker:
             time.sleep(_POLL_S)
 
     def _to_start(self) -> None:
-        """Have arm and hand go to their start, where the settings have one; nobody moves without the dead-man."""
+        """Move arm and hand to their start, if the settings have one. They move only with the dead-man switch held."""
         if self._config.arm is None or self._config.arm.start is None:
             return
         self._pedal.close()

@@ -60,7 +60,7 @@ class BlockQuestions:
                 self._add("rating", item=asked.item, value=answer_of(key))
 
     def pass_over(self) -> None:
-        """Note each question that is left as passed over, where nobody is there to answer."""
+        """Record each open question as skipped, if no participant is there to answer."""
         while (asked := self._next()) is not None:
             self._add("rating", item=asked.item, value=None)
         self.over = True

@@ -1,4 +1,4 @@
-"""Play the beeps of a trial's second task when they are due, and tell when each left the loudspeaker."""
+"""Play the beeps of a trial's second task when they are due, and report when each left the loudspeaker."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def check_answer_key(key: str, pedals: str) -> None:
     """Refuse a key that means something else in a trial.
 
     Args:
-        key: What the participant's pedal types.
-        pedals: What the experimenter's pedals type; empty for none.
+        key: Key typed by the participant's pedal.
+        pedals: Keys typed by the experimenter's pedals; empty for none.
 
     Raises:
         InvalidValueError: It is not one key, or has a meaning already.
@@ -36,7 +36,7 @@ class Beeps:
     Args:
         sound: What plays them.
         at_s: When, seconds from the trial's start.
-        key: What the participant's pedal types.
+        key: Key typed by the participant's pedal.
     """
 
     def __init__(self, sound: MaskingSound, at_s: Sequence[float], *, key: str) -> None:
@@ -47,7 +47,7 @@ class Beeps:
         self._sound.sounded_ns()
 
     def look(self, t_s: float, note: Callable[[int], None]) -> None:
-        """Have played what is due, and note what has sounded.
+        """Play the beeps that are due, and report those that have sounded.
 
         Args:
             t_s: Since the trial's start, seconds.

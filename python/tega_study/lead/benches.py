@@ -47,9 +47,9 @@ class TrialBench(Protocol):
         measures_height: Whether the arm's height is measured, so that lift and drop are measured with the fingertips.
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
-        where: What the devices are, which the session's events say.
-        rest_tasks: What it offers in a rest.
-        measurable: Whether a scene camera films what is needed to measure the trials.
+        where: Kind of the devices, as recorded in the session's events.
+        rest_tasks: Tasks available in a rest.
+        measurable: Whether a scene camera records enough to measure the trials.
     """
 
     where: Where
@@ -61,7 +61,7 @@ class TrialBench(Protocol):
     measurable: bool
 
     def felt(self, condition: str) -> bool:
-        """Tell whether the vest shows touch in a condition.
+        """Return whether the vest shows touch in a condition.
 
         Raises:
             InvalidValueError: The condition cannot be applied here.
@@ -73,8 +73,8 @@ class TrialBench(Protocol):
 
         Args:
             trial: Which.
-            going: Told what happens, asked when to begin and to end.
-            folder: For what is recorded; new.
+            going: The running trial: receives events, and decides when to begin and to end.
+            folder: Folder for the recording; new.
         """
         ...
 
@@ -85,7 +85,7 @@ class LabBench:
     The vest is open in every condition. Without touch to be felt it is sent zeros (reading A36).
 
     Args:
-        config: The settings; what they say of duration, pace, output and recording folder does not count.
+        config: The settings; their duration, pace, output and recording folder are ignored.
         settings: How their file is named in what an error suggests.
         where: ``emulated`` where the devices are emulators.
 
@@ -125,7 +125,7 @@ class LabBench:
             self.closure = ClosureScale(None if poses is None else load_poses(poses))
 
     def felt(self, condition: str) -> bool:
-        """Tell whether the vest shows touch."""
+        """Return whether the vest shows touch."""
         if condition not in _CONDITIONS:
             raise InvalidValueError(
                 f"condition {condition!r} cannot be run", f"plan with {', '.join(_CONDITIONS)} only"
@@ -170,15 +170,16 @@ class LabBench:
 
 
 class SimulatedBench:
-    """The simulated bench with a simulated participant: for rehearsals. What it gives is simulated.
+    """The simulated bench with a simulated participant: for rehearsals. All of its data are simulated.
 
     Args:
         plan: The study's plan; its seed and the person's id decide who the participant is.
-        participant: Whose session.
+        participant: Participant ID of the session.
         real_time: Keep to the machine's clock; otherwise as fast as it goes.
         preset: Readings of the loop.
-        shear: Of the gels, see :class:`tega_sim.gel.Gel`.
-        settings: Of the loop, as ``key=value``; they are written beside each trial's tables, in ``loop.toml``.
+        shear: Shear of the gels, see :class:`tega_sim.gel.Gel`.
+        settings: Settings of the loop, as ``key=value``; they are written beside each trial's tables, in
+            ``loop.toml``.
     """
 
     where: Where = "simulated"
@@ -216,7 +217,7 @@ class SimulatedBench:
         self.closure: ClosureScale | None = ClosureScale(GRASP_POSES_RAD)
 
     def felt(self, condition: str) -> bool:
-        """Tell whether the vest shows touch."""
+        """Return whether the vest shows touch."""
         from tega_sim.conditions import SESSION_CONDITIONS
 
         if condition not in SESSION_CONDITIONS:
@@ -261,7 +262,7 @@ class SimulatedBench:
 
 
 class _Watched(Streams):
-    """The course of a lift, whose heights are told as they come."""
+    """The course of a lift; its heights are reported as they come."""
 
     def __init__(self, going: Going) -> None:
         super().__init__()
@@ -269,7 +270,7 @@ class _Watched(Streams):
         self._dropped = False
 
     def act(self, percept: Percept, act: Act) -> None:
-        """Keep one look at the world, and tell the height until the object is put down."""
+        """Keep one look at the world, and report the height until the object is put down."""
         super().act(percept, act)
         scene: Any = percept.scene
         t_ns = round(percept.t_s * 1e9)

@@ -23,7 +23,7 @@ class TrialBefore:
 
     Args:
         journal: The session's events.
-        desk: What the experimenter sees and presses.
+        desk: The experimenter's screen and keys.
         clock: The session's.
 
     Attributes:
@@ -56,7 +56,7 @@ class TrialBefore:
 
     @property
     def keys(self) -> list[tuple[str, str]]:
-        """Keys that :meth:`take` knows now, and what they do."""
+        """Keys that :meth:`take` accepts now, with their descriptions."""
         keys = [("n", "note")]
         if self._repeated is not None:
             keys.append((GIVE_UP, f"give up trial {self._repeated[0]}"))

@@ -32,8 +32,8 @@ class Screen(NamedTuple):
         heading: Where in the session this is.
         big: The large line: a clock, or what to do.
         lines: What else there is to know.
-        keys: Keys and what they do.
-        wrong: What is wrong with the devices.
+        keys: Keys and their descriptions.
+        wrong: Problems of the devices.
     """
 
     phase: str
@@ -52,7 +52,7 @@ class Desk(Protocol):
         ...
 
     def say(self, text: str) -> None:
-        """Tell something that stays to be read."""
+        """Show a message that stays on the screen."""
         ...
 
     def keys(self) -> list[str]:
@@ -69,7 +69,7 @@ def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | Ter
 
     Args:
         stop: Asked while a typed line is waited for; :meth:`Desk.line` then raises KeyboardInterrupt.
-        alone: Whether nobody needs to be there, so that a standard input that has ended stops nothing.
+        alone: If true, no experimenter needs to be there, and the end of standard input stops nothing.
     """
     if sys.stdin.isatty() and sys.stderr.isatty():
         return TerminalDesk(stop)
@@ -81,10 +81,10 @@ class LineDesk:
 
     Args:
         stop: As of :func:`desk_for`.
-        alone: Likewise.
+        alone: As of :func:`desk_for`.
 
     Raises:
-        KeyboardInterrupt: From :meth:`keys` and :meth:`line`: stdin has ended, so whoever led has gone.
+        KeyboardInterrupt: From :meth:`keys` and :meth:`line`: stdin has ended, so the experimenter has gone.
     """
 
     def __init__(self, stop: Callable[[], bool] = lambda: False, *, alone: bool = False) -> None:
@@ -118,7 +118,7 @@ class LineDesk:
         click.echo(" | ".join(parts + [f"! {one}" for one in screen.wrong]), err=True)
 
     def say(self, text: str) -> None:
-        """Tell something."""
+        """Show a message."""
         click.echo(f"  {text}", err=True)
 
     def keys(self) -> list[str]:

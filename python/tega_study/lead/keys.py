@@ -6,7 +6,7 @@ END = "e"
 
 
 def keys_of(*, sees_height: bool, measures_height: bool = False) -> list[tuple[str, str]]:
-    """Return the keys of a running trial and what they do."""
+    """Return the keys of a running trial and their descriptions."""
     words = ("correct: " if measures_height else "") + "left the table, then at the mark"
     mark = [] if sees_height else [("space", words)]
     return [

@@ -23,7 +23,7 @@ def pedal_keys(pedals: str, tasks: Iterable[RestTask]) -> dict[str, tuple[str, .
     Args:
         pedals: One to five keys that pedals type: to go on and mark the height, to end the trial, for a slip, for a
             deformation, to do the trial again; empty for none.
-        tasks: What the bench can do in a rest.
+        tasks: Tasks that the bench offers in a rest.
 
     Raises:
         InvalidValueError: Two are the same, or one means something else.

@@ -24,8 +24,8 @@ class Question(NamedTuple):
 
     Attributes:
         item: Its name in the events.
-        title: What it is called.
-        text: What is asked.
+        title: Title of the scale.
+        text: Text of the question.
         left: What 0 means.
         right: What 100 means.
     """
@@ -127,7 +127,7 @@ def raw_tlx(answers: Mapping[str, float | None]) -> float | None:
 def blocks_to_ask(
     trials: Sequence[PlannedTrial], events: Sequence[JournalEvent], open_trials: set[int]
 ) -> list[int]:
-    """Return the last trial of each block that is over and whose questions are not all answered.
+    """Return the last trial of each finished block that still has open questions.
 
     Args:
         trials: The person's.

@@ -1,4 +1,4 @@
-"""Run what the bench does in a rest, such as measuring a squeeze, in a thread that the experimenter can end."""
+"""Run a bench's task in a rest, such as measuring a squeeze, in a thread that the experimenter can end."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ class RestTask(NamedTuple):
 
     Attributes:
         key: Which key begins it.
-        words: What it does, a few words for the screen.
-        kind: Of the event that its end is.
-        run: Does it; shows what goes on in what it is given, which ends it by raising :class:`RestTaskEndedError`.
-        after_trials: Whether it begins by itself after each trial, where somebody leads.
+        words: Description for the screen, a few words.
+        kind: Kind of event that its end is recorded as.
+        run: Called with the running task, on which it shows its progress. The task ends it by raising
+            :class:`RestTaskEndedError`.
+        after_trials: Whether it begins by itself after each trial, if an experimenter leads.
     """
 
     key: str
@@ -56,8 +57,8 @@ class RunningTask:
 
     Attributes:
         task: Which.
-        prompt: What the person is to do now.
-        left_s: For how long; ``None`` where nobody knows.
+        prompt: Instruction for the person now.
+        left_s: Remaining time, seconds; ``None`` if unknown.
     """
 
     def __init__(self, task: RestTask) -> None:

@@ -32,7 +32,7 @@ class TrialSeen(NamedTuple):
     Attributes:
         kind: ``height``, ``drop``, ``slip``, ``deformation`` or ``mark`` (a pedal).
         t_s: Since the trial's start, seconds.
-        value: Of a height, metres.
+        value: Height, metres; for ``height`` only.
         source: ``auto`` if the bench knows it, ``arm`` if it was measured by arm and fingertips.
     """
 
@@ -53,9 +53,9 @@ class Going:
         measure_lift: Whether to measure lift and drop by arm and fingertips.
 
     Attributes:
-        state: Of the bench: what it prepares, then ``armed``, then ``active``.
+        state: State of the bench: a description of the preparation, then ``armed``, then ``active``.
         reason: Why, for the experimenter.
-        alerts: What is wrong now, one sentence each.
+        alerts: Present problems, one sentence each.
         started_ns: When the trial began, on the session's clock; ``None`` before.
         zero_ns: On the session's clock, when the bench's own count of time began; ``None`` before.
     """
@@ -99,7 +99,7 @@ class Going:
         self.state, self.reason = state, reason
 
     def may_go(self) -> bool:
-        """Tell whether the countdown is over."""
+        """Return whether the countdown is over."""
         return self._go.is_set()
 
     def begin(self, at_ns: int) -> None:
@@ -183,11 +183,11 @@ class Going:
             self._muscles.append(condition)
 
     def over(self) -> bool:
-        """Tell whether the trial is over."""
+        """Return whether the trial is over."""
         return self._over.is_set()
 
     def feel(self) -> bool:
-        """Tell whether the vest may show touch now; before and after the trial it shows nothing."""
+        """Return whether the vest may show touch now; before and after the trial it shows nothing."""
         return self._feel and self.started_ns is not None and not self._over.is_set()
 
     # The lead's side.
@@ -237,7 +237,7 @@ class Going:
 
 
 def in_thread(work: Callable[[], None]) -> tuple[threading.Thread, list[BaseException]]:
-    """Start work in a thread; what it raises is found in the list."""
+    """Start work in a thread; an exception that it raises is appended to the list."""
     raised: list[BaseException] = []
 
     def run() -> None:

@@ -24,7 +24,7 @@ def waiting(
     Args:
         heading: Where in the session this is.
         thing: What will be lifted; ``""`` after the last trial.
-        left_s: Of the rest, seconds; it is over at 0.
+        left_s: Remaining time of the rest, seconds; it is over at 0.
         before: How the trial before went.
         keys: What can be said of it.
     """
@@ -55,7 +55,7 @@ def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) 
         heading: Where in the session this is.
         led: The trial.
         window_s: Time in which the object has to be lifted, seconds.
-        bench: What it runs on.
+        bench: The bench that runs the trials.
     """
     going = led.going
     big = {
@@ -74,7 +74,7 @@ def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) 
 
 
 def ended(led: LedTrial, end: JournalEvent) -> list[str]:
-    """Return what is said once a trial has ended."""
+    """Return the messages for an ended trial."""
     status = "" if end.status == "done" else f" ({end.status})"
     said = [f"trial {led.trial.trial}: {end.text}{status}{said_of_beeps(led.events(), end.t_ns)}"]
     if led.lift_off_s is None and any(event.kind == "slip" for event in led.events()):

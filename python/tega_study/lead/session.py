@@ -63,12 +63,12 @@ def lead_session(
 
     Args:
         folder: The study's folder.
-        participant: Whose session.
+        participant: Participant ID of the session.
         bench: What trials run on.
-        desk: What the experimenter sees and presses.
+        desk: The experimenter's screen and keys.
         clock: The session's; the machine's monotonic one when ``None``.
         task: When a trial is over, see :class:`tega_study.lead.trial.LedTrial`.
-        time_scale: Of all waits; below 1 for rehearsals, which the events then say.
+        time_scale: Scale of all waits; below 1 for rehearsals, as noted in the events.
         pedals: Keys that foot pedals type, see :func:`tega_study.lead.pedals.pedal_keys`.
         answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
         auto: Go on by the clock and pass over the questions.
@@ -81,11 +81,11 @@ def lead_session(
         How the session stands.
 
     Raises:
-        InvalidValueError: Nobody has that id, answer key or a pedal means something else, a condition cannot be run
-            on this bench, or the plan is not for sessions on it.
+        InvalidValueError: Unknown participant ID, answer key or pedal already in use, a condition cannot be run on
+            this bench, or the plan is not for sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
-        DeviceUnavailableError: Another program has the session open, nothing can play the plan's beeps, the masking
-            sound has stopped, or a trial cannot begin and nobody is there.
+        DeviceUnavailableError: Another program has the session open, no device can play the plan's beeps, the masking
+            sound has stopped, or a trial cannot begin and no experimenter is there.
         KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
     """
     plan = read_plan(folder)
@@ -157,7 +157,7 @@ class _Lead:
         return derive(self._mine, self._journal.events)
 
     def run(self, most: int | None) -> SessionState:
-        """Go on until all trials are over, or so many of them, or somebody quits."""
+        """Run until all trials are over, or the given number of them, or the experimenter quits."""
         self._before.note(INSTRUCTION)
         self._before.note(f"masking sound: {'none' if self._masking is None else self._masking.words}")
         if self._plan.settings.probe:
@@ -188,7 +188,7 @@ class _Lead:
         return state
 
     def leave(self) -> None:
-        """End what is going on and say that the session is not led any more."""
+        """End the running trial and record that the session is not led any more."""
         if self._led is not None:
             self._led.break_off("the session was stopped")
         self._journal.add("session_stop", t_ns=self._clock.now_ns(), source="auto")
@@ -197,7 +197,7 @@ class _Lead:
     # The parts of a session.
 
     def _check_masking(self, when: str) -> None:
-        """Stop where the motors can be heard: that would be another condition."""
+        """Stop if the masking sound has stopped: audible motors would be another condition."""
         if self._masking is None or self._masking.playing:
             return
         said = f"the masking sound stopped{when}: the loudspeaker went away"
@@ -256,7 +256,7 @@ class _Lead:
             time.sleep(_POLL_S)
 
     def _by_itself(self, tasks: Sequence[RestTask], heading: str) -> None:
-        """Begin what begins by itself after a trial, where somebody leads."""
+        """Begin the tasks that begin by themselves after a trial, if an experimenter leads."""
         for task in tasks:
             if task.after_trials and not self._auto:
                 self._rest_task(task, heading)
@@ -344,7 +344,7 @@ class _Lead:
         return Beeps(self._masking, at_s, key=self._answer_key)
 
     def _questions(self) -> bool:
-        """Ask what is to be asked after a block that is over; True always, for the loop."""
+        """Ask the questions that are due after a finished block; return True always, for the loop."""
         state = self._state
         left = {number for number, status in state.status.items() if status in {"planned", "running"}}
         if state.next is not None:

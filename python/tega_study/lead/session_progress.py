@@ -34,7 +34,7 @@ class Telling:
         self.put(board)
 
     def put(self, board: SessionBoard, *, at_once: bool = False) -> None:
-        """Write the board when something changes, and often enough to show that somebody is there."""
+        """Write the board on every change, and often enough to show that the session is led."""
         now_s, told = time.monotonic(), self._told
         same = told is not None and (told.phase, told.trial, told.started_ns, told.health, told.n_told) == (
             board.phase,

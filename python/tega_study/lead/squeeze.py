@@ -43,12 +43,12 @@ def measure_squeeze(config: SessionConfig, shows: Shows, *, settings: str) -> Re
 
     Args:
         config: The settings, with EMG and its calibration.
-        shows: Told what the person is to do.
+        shows: Called with the instruction for the person.
         settings: How the settings file is named in what an error suggests.
 
     Returns:
-        The mean over the channels of the amplitude as a share of the calibrated maximum, and what was wrong with the
-        signal. It is the muscles' electrical amplitude, and no force.
+        The mean over the channels of the amplitude as a share of the calibrated maximum, and the signal's problems.
+        It is the muscles' electrical amplitude, not a force.
 
     Raises:
         ConfigError: The settings have no EMG.

@@ -1,6 +1,6 @@
 """Write a session's status for the observers' consoles: one small file, replaced whole at every change.
 
-It never says the condition: who observes must not know it.
+The file never contains the condition: observers must not know it.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
             ``over``.
         trial: Number of the trial that goes on or comes next; 0 for none.
         attempt: Its attempt.
-        object: What is lifted in it.
+        object: Name of the object to lift.
         n_over: Trials that need nothing more.
         n_trials: All trials.
         started_ns: When the running trial began; ``None`` where none runs.
         until_ns: When the rest or the window is over; ``None`` where nothing ends by itself.
         window_s: Time in which the object has to be lifted, seconds.
-        says: What is prepared or waited for.
+        says: Description of the preparation or of the wait.
         n_told: How many commands of other programs were taken.
-        health: What is wrong with the devices, one sentence each; empty when all is well.
+        health: Problems of the devices, one sentence each; empty without any.
     """
 
     t_ns: int

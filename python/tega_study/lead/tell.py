@@ -1,7 +1,7 @@
 """Let another program on this machine lead a session: start, end, slip and so on, as if a key had been pressed.
 
-A command is a line of JSON at the end of ``sessions/p01/told.jsonl``, such as ``{"do": "start"}``; who may write there
-may lead. A session takes commands that come while it runs, and says in its board how many it has taken.
+A command is a line of JSON at the end of ``sessions/p01/told.jsonl``, such as ``{"do": "start"}``. Write access to
+that file allows leading. A session takes commands that come while it runs, and counts them in its board.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ KEYS: Final[dict[Command, tuple[str, ...]]] = {
 """What each command presses."""
 
 FRESH_S: Final = 3.0
-"""A board that is older belongs to a session that nobody leads: it is renewed twice a second."""
+"""An older board belongs to a session that is not led: a led one renews it twice a second."""
 _MOST_BYTES: Final = 65536
 _LOOK_S: Final = 0.02
 
@@ -61,10 +61,10 @@ def told_path(folder: Path, participant: str) -> Path:
 
 
 class CommandFile:
-    """Takes commands of other programs; what was written before is passed over.
+    """Takes commands of other programs; earlier ones are skipped.
 
-    So is what came while nothing was taken for :data:`FRESH_S`, as when a typed answer was waited for: whoever gave it
-    has been told that it was not taken, and it must not begin or end a trial now.
+    Commands that came while none was taken for :data:`FRESH_S`, as during a typed answer, are skipped too. Their
+    sender was informed that they were not taken, so they must not begin or end a trial now.
 
     Args:
         path: The file.
@@ -121,7 +121,7 @@ def tell(
 
     Args:
         folder: The study's folder.
-        participant: Whose session.
+        participant: Participant ID of the session.
         command: What to do; it does what its key would do now, which may be nothing.
         clock: The machine's monotonic one, which the session's board goes by.
         timeout_s: For the session to take it, seconds.
@@ -130,8 +130,8 @@ def tell(
         How the session stood then.
 
     Raises:
-        DeviceUnavailableError: Nobody leads the session on this machine, or it did not take the command.
-        RecordingError: What is there for commands is a link, or no file.
+        DeviceUnavailableError: The session is not led on this machine, or it did not take the command.
+        RecordingError: The path for commands is a link, or not a file.
     """
     board = _fresh(folder, participant, clock)
     line = msgspec.json.encode(ToldLine(command)) + b"\n"

@@ -37,7 +37,7 @@ Task = Literal["lift", "place"]
 """Ends a trial. Enter begins one and answers questions: one Enter too many must not end the trial that it began."""
 
 QUIET_S = 1.0
-"""So long after a trial has begun its result cannot be keyed: nobody has lifted or dropped anything by then."""
+"""Seconds after a trial's start without result keys: too short for a lift or a drop."""
 
 _OWN = {"slip", "deformation", "drop", "override", "note", "redo"}
 _KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}
@@ -63,18 +63,18 @@ class LedTrial:
         folder: The study's.
         trial: Which.
         attempt: Its attempt.
-        bench: What it runs on.
+        bench: The bench that runs the trial.
         journal: The session's events.
         clock: The session's.
         task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
         window_s: Time in which it has to be lifted, seconds.
         stable: Reading of "stably raised" (:data:`tega.stages.events.outcomes.StableReading`).
-        time_scale: Of the countdown.
+        time_scale: Scale of the countdown.
         beeps: The second task; ``None`` where there is none.
 
     Attributes:
         phase: ``preparing``, ``countdown``, ``trial`` or ``over``.
-        left_s: Of the countdown.
+        left_s: Remaining time of the countdown, seconds.
         beeps: The second task; ``None`` where there is none.
         broke: What made it end before it had begun; ``""`` otherwise.
     """
@@ -116,7 +116,7 @@ class LedTrial:
 
     @property
     def rule(self) -> LiftRule:
-        """The rule that counts: of the keys if the height was keyed, else of what was observed."""
+        """The rule that counts: from the keys if the height was keyed, else from observation."""
         return self._keyed if self._keyed_height else self._observed
 
     @property
@@ -125,7 +125,7 @@ class LedTrial:
         return self._observed.lift_off_s if self._keyed.lift_off_s is None else self._keyed.lift_off_s
 
     def step(self, keys: list[str]) -> bool:
-        """Take in keys and what the bench saw; write what follows from it into the journal.
+        """Process keys and the bench's observations; write the resulting events into the journal.
 
         Returns:
             Whether the trial is over; its end is then on the disk, unless it had not begun.
@@ -340,12 +340,12 @@ class LedTrial:
         return counting(self._journal.events, self.trial.trial, self.attempt)
 
     def undo(self) -> JournalEvent | None:
-        """Undo what the experimenter last added to this attempt."""
+        """Undo the experimenter's last addition to this attempt."""
         return undo_last(self._journal, self.trial.trial, self.attempt, t_ns=self._clock.now_ns())
 
 
 def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> JournalEvent | None:
-    """Undo what the experimenter last added to an attempt, or a measured drop; ``None`` where there is nothing."""
+    """Undo the experimenter's last addition to an attempt, or a measured drop; ``None`` if there is nothing."""
     mine = [
         event
         for event in counting(journal.events, trial, attempt)

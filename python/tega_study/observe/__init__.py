@@ -1,13 +1,13 @@
-"""Observe a running session: one key an event, in a file of its own for each rater.
+"""Observe a running session: one key an event, in a separate file for each rater.
 
 ::
 
-    observing.py    what a rater adds, and which trials the rater saw from start to end; no display
-    console.py      a program of its own in a terminal
+    observing.py    a rater's events, and the trials that the rater saw from start to end; no display
+    console.py      a separate program in a terminal
 
-A console reads what the session wrote, and writes into no file but the rater's. So it needs no connection, and either
-side can stop and start again at any moment. Raters do not see one another, nor the condition. Recordings are coded in
-BORIS: :mod:`tega_study.score.clips`.
+A console reads the session's files, and writes only the rater's file. So it needs no connection, and either side can
+stop and restart at any moment. Raters do not see one another, nor the condition. Recordings are coded in BORIS:
+:mod:`tega_study.score.clips`.
 """
 
 from __future__ import annotations

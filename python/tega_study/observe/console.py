@@ -42,8 +42,8 @@ class Console(App[None]):
 
     Args:
         folder: The study's folder.
-        participant: Whose session.
-        rater: Who observes.
+        participant: Participant ID of the session.
+        rater: Code of the rater.
 
     Raises:
         TegaError: As :class:`tega_study.observe.Observing`.
@@ -203,7 +203,7 @@ def _pressed_ns(event: events.Key) -> int:
 
 
 def _clock(now: Now, t_ns: int) -> str:
-    """Return the trial's time, or what is left of the rest."""
+    """Return the trial's time, or the remaining rest."""
     if now.running is not None:
         tenths = (t_ns - now.running[2]) // 100_000_000
     elif now.board is not None and now.led and now.board.phase == "rest" and now.board.until_ns is not None:

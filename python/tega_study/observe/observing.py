@@ -13,13 +13,13 @@ from tega_study.observers import PART, RECORDED, WHOLE, observer_path
 from tega_study.plan import PlannedTrial, read_plan
 
 OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
-"""What a rater can see happen."""
+"""Kinds of events that a rater can see."""
 
 LATE_NS = 1_000_000_000
 """So long after a trial's end an event still belongs to it, and so late a rater may come and have seen it all."""
 
 GONE_NS = 3_000_000_000
-"""A board older than this: nobody leads the session now."""
+"""Age of a board from which the session counts as not led, nanoseconds."""
 
 _RATER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,39}")
 
@@ -39,11 +39,11 @@ class Now(NamedTuple):
     """State of the session as a rater is shown it.
 
     Attributes:
-        board: What the session says of itself; ``None`` before it has ever been led.
-        led: Whether somebody leads it now.
+        board: The session's newest board; ``None`` before it was first led.
+        led: Whether the session is led now.
         running: The trial that goes on, its attempt, and when it began on the session's clock; or ``None``.
         newest: The trial that goes on or was the last one, and its attempt; or ``None``.
-        events: What the rater has added to that trial and not undone.
+        events: The rater's events of that trial, without undone ones.
         following: The trial that comes next, as far as the board knows.
     """
 
@@ -60,12 +60,12 @@ class Observing:
 
     Args:
         folder: The study's folder.
-        participant: Whose session.
-        rater: Who observes, a code such as ``r1``.
+        participant: Participant ID of the session.
+        rater: The rater's code, such as ``r1``.
         t_ns: Now, on the session's clock.
 
     Raises:
-        InvalidValueError: Nobody has that id, ``rater`` cannot be a file's name, or has scored recordings.
+        InvalidValueError: Unknown participant ID, ``rater`` cannot be a file's name, or has scored recordings.
         RecordingError: The file is damaged, belongs to another plan, or the person has withdrawn.
         DeviceUnavailableError: The rater's file is open in another console.
     """

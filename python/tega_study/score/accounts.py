@@ -28,7 +28,7 @@ _NEVER: dict[str, frozenset[Kind]] = {
 """Kinds of events that an account does not look for."""
 KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop", "placed")
 TOLERANCE_S = 1.0
-"""For a live rater: seeing, deciding and pressing take 0.25 to 0.6 s, more for what is rare."""
+"""Tolerance for a live rater: seeing, deciding and pressing take 0.25 to 0.6 s, more for rare events."""
 
 
 class Scored(NamedTuple):

@@ -1,7 +1,7 @@
 """Measure how far two accounts of the same trials agree: matched events, chance, kappa in bins, counts.
 
-No one number says it. Matched events depend on the tolerance, kappa on the bins, the intraclass correlation on how much
-trials differ; chance is what is left when one account is turned round in time.
+No single number is enough. Matched events depend on the tolerance, kappa on the bins, the intraclass correlation on
+how much trials differ. Chance is the agreement after one account is rotated in time.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
     """Agreement of two accounts of the same trials, for one kind of event.
 
     Attributes:
-        kind: Of the events.
-        a: Who says the first, and is taken as the reference of the delay.
-        b: Who says the second.
+        kind: Kind of the events.
+        a: Source of the first account, the reference of the delay.
+        b: Source of the second account.
         trials: That both have.
         n_a: Events of the first.
-        n_b: Of the second.
+        n_b: Events of the second.
         matched: Pairs within the tolerance, one to one.
         f1: ``2 matched / (n_a + n_b)``; ``None`` without any event.
         chance_f1: Mean of that when the second's events are turned round within each trial.
@@ -45,8 +45,8 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
         delay_sd_s: Standard deviation of that; ``None`` below two pairs.
         kappa: Cohen's, in bins of a second, all trials together; ``None`` where it is not defined.
         icc: ICC(A,1) of the counts by trial.
-        icc_low: Of its 95 % interval.
-        icc_high: Likewise.
+        icc_low: Lower end of its 95 % interval.
+        icc_high: Upper end of its 95 % interval.
         note: Why no event is matched, if none is.
     """
 
@@ -105,8 +105,8 @@ def kappa(
 
     Args:
         a: Times of each trial.
-        b: Of the other account.
-        lengths_s: Of each trial, seconds.
+        b: Events of the other account.
+        lengths_s: Length of each trial, seconds.
         bin_s: Width of a bin; an event belongs to bin ``floor(t / bin_s)``.
 
     Returns:
@@ -171,11 +171,11 @@ def agreement(
     """Compare two accounts.
 
     Args:
-        kind: Of the events.
-        names: Who says them.
+        kind: Kind of the events.
+        names: Sources of the two accounts.
         a: Times of each trial, seconds from its start.
-        b: Of the other account, the same trials.
-        lengths_s: Of the trials.
+        b: Events of the other account, the same trials.
+        lengths_s: Lengths of the trials.
         tolerance_s: For a pair.
         turns: For the chance level: by so many even parts of a trial the second's events are turned round.
     """

@@ -31,7 +31,7 @@ _ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_(.+))?")
 
 
 def export_boris(folder: Path, path: Path) -> int:
-    """Write a project: an observation for each trial and rater, and one to fill in where nobody has scored.
+    """Write a project: an observation for each trial and rater, and an empty one for each unscored trial.
 
     Args:
         folder: The study's folder.
@@ -93,7 +93,7 @@ def export_elan(folder: Path, out: Path) -> int:
 
 
 class _Account(NamedTuple):
-    """Events of a trial as one rater coded them; those of nobody yet have no rater."""
+    """Events of a trial as one rater coded them; an uncoded trial has no rater."""
 
     stem: str
     rater: str
@@ -157,7 +157,7 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
             (``.eaf``) or a folder of them, named by their trials. Observations are named as :func:`export_boris` names
             them. Of several of a trial the one that ends in the rater's code is taken, else the one that ends in none,
             and the detector's only where there is no other.
-        rater: A code that nobody has used in these sessions.
+        rater: A new code, without events in these sessions.
 
     Returns:
         Number of trials taken in, by person.
@@ -229,8 +229,8 @@ class CodedTrial(NamedTuple):
     """Trial as a rater coded it.
 
     Attributes:
-        start: Of the attempt.
-        end: Likewise.
+        start: Start of the attempt.
+        end: End of the attempt.
         events: Events, with behaviours of :data:`CODES` or of the plan.
         whole: Whether all of it was coded.
     """
@@ -244,13 +244,13 @@ class CodedTrial(NamedTuple):
 def write_coded(
     folder: Path, person: str, rater: str, trials: Sequence[CodedTrial], signed: str, *, item: str = ""
 ) -> None:
-    """Write what a rater coded of a session into a new file of theirs.
+    """Write a rater's coded events of a session into the rater's new file.
 
     Args:
         folder: The study's folder.
-        person: Whose session.
-        rater: Who coded; without a file in this session.
-        trials: What was coded.
+        person: Participant ID of the session.
+        rater: Code of the rater; without a file in this session.
+        trials: Coded events by trial.
         signed: Fingerprint of the plan.
         item: How it was coded (:mod:`tega_study.observers`).
     """
@@ -290,7 +290,7 @@ def attempts(events: Sequence[JournalEvent]) -> list[tuple[JournalEvent, Journal
 def _of_one(
     path: Path, name: str, accounts: dict[str, Sequence[CodedEvent]], rater: str
 ) -> Sequence[CodedEvent]:
-    """Return what the rater coded: under that name, else under none, else what there is."""
+    """Return the rater's observation: under that name, else without a name, else the one there is."""
     for whose in (rater, ""):
         if whose in accounts:
             return accounts[whose]

@@ -31,7 +31,7 @@ def write_clip(trial: RecordedTrial, path: Path, scene: SceneReel | None = None)
     """Write a trial as Motion JPEG in an AVI file.
 
     Args:
-        trial: Whose recording is complete.
+        trial: The trial, with a complete recording.
         path: The new file.
         scene: Cameras that saw the object; ``None`` without any.
 

@@ -1,9 +1,9 @@
-"""Make blind clips of recorded trials for raters who code in BORIS; :mod:`.clips_coded` takes what they coded back.
+"""Make blind clips of recorded trials for raters who code in BORIS; :mod:`.clips_coded` reads their coding.
 
-A clip is a trial of anybody, its pictures and the scene's, under a number drawn from the study's seed and the rater's
-code: neither person nor trial nor condition can be read off that. Which clip is which stands in the study's folder, in
-``clips/RATER.json``. With proposals the project holds what the session's rule and the detector say, each to be
-confirmed, rejected or moved.
+A clip is one person's trial with its frames and the scene's. Its number is drawn from the study's seed and the
+rater's code, and reveals neither person nor trial nor condition. The assignment is stored in the study's folder, in
+``clips/RATER.json``. With proposals the project holds the events of the session's rule and of the detector, each to
+be confirmed, rejected or moved.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from tega_study.score.scene_reel import SceneReel
 from tega_study.withdrawn import withdrawn_ids
 
 RULE: Final = "rule"
-"""Who proposes what the session's own rule found."""
+"""Name under which the events of the session's own rule are proposed."""
 
 OPEN: Final = "proposed"
-"""What a proposal is until a rater has decided."""
+"""State of a proposal until a rater has decided."""
 
 VERDICTS: Final = (OPEN, "confirmed", "rejected", "moved")
 """Values of the modifier by which a rater decides."""
@@ -52,7 +52,7 @@ class Proposal(msgspec.Struct, frozen=True):
 
     Attributes:
         source: :data:`RULE` or ``detector``.
-        kind: Of the event.
+        kind: Kind of the event.
         t_s: Seconds from the trial's start.
         confidence: 0 to 1; 1 of the rule.
     """
@@ -64,15 +64,15 @@ class Proposal(msgspec.Struct, frozen=True):
 
 
 class RaterClip(msgspec.Struct, frozen=True):
-    """Clip, and what it is of.
+    """Clip and the attempt that it shows.
 
     Attributes:
         name: Such as ``clip-001``.
-        participant: Whose trial.
+        participant: Participant ID of the trial.
         trial: Its number in the plan.
         attempt: Its attempt.
         length_s: How long it is.
-        proposals: What was proposed; the number of each stands in its comment.
+        proposals: Proposed events; the number of each is in its comment.
     """
 
     name: str
@@ -88,9 +88,9 @@ class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         format: ``tega-clips``.
-        version: Of this format.
+        version: Format version.
         plan: Fingerprint of the study's plan.
-        rater: Whose clips.
+        rater: Code of the clips' rater.
         proposed: Whether the rater is shown proposals.
         clips: All of them, in the rater's order.
         left_out: Trials without a recording that can be shown, and why.
@@ -125,10 +125,11 @@ def make_clips(
     Args:
         folder: The study's folder.
         out: Where to; must not exist, or be empty.
-        rater: Who will code; a code that is new.
+        rater: Code of the rater who will code; a new one.
         proposals: Put what rule and detector say into the project.
-        scenes: Scene recordings of the sessions, made on their machine; none for what is in the trials' own.
-        told: Told how many clips are done, of how many.
+        scenes: Scene recordings of the sessions, made on their machine; none to use the films in the trials'
+            recordings.
+        told: Called with the number of finished clips and the total.
 
     Returns:
         The key, which is kept in the study's folder.

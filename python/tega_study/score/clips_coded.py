@@ -1,4 +1,4 @@
-"""Read what a rater coded of blind clips: events that were added, and proposals confirmed, moved or rejected."""
+"""Read a rater's coding of blind clips: events that were added, and proposals confirmed, moved or rejected."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class TakenClips(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         trials: Clips taken in, by person.
-        unfinished: Clips with a proposal that nobody decided; they count in no comparison.
-        added: Events that nobody had proposed.
+        unfinished: Clips with an undecided proposal; they count in no comparison.
+        added: Events without a proposal.
         proposals: By who proposed, how many were confirmed, moved, rejected and left open.
     """
 
@@ -38,7 +38,7 @@ class TakenClips(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
-    """Take in what a rater coded of their clips, as that rater's file of each session.
+    """Import a rater's coding of their clips, as that rater's file of each session.
 
     A rejected proposal is no event, a confirmed or moved one is, where the rater left it; a deleted one is rejected. A
     clip with a proposal that is still open was not coded whole.
@@ -46,11 +46,11 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
     Args:
         folder: The study's folder.
         path: The rater's project.
-        rater: Whose.
+        rater: Code of the rater.
 
     Raises:
         InvalidValueError: The rater has no clips, or was taken in already.
-        RecordingError: The file is no project, lacks a clip, or holds what was never asked.
+        RecordingError: The file is no project, lacks a clip, or holds an unknown one.
     """
     key, observed = read_key(folder, rater), read_boris(path)
     gone = withdrawn_ids(folder)

@@ -1,4 +1,4 @@
-"""List a person's recorded trials that count, and those whose recording cannot be used."""
+"""List a person's recorded trials that count, and those without a usable recording."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class RecordedTrial(NamedTuple):
 
     Attributes:
         id: Such as ``p01-t07``.
-        trial: Its number in the plan, which no rater is told.
+        trial: Its number in the plan, which is hidden from raters.
         attempt: The one that counts.
-        object: What is lifted.
-        start_ns: Of the trial, on the session's clock.
+        object: Name of the lifted object.
+        start_ns: Start of the trial, on the session's clock.
         length_ns: From its start to its end.
         zero_ns: The trial's start, counted from the recording's.
-        folder: Of the recording.
+        folder: Folder of the recording.
     """
 
     id: str
@@ -53,13 +53,13 @@ def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial]
 
     Args:
         folder: The study's folder.
-        participant: Whose.
+        participant: Participant ID.
 
     Returns:
-        The trials, and why others have no recording that can be used, as far as their files tell without being read.
+        The trials, and the reasons why others have no usable recording, as far as known without reading it.
 
     Raises:
-        InvalidValueError: Nobody has that id.
+        InvalidValueError: Unknown participant ID.
         RecordingError: The study is damaged.
     """
     ended = {

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _EVER_NS: Final = 2**62
 _BOOT_NS: Final = 600 * 1_000_000_000
-"""The machine's clock begins anew when it starts: files whose beginnings of it are further apart are of two starts."""
+"""Files whose clocks began further apart than this are from two boots, nanoseconds."""
 
 
 class _FilmFile:

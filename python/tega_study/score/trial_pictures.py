@@ -1,7 +1,7 @@
 """Read the pictures of a recorded trial for raters: fingertips or, on the simulated bench, the object in words.
 
-Nothing else of the recording is read: not what the vest was told nor whether it was on, not the settings, and no muscle
-signal, in which motors that turn could be seen.
+Nothing else of the recording is read: not the vest's commands nor whether it was on, not the settings, and no muscle
+signal, in which running motors could be seen.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Reel:
         return self._decoded[finger][1]
 
     def lines(self, at_ns: int) -> list[str]:
-        """Return what the simulated bench knows of the object at a moment, in words."""
+        """Return the simulated bench's state of the object at a moment, in words."""
         if (place := bisect_right(self._truth_t_ns, at_ns)) == 0:
             return []
         truth = self._truth[place - 1]
@@ -166,7 +166,7 @@ def _keep(strip: _Strip, t_ns: int, picture: Any, cv2: Any) -> None:
 
 
 def _of_bench(trial: RecordedTrial) -> Reel:
-    """Read what the simulated bench keeps of the object, which has no pictures."""
+    """Read the object's states that a simulated bench recorded; it has no frames."""
     truth_t_ns, truth = [], []
     try:
         text = read_words(trial.folder / "truth.csv", most_mib=256)

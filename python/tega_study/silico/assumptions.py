@@ -1,7 +1,8 @@
 """Keep the assumptions of a study in silico in its folder: ``simulation.toml`` and ``parameters.toml``.
 
 ``parameters.toml`` is the file that the simulated people were drawn from, byte for byte; ``simulation.toml`` has its
-SHA-256 and what else decides the outcome. A report is made from these two, not from what the package holds today.
+SHA-256 and everything else that decides the outcome. A report is made from these two, not from the package's present
+parameters.
 """
 
 from __future__ import annotations
@@ -35,22 +36,22 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     """Assumptions that decide the outcome of a study in silico, besides its plan.
 
     Attributes:
-        version: Of the program that ran it.
-        parameters_sha256: Of ``parameters.toml``.
+        version: Version of the program that ran it.
+        parameters_sha256: SHA-256 of ``parameters.toml``.
         frozen: Whether that is the file that was frozen before the first run; else it is a changed one.
         everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the population's.
         preset: Readings of the loop.
-        settings: Of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
+        settings: Settings of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
         rules: Version of the rules that the people followed.
-        people_sha256: Of the people's parameters and, from version 2, the version of their rules; empty in older
-            studies.
-        objects: What was lifted, attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
+        people_sha256: SHA-256 of the people's parameters and, from version 2, the version of their rules; empty in
+            older studies.
+        objects: The lifted objects, attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega_sim.operator.VIEWS`.
-        shear: Of the gels, see :class:`tega_sim.gel.Gel`.
+        shear: Shear of the gels, see :class:`tega_sim.gel.Gel`.
         fresh: Whether each person meets each condition as if there were no other: knowing nothing yet, rested, and with
             the same chance in the n-th trial under each. Then outcomes are kept, and no course of touch and no picture,
             which the arms that need no pictures would have to render.
-        code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
+        code_sha256: SHA-256 of the program's files: people's rules, world, gel and readings; empty in older studies.
     """
 
     version: str
@@ -100,25 +101,25 @@ def assume(
     shear: Shear = "off",
     fresh: bool = False,
 ) -> tuple[Assumptions, bytes]:
-    """State what a study takes for granted.
+    """Return a study's assumptions.
 
     Args:
-        objects: What is lifted, by name.
+        objects: Names of the objects to lift.
         parameters: A parameter file; none means the package's own.
         everyone: As in :class:`Assumptions`.
-        preset: Likewise.
-        settings: Likewise.
-        rules: Likewise.
-        view: Likewise.
-        shear: Likewise.
-        fresh: Likewise.
+        preset: As in :class:`Assumptions`.
+        settings: As in :class:`Assumptions`.
+        rules: As in :class:`Assumptions`.
+        view: As in :class:`Assumptions`.
+        shear: As in :class:`Assumptions`.
+        fresh: As in :class:`Assumptions`.
 
     Returns:
         The statement, and the parameter file.
 
     Raises:
-        ConfigError: The file is not valid, ``everyone`` names what is not in it or goes out of its bounds, or a
-            setting is not one of the loop's.
+        ConfigError: The file is not valid, ``everyone`` has an unknown or out-of-range parameter, or a setting is not
+            one of the loop's.
         RecordingError: The file cannot be read.
     """
     from tega._native import __version__
@@ -171,7 +172,7 @@ def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]
 
 
 def read_assumptions(folder: Path) -> Assumptions | None:
-    """Read what a study took for granted; ``None`` where it does not say, as with people.
+    """Read a study's assumptions; ``None`` if it has none, as with real people.
 
     Args:
         folder: The study's folder.

@@ -41,7 +41,7 @@ VARIED = (
     "grip.harm_cost",
     "grip.effort_cost",
 )
-"""Parameters that are changed unless others are named: what is felt, what is seen, the muscles, the weighing."""
+"""Parameters changed by default: what people feel and see, the muscles, the weighing."""
 
 ARMS = ("half", "unrelated", "constant", "inverted")
 """Arms of :data:`tega_sim.conditions.CONDITIONS` that take the place of the first condition."""
@@ -54,7 +54,7 @@ class SensitivityRow(msgspec.Struct, frozen=True, kw_only=True):
         what: ``base``, a parameter's ``section.name``, ``arm`` or ``reading``.
         setting: Its value as text.
         end: Where the value lies: ``low`` or ``high`` for a parameter, else empty.
-        people: Who took part.
+        people: Number of people who took part.
         trials: In all.
         directions: Each of the paper's.
     """
@@ -85,7 +85,7 @@ def run_sensitivity(
     dask: str = "",
     progress: Progress = lambda _what, _done, _total: None,
 ) -> list[str]:
-    """Run the small studies, or what is left of them.
+    """Run the small studies that are not finished.
 
     Args:
         folder: A study in silico; its seed, objects and parameter file are used.
@@ -95,7 +95,7 @@ def run_sensitivity(
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the changes, from 1.
         dask: Address of a dask scheduler.
-        progress: Told how many trials are done.
+        progress: Called with the number of finished trials.
 
     Returns:
         Names of the changes that are not done, because they are other shards'.

@@ -1,8 +1,8 @@
-"""Simulate one person's session: a function of plan, assumptions and the study's seed, whoever runs it.
+"""Simulate one person's session: a function of plan, assumptions and the study's seed only.
 
-A person remembers and tires from trial to trial, so a session is the unit of work; where the assumptions say ``fresh``,
-from trial to trial of one condition. It is made in a folder of its own and handed over as files, so that whoever runs
-it need not share a disk with whoever asked for it.
+A person remembers and tires from trial to trial, so a session is the unit of work; with the assumption ``fresh``,
+from trial to trial of one condition. A session is made in a separate folder and returned as files, so the worker
+needs no disk in common with the caller.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class SessionJob(NamedTuple):
 
     Attributes:
         folder: The study's folder, on the machine that asks.
-        person: Whose session.
-        settings: Of the study.
+        person: ID of the person.
+        settings: Settings of the study.
         trials: The person's, in their order.
-        assumptions: What is taken for granted.
+        assumptions: Assumptions of the study.
         parameters: The population that the person is drawn from.
         pictures: Whether to keep a picture of a fingertip of each object's first felt lift.
     """
@@ -71,7 +71,7 @@ def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes
 
     Args:
         job: Which.
-        scratch: Folder to work in, which can be watched; what it holds is deleted. None means one that goes away.
+        scratch: Folder to work in, which can be watched; its content is deleted. ``None`` uses a temporary one.
 
     Returns:
         The files, by path in the study's folder.
@@ -155,7 +155,7 @@ def _go(job: SessionJob, folder: Path) -> None:
 
 
 def keep_session(job: SessionJob, files: dict[str, bytes]) -> None:
-    """Put a finished session into the study's folder; its events come last, and tell that it is there.
+    """Put a finished session into the study's folder. Its events come last, as the sign that it is complete.
 
     Args:
         job: Which.

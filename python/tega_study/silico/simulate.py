@@ -1,4 +1,4 @@
-"""Run a whole study with simulated people, or what is left of it."""
+"""Run a whole study with simulated people, or the sessions that are not finished."""
 
 from __future__ import annotations
 
@@ -79,28 +79,28 @@ def simulate(
     dask: str = "",
     progress: Progress = lambda _what, _done, _total: None,
 ) -> StudyPlan:
-    """Run a whole study with simulated people, or what is left of it.
+    """Run a whole study with simulated people, or the sessions that are not finished.
 
     Args:
         folder: The study's folder, new or of the same study.
         operators: How many people.
-        seed: Of everything.
+        seed: Seed of all random draws.
         objects: Names in :data:`tega_sim.world.OBJECTS`, or other objects by name, such as those of
             :func:`tega_sim.world.crossed`.
-        conditions: Of :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
+        conditions: Names in :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
         trials: Per person, object and condition.
         parameters: A changed parameter file for the people; none means the frozen one.
         preset: Readings of the loop.
-        settings: Of the loop, as ``key=value``: stages, layout and mirror.
+        settings: Settings of the loop, as ``key=value``: stages, layout and mirror.
         rules: Version of the rules that the people follow.
         view: Sight of the hand while the object is held.
-        shear: Of the gels, see :class:`tega_sim.gel.Gel`.
+        shear: Shear of the gels, see :class:`tega_sim.gel.Gel`.
         fresh: Whether each person meets each condition as if there were no other, see
             :class:`tega_study.silico.assumptions.Assumptions`.
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
-        dask: Address of a dask scheduler, whose workers are used instead of this machine's cores.
-        progress: Told how many trials are done.
+        dask: Address of a dask scheduler; its workers are used instead of this machine's cores.
+        progress: Called with the number of finished trials.
 
     Raises:
         InvalidValueError: A name is unknown, or the folder has another study.
@@ -211,7 +211,7 @@ def jobs_of(
 
 
 def unfinished(folder: Path, plan: StudyPlan) -> list[str]:
-    """Return whose sessions are not over."""
+    """Return the IDs of people with unfinished sessions."""
     return [
         person
         for person in plan.participants

@@ -15,7 +15,7 @@ from tega_study.silico.assumptions import code_sha256
 from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_session
 
 Progress = Callable[[str, int, int], None]
-"""Told what is counted, how many are done, and how many there are."""
+"""Called with the unit that is counted, the number of finished ones, and the total."""
 
 _LOOK_S = 0.5
 _CONNECT_S = 10.0
@@ -34,7 +34,7 @@ def run_sessions(
         jobs: Which.
         workers: Processes on this machine; 0 for as many as there are cores. One runs in this process.
         dask: Address of a dask scheduler; then its workers run them, and need not share a disk with this machine.
-        progress: Told how many trials are done; with ``dask`` after each session.
+        progress: Called with the number of finished trials; with ``dask`` after each session.
 
     Raises:
         MissingExtraError: joblib or dask.distributed is not installed.
@@ -89,7 +89,7 @@ def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[Sessi
 
 
 def _about() -> str:
-    """Return the program's version and a digest of its files, which decide what a session gives."""
+    """Return the program's version and a digest of its files, which determine a session's result."""
     import tega
 
     return f"{tega.__version__} ({code_sha256()[:12]})"
@@ -99,7 +99,7 @@ def _about() -> str:
 def _watched(
     jobs: Sequence[SessionJob], total: int, progress: Progress, *, on: bool
 ) -> Iterator[Callable[[int], None]]:
-    """Tell progress in trials: of sessions that are over, and of those under way by the courses they have written."""
+    """Report progress in trials: finished sessions, and the written courses of running ones."""
     n_over, ended = 0, threading.Event()
 
     def tell(done: int) -> None:
