@@ -63,7 +63,7 @@ STAGE_GROUPS: tuple[Literal["metric", "decoder", "mapping"], ...] = ("metric", "
 
 DEFAULT_STAGES: dict[str, dict[str, str]] = {
     "paper": {"metric": "paper", "decoder": "rules", "mapping": "columns"},
-    "live": {"metric": "live", "decoder": "rules", "mapping": "columns"},
+    "live": {"metric": "live", "decoder": "rules", "mapping": "equal-steps"},
 }
 """Name of the stage of each kind where the settings name none, by preset."""
 

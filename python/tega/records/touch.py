@@ -108,8 +108,9 @@ class Contact(Record, frozen=True, kw_only=True):
         in_contact: Whether anything touches.
         cci_norm: CCI as a share of the finger's maximum, 0 to 1.
         eda_norm: EDA likewise.
-        front: Intensity of the finger's front column (Eq 7, 8).
-        back: Of its back column (Eq 9).
+        front: Share of the full that the mapping gives the finger's front column: of the intensity (Eq 7, 8), or of
+            the sensation above the wearer's threshold (``equal-steps``).
+        back: Of its back column (Eq 9), likewise.
         known_ns: When the loop had done so.
         area_mm2: Area of the contact; ``None``, as below, where the metric does not say.
         depth_mm: Depth of the dent.
