@@ -241,6 +241,8 @@ class InputSection(_Section, frozen=True):
         recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
         marker: A switch that marks a moment.
         undo: A button that undoes the online adaptation of EMG; pressed again, that begins anew.
+        rezero: A button that has every finger take a new baseline, while nothing touches; a finger refuses while
+            another one bears a load.
         reflex: A button that takes the reflex's authority away; pressed again, gives it back.
     """
 
@@ -250,6 +252,7 @@ class InputSection(_Section, frozen=True):
     recover: InputConfig | None = None
     marker: InputConfig | None = None
     undo: InputConfig | None = None
+    rezero: InputConfig | None = None
     reflex: InputConfig | None = None
 
     def in_use(self) -> dict[str, InputConfig]:

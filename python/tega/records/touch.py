@@ -45,11 +45,12 @@ class Picture(Record, frozen=True, kw_only=True):
         name: What to call it in an error.
         pixels_crc32: Of its pixels; a file tells it, a camera does not.
         loaded: Whether another finger was in contact when it was measured.
+        rezeroed: Whether the picture before it was taken for a new baseline.
     """
 
     topic: ClassVar[str] = "/tactile/{finger}/image"
     schema: ClassVar[str] = "Frame"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     unwritten: ClassVar[tuple[str, ...]] = ("finger", "image")
 
     finger: str
@@ -60,6 +61,7 @@ class Picture(Record, frozen=True, kw_only=True):
     name: str
     pixels_crc32: Annotated[int, quantity("1", "uint32")] = 0
     loaded: bool = False
+    rezeroed: bool = False
 
     @property
     def log_ns(self) -> int:

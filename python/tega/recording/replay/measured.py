@@ -231,6 +231,8 @@ class Measured:
         self.pixels[finger].append((frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now}))
         meter = self._meters[finger]
         meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
+        if getattr(told, "rezeroed", False):
+            meter.metric.rezero()
         try:
             contact = meter.take(frame)
         except TegaError:  # a bad picture of a live sensor, dropped then as now

@@ -163,6 +163,10 @@ class Page:
             button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
             button.on_click(lambda _event: undo())
 
+        if (rezero := controls.rezero) is not None:
+            button = self.inputs["rezero"] = gui.add_button("New baseline", color="gray")
+            button.on_click(lambda _event: rezero())
+
         stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
         stop.on_click(lambda _event: controls.stop())
 
