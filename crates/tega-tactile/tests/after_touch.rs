@@ -86,7 +86,10 @@ fn a_leftover_that_fades_over_seconds_is_no_contact_and_hides_none() {
                 let share = if again { 0.33 } else { course(since_s) };
                 let frame = finger.frame(share, |_| 1.0);
                 let touch = update(&mut tracker, &frame);
-                assert!(!again || since_s < 12.1 || touch.in_contact, "{number} {noise}: {since_s} s {touch:?}");
+                assert!(
+                    !again || since_s < 12.1 || touch.in_contact,
+                    "{number} {noise}: {since_s} s {touch:?}"
+                );
                 let after = (0.5..12.0).contains(&since_s) || since_s > 13.5;
                 assert!(!after || !touch.in_contact, "{number} {noise}: {since_s} s {touch:?}");
             }
@@ -110,7 +113,10 @@ fn mains_light_is_no_contact_and_does_not_shake_one() {
                 let (t_s, pressed) = (f64::from(k) / RATE_HZ, k >= 90);
                 let frame = finger.frame(f64::from(u8::from(pressed)), mains(hz, amplitude, t_s));
                 let touch = update(&mut tracker, &frame);
-                assert!(touch.in_contact == pressed || (90..92).contains(&k), "{hz} {amplitude}: {k} {touch:?}");
+                assert!(
+                    touch.in_contact == pressed || (90..92).contains(&k),
+                    "{hz} {amplitude}: {k} {touch:?}"
+                );
                 if k >= 100 {
                     eda.push(f64::from(touch.eda));
                 }
@@ -123,7 +129,8 @@ fn mains_light_is_no_contact_and_does_not_shake_one() {
                 .map(f64::from)
                 .unwrap();
             let mean = eda.iter().sum::<f64>() / eda.len() as f64;
-            let scatter = (eda.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / eda.len() as f64).sqrt() / mean;
+            let scatter =
+                (eda.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / eda.len() as f64).sqrt() / mean;
             assert!((mean / wanted - 1.0).abs() < 0.05, "{hz} {amplitude}: {mean} {wanted}");
             assert!(scatter < 0.05, "{hz} {amplitude}: {scatter}");
         }
@@ -155,7 +162,8 @@ fn the_first_frames_are_averaged_into_the_rest() {
     for ((y, x, _), value) in off.indexed_iter_mut() {
         *value += u8::from((y / 8 * 7 + x / 8 * 3) % 5 < 2);
     }
-    let mut tracker = TouchTracker::new(off.view(), TrackerOptions { rate_hz: 60.0, ..TrackerOptions::default() }).unwrap();
+    let mut tracker =
+        TouchTracker::new(off.view(), TrackerOptions { rate_hz: 60.0, ..TrackerOptions::default() }).unwrap();
     let told: Vec<f64> = (0..12).map(|_| update(&mut tracker, &still).difference).collect();
     assert!(told[0] > 0.1 && told[11] < 0.6 * told[0], "{told:?}");
 }

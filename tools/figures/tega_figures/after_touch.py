@@ -225,8 +225,8 @@ class _Camera:
     def _at(self, share: float) -> NDArray[np.float32]:
         k = min(max(int(np.searchsorted(_PRESSED, share)), 1), len(_PRESSED) - 1)
         part = float((share - _PRESSED[k - 1]) / (_PRESSED[k] - _PRESSED[k - 1]))
-        between: NDArray[np.float32] = self.pressed[k - 1] + part * (self.pressed[k] - self.pressed[k - 1])
-        return between
+        between = self.pressed[k - 1] + part * (self.pressed[k] - self.pressed[k - 1])
+        return np.asarray(between, np.float32)
 
 
 def _course(case: Case, t_s: float) -> tuple[float, float]:

@@ -255,7 +255,16 @@ mod tests {
     const DT_S: f64 = 1.0 / 60.0;
 
     fn now(before: f64, s: f64) -> Now {
-        Now { before, s, threshold: 2.0, leftover: 0.0, rest: 1.0, dt_s: DT_S, loaded: false, centre: Some((9.0, 9.0)) }
+        Now {
+            before,
+            s,
+            threshold: 2.0,
+            leftover: 0.0,
+            rest: 1.0,
+            dt_s: DT_S,
+            loaded: false,
+            centre: Some((9.0, 9.0)),
+        }
     }
 
     /// Seconds until a contact that goes on at this S ends, and how; at most a minute.
@@ -309,7 +318,9 @@ mod tests {
         }
         // And what rises over its lowest, at once.
         let mut left = fallen(0.2);
-        let found = (0..30).map(|k| left.pass(&now(9.0, if k < 10 { 9.0 } else { 11.0 }))).position(|then| then.is_some());
+        let found = (0..30)
+            .map(|k| left.pass(&now(9.0, if k < 10 { 9.0 } else { 11.0 })))
+            .position(|then| then.is_some());
         assert!(found.is_some_and(|at| (11..30).contains(&at)), "{found:?}");
     }
 

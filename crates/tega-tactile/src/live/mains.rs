@@ -185,14 +185,7 @@ impl Mains {
     }
 
     /// Covariance of the gains of two outer thirds of the picture.
-    fn covariance(
-        &mut self,
-        white: &Field,
-        gel: &Field,
-        noise: [f32; 3],
-        grid: &Grid,
-        along: Along,
-    ) -> f64 {
+    fn covariance(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along) -> f64 {
         let (lines, across) =
             if along == Along::Rows { (grid.rows, grid.cols) } else { (grid.cols, grid.rows) };
         let third = across / 3;
@@ -204,7 +197,8 @@ impl Mains {
             let first = if part == 0 { 0 } else { across - third };
             for at in 0..lines {
                 for place in first..first + third {
-                    let k = if along == Along::Rows { at * grid.cols + place } else { place * grid.cols + at };
+                    let k =
+                        if along == Along::Rows { at * grid.cols + place } else { place * grid.cols + at };
                     let [product, square] = answer(white, gel, noise, k);
                     lines_of.products[at] += product;
                     lines_of.squares[at] += square;

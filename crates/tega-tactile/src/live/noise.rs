@@ -95,7 +95,8 @@ impl SensorNoise {
                 [sum + spread, squares + spread * spread]
             });
             let weighed = if sum > 0.0 { squares / sum } else { 0.0 };
-            let variance = if frames.len() >= FEWEST && weighed > UNEVEN * middle { weighed } else { middle } / scale;
+            let variance =
+                if frames.len() >= FEWEST && weighed > UNEVEN * middle { weighed } else { middle } / scale;
             bgr[colour] = within(variance.sqrt() as f32, colour);
         }
         Ok(Self { bgr })

@@ -114,7 +114,8 @@ impl Cells {
     #[inline(always)]
     pub fn dark(&self, gel: &Field) -> bool {
         let light = |plane: &Vec<f32>| total(&light(plane));
-        let now = self.means.iter().map(|plane| plane.iter().map(|m| i32::from(*m)).sum::<i32>()).sum::<i32>();
+        let now =
+            self.means.iter().map(|plane| plane.iter().map(|m| i32::from(*m)).sum::<i32>()).sum::<i32>();
         let [first, middle, last] = [0, 1, 2].map(|c| light(&gel[c]));
         let still = (first + last) + middle;
         still > LIT * (3 * self.grid.cells()) as f32 && (now as f32) < 0.5 * UNITS_PER_COUNT * still
