@@ -86,9 +86,9 @@ impl Colour {
     /// S of a change as it is, without a fit; [`Self::judge`] may follow.
     #[inline(always)]
     pub fn plain(&mut self, white: &Field, grid: &Grid) -> f32 {
-        for c in 0..3 {
-            pool(&white[c], grid, self.cols, &mut self.pooled[c]);
-            self.left[c].clone_from(&self.pooled[c]);
+        for ((white, pooled), left) in white.iter().zip(&mut self.pooled).zip(&mut self.left) {
+            pool(white, grid, self.cols, pooled);
+            left.clone_from(pooled);
         }
         self.statistic()
     }

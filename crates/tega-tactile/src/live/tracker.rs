@@ -248,7 +248,9 @@ impl TouchTracker {
             }
         }
         if now < threshold {
-            bands.into_iter().for_each(|bands| self.mains.learn(bands, dt_s));
+            if let Some(bands) = bands {
+                self.mains.learn(bands, dt_s);
+            }
         }
         now
     }
