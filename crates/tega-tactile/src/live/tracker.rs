@@ -247,10 +247,10 @@ impl TouchTracker {
                 }
             }
         }
-        if now < threshold {
-            if let Some(bands) = bands {
-                self.mains.learn(bands, dt_s);
-            }
+        if now < threshold
+            && let Some(bands) = bands
+        {
+            self.mains.learn(bands, dt_s);
         }
         now
     }
