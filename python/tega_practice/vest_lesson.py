@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from tega.config import DEFAULT_LAYOUT
 from tega.config.calibration import TouchMaxima
-from tega.config.choose import chosen_stage, vest_mapping
+from tega.config.choose import chosen_stage, felt_map, vest_mapping
 from tega.devices.base import BudgetedVest
 from tega.errors import CalibrationError, DeviceUnavailableError
-from tega.haptics import FINGERS, FeltMap, MotorLevels
+from tega.haptics import FINGERS, MotorLevels
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
 from tega.runtime.clock import Clock, SystemClock
@@ -224,15 +224,12 @@ class Lesson:
 
     def _loop(self) -> TouchLoop:
         vest, preset = self._config.vest, self._config.session.preset
-        felt = None
-        if (vest.threshold, vest.step) != (0.0, 1.0):
-            felt = FeltMap(threshold=vest.threshold, step=vest.step)
         full = TouchMaxima(cci_max=self._full["cci"], eda_max=self._full["eda"])
         return TouchLoop(
             dict.fromkeys(self._fingers, full),
             layout=vest.layout or DEFAULT_LAYOUT[preset],
             mirror=vest.mirror,
-            felt=felt,
+            felt=felt_map(vest),
             mapping=vest_mapping(self._config.stages, preset),
         )
 

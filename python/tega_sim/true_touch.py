@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from tega.config import FINGERS, StageConfig, StagesSection
-from tega.config.choose import vest_mapping
+from tega.config.choose import felt_map, vest_mapping
 from tega.errors import InvalidValueError
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from tega.config.calibration import TouchMaxima
-    from tega.haptics import Layout, Mirror, MotorLevels
+    from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
     from tega.stages.base import Mapping as MappingStage
     from tega.stages.base import VestSetup
     from tega_sim.conditions import Tells
@@ -54,6 +54,7 @@ class TrueTouch(TouchLoop):
         maxima: As of :class:`tega.loop.touch.TouchLoop`, like the following.
         layout: Which motors the vest has.
         mirror: Which faces have their columns reversed.
+        felt: Thresholds and steps of the wearer, where they are known.
         mapping: Makes the mapping of measured contacts, for display.
 
     Raises:
@@ -67,13 +68,14 @@ class TrueTouch(TouchLoop):
         *,
         layout: Layout,
         mirror: Mirror = "none",
+        felt: FeltMap | None = None,
         mapping: Callable[[VestSetup], MappingStage] | None = None,
     ) -> None:
         if tells not in _SHOWN:
             raise InvalidValueError(f"tells = {tells!r} is no truth", f"choose from {', '.join(_SHOWN)}")
-        super().__init__(maxima, layout=layout, mirror=mirror, mapping=mapping)
+        super().__init__(maxima, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
         shown: Any = vest_mapping(StagesSection(mapping=_SHOWN[tells]), "live")
-        self._told = TouchLoop(maxima, layout=layout, mirror=mirror, mapping=shown)
+        self._told = TouchLoop(maxima, layout=layout, mirror=mirror, felt=felt, mapping=shown)
         self._forces_n: tuple[float, ...] = (0.0,) * len(FINGERS)
         self._slips: list[Event] = []
         self._slid_s: float | None = None
@@ -120,6 +122,7 @@ def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
     """
     config, tells = lab.config, ARMS[plan.condition].tells
     mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror
+    felt = felt_map(config.vest)
     if tells in _SHOWN:
-        return TrueTouch(tells, lab.touch, layout=layout, mirror=mirror, mapping=mapping)
-    return TouchLoop(lab.touch, layout=layout, mirror=mirror, mapping=mapping)
+        return TrueTouch(tells, lab.touch, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
+    return TouchLoop(lab.touch, layout=layout, mirror=mirror, felt=felt, mapping=mapping)

@@ -206,6 +206,8 @@ def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.ui
         elif newest is not None and (metric.memory or message.value.t_ns == t_ns):
             frame = read_picture(newest)
             metric.loaded = getattr(message.value, "loaded", False)
+            if getattr(message.value, "rezeroed", False):
+                metric.rezero()
             metric.update(frame, message.value.t_ns)
             if message.value.t_ns >= t_ns:
                 return frame if message.value.t_ns == t_ns else None

@@ -124,7 +124,7 @@ def test_options_show_their_origin(tmp_path: Path) -> None:
     assert values["stages.metric.options.threshold"] == ("D3", "default")
     assert values["stages.decoder.options.order"] == (2, "TEGA_STAGES__DECODER__OPTIONS__ORDER")
     assert values["stages.mapping.options.law"] == ("linear", "--set")
-    assert values["stages.mapping.name"] == ("columns", "preset live")
+    assert values["stages.mapping.name"] == ("equal-steps", "preset live")
 
 
 def test_a_stage_of_no_name_is_the_presets() -> None:

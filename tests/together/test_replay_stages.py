@@ -78,7 +78,7 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     sets = (
         "stages.metric.name=reading",
         "stages.metric.options.threshold=D8",
-        "stages.mapping.options.law=linear",
+        "stages.mapping.options.law=logistic",
     )
     words = [word for item in sets for word in ("--set", item)]
     (replay,), code = replayed(recording, *words, capsys=capsys)
@@ -86,7 +86,7 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     assert any(
         "stages.metric: live" in said and "reading (threshold D8" in said for said in replay["changed"]
     )
-    assert any("law linear" in said for said in replay["changed"])
+    assert any("law logistic" in said for said in replay["changed"])
     assert next(s for s in replay["streams"] if s["stream"] == "/tactile/index/contact")["differ"] > 0
     assert next(s for s in replay["streams"] if s["stream"] == "/emg/levels")["differ"] == 0
     with pytest.raises(SystemExit):

@@ -249,6 +249,10 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         # 40 percent is the driver's limit; level 6 is the highest below it.
         assert wearer.loudest == 37
         assert not seen_by(peer).errors
+        # At the end all columns at once, in steps.
+        shown = [max(motors) for _, motors in seen_by(peer).history if all(motors)]
+        assert shown == sorted(set(shown))
+        assert (len(shown), shown[-1]) == (5, 37)
         record = second.told["files"][0]["record"]
         # Both parts count to the person's day.
         worn = json.loads((tmp_path / "calibrations/people/p01/vest-dose.json").read_bytes())

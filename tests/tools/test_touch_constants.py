@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from tega_figures.touch_constants import TRIED, asking, chosen, table
-from tega_figures.touch_peers.other_build import PROJECT, TRACKER
+from tega_figures.touch_constants import SOURCES, TRIED, asking, chosen, table
+from tega_figures.touch_peers.other_build import PROJECT
 
 
 @pytest.mark.parametrize("name", TRIED)
@@ -22,16 +22,17 @@ def test_a_constant_that_is_not_there_is_told() -> None:
 
 
 def test_each_constant_is_asked_of_the_environment_and_is_the_chosen_one_where_that_has_none() -> None:
-    source = (PROJECT / TRACKER).read_text(encoding="utf-8")
-    built = asking(source)
+    sources = [(PROJECT / path).read_text(encoding="utf-8") for path in SOURCES]
     for name in TRIED:
+        (source,) = [one for one in sources if re.search(rf"^const {name}:", one, re.MULTILINE)]
+        built = asking(source)
         _, value = chosen(name)
         uses = len(re.findall(rf"\b{name}\b", source)) - 1
         assert f'"TRACKER_{name}").map_or({value!r},' in built
         assert not re.search(rf"\b{name}\b", built)
         assert uses
         assert built.count(f"asked_{name.lower()}()") == uses + 1
-    assert len(built.splitlines()) == len(source.splitlines())
+        assert len(built.splitlines()) == len(source.splitlines())
 
 
 def test_the_table_parts_what_holds_from_what_does_not() -> None:

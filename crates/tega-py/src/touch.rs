@@ -136,6 +136,10 @@ impl TouchTracker {
         self.tracker.with(|tracker| tracker.bears_load())
     }
 
+    fn rezero(&self) -> bool {
+        self.tracker.with(|tracker| tracker.rezero())
+    }
+
     #[pyo3(signature = (frame, /, *, dt_s, loaded))]
     fn update(
         &self,

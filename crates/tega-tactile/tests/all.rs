@@ -4,6 +4,7 @@
 #[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
 mod bytes;
 
+mod after_touch;
 mod alloc;
 mod baseline;
 mod fuzz_seeds;

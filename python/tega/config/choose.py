@@ -10,6 +10,7 @@ import msgspec
 from tega.config.errors import explain
 from tega.config.sections import DEFAULT_STAGES, StageConfig
 from tega.errors import ConfigError, TegaError
+from tega.haptics import FeltMap
 from tega.stages.base import (
     Decoder,
     FingerSetup,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config.calibration import EmgMaxima, TouchMaxima
-    from tega.config.sections import BesideConfig, SessionConfig, StagesSection
+    from tega.config.sections import BesideConfig, SessionConfig, StagesSection, VestConfig
     from tega.stages.base import Mapping as MappingStage
 
 
@@ -145,6 +146,11 @@ def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima
     return decoder
 
 
+def mapping_told(stages: StagesSection, preset: Preset) -> str:
+    """Return the name of the mapping, as recordings say it."""
+    return chosen_stage("mapping", stages, preset).name
+
+
 def decoder_told(config: SessionConfig) -> tuple[str, str]:
     """Return the name under which a decoder's results are kept, and its options as JSON."""
     chosen = chosen_stage("decoder", config.stages, config.session.preset)
@@ -167,6 +173,13 @@ def block_s(config: SessionConfig) -> float:
 def vest_mapping(stages: StagesSection, preset: Preset) -> Callable[[VestSetup], MappingStage]:
     """Return the function that makes the mapping of the vest."""
     return chosen_stage("mapping", stages, preset).make
+
+
+def felt_map(vest: VestConfig) -> FeltMap | None:
+    """Return the wearer's thresholds and steps that the settings give; ``None`` where they give none."""
+    if (vest.threshold, vest.step) == (0.0, 1.0):
+        return None
+    return FeltMap(threshold=vest.threshold, step=vest.step)
 
 
 def grip_reflex(stages: StagesSection, preset: Preset, fingers: Iterable[str]) -> Reflex | None:

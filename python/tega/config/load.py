@@ -127,7 +127,7 @@ def load_config(
     return check_tree(tree, origins, base=base)
 
 
-LOOP_KEYS: Final = ("vest.layout", "vest.mirror", "session.pose_base")
+LOOP_KEYS: Final = ("vest.layout", "vest.mirror", "vest.threshold", "vest.step", "session.pose_base")
 """Settings of the loop besides those of its stages, which a simulated trial has as well."""
 
 

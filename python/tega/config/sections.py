@@ -63,7 +63,7 @@ STAGE_GROUPS: tuple[Literal["metric", "decoder", "mapping"], ...] = ("metric", "
 
 DEFAULT_STAGES: dict[str, dict[str, str]] = {
     "paper": {"metric": "paper", "decoder": "rules", "mapping": "columns"},
-    "live": {"metric": "live", "decoder": "rules", "mapping": "columns"},
+    "live": {"metric": "live", "decoder": "rules", "mapping": "equal-steps"},
 }
 """Name of the stage of each kind where the settings name none, by preset."""
 
@@ -242,6 +242,8 @@ class InputSection(_Section, frozen=True):
         recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
         marker: A switch that marks a moment.
         undo: A button that undoes the online adaptation of EMG; pressing it again restarts the adaptation.
+        rezero: A button that has every finger take a new baseline, while nothing touches; a finger refuses while
+            another one bears a load.
         reflex: A button that takes the reflex's authority away; pressed again, gives it back.
     """
 
@@ -251,6 +253,7 @@ class InputSection(_Section, frozen=True):
     recover: InputConfig | None = None
     marker: InputConfig | None = None
     undo: InputConfig | None = None
+    rezero: InputConfig | None = None
     reflex: InputConfig | None = None
 
     def in_use(self) -> dict[str, InputConfig]:

@@ -15,6 +15,7 @@ from tega.loop.inbox.sources import grasp_blocks, picture_of, samples_of
 from tega.loop.inbox.stream import LiveStream, PulledStream, Stream
 from tega.loop.joint_motion import JointMotion
 from tega.loop.latency import LatencyTrace
+from tega.loop.rezeroing import FingerRezero
 from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
 
@@ -114,13 +115,20 @@ def contact_stream(
     if trace is not None and live:
         told["stamp"] = trace.source(name)
 
+    rezero = FingerRezero(bus, metric, finger.report)
+    rezeroed = False
+
     def look_beside(frame: TactileFrame) -> None:
+        nonlocal rezeroed
         metric.loaded = touching.beside(name, frame.t_ns - start_ns)
+        rezeroed = rezero.before_picture()
 
     def see(frame: TactileFrame, received_ns: int) -> None:
         if bus.wants(Picture):
             at_ns = received_ns if live else None
-            picture = picture_of(name, frame, received_ns=at_ns, start_ns=start_ns, loaded=metric.loaded)
+            picture = picture_of(
+                name, frame, received_ns=at_ns, start_ns=start_ns, loaded=metric.loaded, rezeroed=rezeroed
+            )
             bus.publish(picture)
 
     def tell(frame: TactileFrame, contact: Contact) -> None:

@@ -244,6 +244,10 @@ def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
         notes.append(
             f"{name}: {report.n_unfit} pictures were dark or torn; not used, and the finger was silent"
         )
+    if report.n_rezeroed:
+        notes.append(f"{name}: {report.n_rezeroed} new baselines taken on request")
+    if report.n_rezero_refused:
+        notes.append(f"{name}: {report.n_rezero_refused} new baselines refused: another finger bore a load")
     if report.n_duplicate and not live:  # a live source may well be asked faster than it takes pictures
         notes.append(f"{name}: {report.n_duplicate} frames came again under the same number; used once")
     if report.n_stuck:

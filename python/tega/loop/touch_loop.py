@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from tega.config import DEFAULT_LAYOUT
 from tega.config.calibration import Calibration, TouchMaxima
-from tega.config.choose import vest_mapping
-from tega.haptics import FeltMap
+from tega.config.choose import felt_map, vest_mapping
 from tega.loop.touch import TouchLoop
 
 if TYPE_CHECKING:
@@ -29,15 +28,12 @@ def touch_loop(
     """
     vest = config.vest
     maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
-    felt = None
-    if (vest.threshold, vest.step) != (0.0, 1.0):
-        felt = FeltMap(threshold=vest.threshold, step=vest.step)
     preset = config.session.preset
     loop = TouchLoop(
         maxima,
         layout=vest.layout or DEFAULT_LAYOUT[preset],
         mirror=vest.mirror,
-        felt=felt,
+        felt=felt_map(vest),
         mapping=vest_mapping(config.stages, preset),
     )
     if find_events:

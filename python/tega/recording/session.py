@@ -16,7 +16,7 @@ import numpy as np
 
 from tega.config.attached import attached_files
 from tega.config.calibration.store import calibration_text
-from tega.config.choose import metric_told
+from tega.config.choose import mapping_told, metric_told
 from tega.config.guests import guest_files
 from tega.config.text import config_text
 from tega.loop.parts import Part, PartContext, RunStart
@@ -135,6 +135,7 @@ class Recording(Part):
                 "sent": "every",
                 "lossless": str(config.recording.lossless).lower(),
                 "metric": metric_told(config.stages, config.session.preset),
+                "mapping": mapping_told(config.stages, config.session.preset),
                 "config_sha256": sha256(text.encode()).hexdigest(),
                 "calibration": calibration_name,
             },

@@ -46,11 +46,12 @@ class Picture(Record, frozen=True, kw_only=True):
         name: Name in error messages.
         pixels_crc32: CRC-32 of its pixels; known for a file, not for a camera.
         loaded: Whether another finger was in contact when it was measured.
+        rezeroed: Whether the picture before it was taken for a new baseline.
     """
 
     topic: ClassVar[str] = "/tactile/{finger}/image"
     schema: ClassVar[str] = "Frame"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     unwritten: ClassVar[tuple[str, ...]] = ("finger", "image")
 
     finger: str
@@ -61,6 +62,7 @@ class Picture(Record, frozen=True, kw_only=True):
     name: str
     pixels_crc32: Annotated[int, quantity("1", "uint32")] = 0
     loaded: bool = False
+    rezeroed: bool = False
 
     @property
     def log_ns(self) -> int:
@@ -109,8 +111,9 @@ class Contact(Record, frozen=True, kw_only=True):
         in_contact: Whether anything touches.
         cci_norm: CCI as a share of the finger's maximum, 0 to 1.
         eda_norm: EDA likewise.
-        front: Intensity of the finger's front column (Eq 7, 8).
-        back: Intensity of its back column (Eq 9).
+        front: Share of full of the finger's front column: of the intensity (Eq 7, 8), or of the sensation above the
+            wearer's threshold (``equal-steps``).
+        back: Share of full of its back column (Eq 9), likewise.
         known_ns: When the loop had done so.
         area_mm2: Area of the contact; ``None``, as below, where the metric does not say.
         depth_mm: Depth of the dent.

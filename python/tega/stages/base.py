@@ -200,6 +200,14 @@ class Metric(_Stage, ABC):
         """
         raise NotImplementedError
 
+    def rezero(self) -> bool:
+        """Take the picture that was measured last for that of the untouched gel; return whether it was taken.
+
+        Called before :meth:`update` when a new baseline is asked for and no other finger bears a load. The request is
+        recorded with the picture that follows. A metric without such a baseline returns False.
+        """
+        return False
+
     def touch_map(self) -> TouchMap | None:
         """Return the map and the outline of the frame that was measured last; called only where it is drawn.
 

@@ -89,7 +89,7 @@ class LiveMetric(Metric):
 
     summary: ClassVar[str] = "every contact in grades, without flicker; CCI rises with the press"
     memory: ClassVar[bool] = True
-    version: ClassVar[int] = 6
+    version: ClassVar[int] = 7
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
     @classmethod
@@ -129,6 +129,10 @@ class LiveMetric(Metric):
     def bears_load(self) -> bool:
         """Whether the last frame showed a contact that has not just fallen."""
         return self._tracker.bears_load
+
+    def rezero(self) -> bool:
+        """Take the last picture for that of the untouched gel."""
+        return self._tracker.rezero()
 
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""

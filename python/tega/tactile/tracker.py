@@ -243,6 +243,17 @@ class TouchTracker:
         """Whether the last frame showed a contact that has not just fallen; passed on to the other fingers."""
         return self._tracker.bears_load
 
+    def rezero(self) -> bool:
+        """Take the last picture for that of the untouched gel, however it differs from the baseline.
+
+        Whatever touches then is not felt until it moves: ask for it only while nothing does. The next pictures are
+        averaged with that one. Before the first picture the baseline stays.
+
+        Returns:
+            Whether it was taken: a dark picture is none.
+        """
+        return self._tracker.rezero()
+
     def update(
         self, frame: NDArray[np.uint8], *, dt_s: float | None = None, loaded: bool = False
     ) -> TrackedContact:

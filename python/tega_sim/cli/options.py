@@ -85,13 +85,14 @@ def loop_options(function: _Function) -> _Function:
             "sets",
             multiple=True,
             metavar="KEY=VALUE",
-            help="A setting of the loop: stages.*, vest.layout, vest.mirror, session.pose_base; repeatable.",
+            help="A setting of the loop: stages.*, session.pose_base, vest.layout, vest.mirror, vest.threshold, "
+            "vest.step; repeatable.",
         ),
         click.option(
             "--config",
             type=click.Path(path_type=Path, dir_okay=False),
             metavar="LAB.toml",
-            help="Take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
+            help="Take the stages, session.pose_base and the vest's layout, mirror, threshold and step from here.",
         ),
         click.option(
             "--preset",

@@ -6,7 +6,9 @@ import hashlib
 from typing import Literal, NamedTuple, TypeAlias
 
 RulesVersion: TypeAlias = Literal[1, 2, 3]
-"""Version of the rules: 1 is the default everywhere. A change in what a person does is another version."""
+"""Version of the rules: 3 is the default of simulated studies, 1 of single trials.
+
+A change in what a person does is another version."""
 
 
 class Rules(NamedTuple):

@@ -115,7 +115,7 @@ SHARD = _Shard()
     help="Another parameter file for the simulated people; the report then calls it changed.",
 )  # fmt: skip
 @click.option(
-    "--rules", type=click.IntRange(1, 3), default=1, show_default=True,
+    "--rules", type=click.IntRange(1, 3), default=3, show_default=True,
     help="Version of the rules that the people follow; with 2 and 3 they practise first.",
 )  # fmt: skip
 @click.option(

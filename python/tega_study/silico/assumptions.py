@@ -96,7 +96,7 @@ def assume(
     everyone: dict[str, float] | None = None,
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
-    rules: RulesVersion = 1,
+    rules: RulesVersion = 3,
     view: ViewName = "direct",
     shear: Shear = "off",
     fresh: bool = False,

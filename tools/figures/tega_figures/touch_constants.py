@@ -28,6 +28,7 @@ __all__ = ["table"]
 
 RESULTS: Final = PROJECT / "benches" / "touch_constants.json"
 TESTS: Final = ("tests/tools/test_touch_recordings.py", "tests/tools/test_touch_demo.py")
+SOURCES: Final = (TRACKER, TRACKER.replace("tracker.rs", "course.rs"))
 VARIABLE: Final = "TRACKER_"
 TRIED: Final[dict[str, tuple[float, ...]]] = {
     "KEPT_LOADED": (0.15, 0.18),
@@ -60,16 +61,23 @@ def chosen(name: str) -> tuple[str, float]:
     Raises:
         LookupError: There is no such line.
     """
-    found = re.search(rf"^const {name}: f64 = ([\d.]+);$", (PROJECT / TRACKER).read_text(), re.MULTILINE)
-    if found is None:
-        raise LookupError(f"{TRACKER} has no constant {name}")
-    return found[0], float(found[1])
+    for path in SOURCES:
+        if (found := _defined(name, (PROJECT / path).read_text(encoding="utf-8"))) is not None:
+            return found
+    raise LookupError(f"{' and '.join(SOURCES)} have no constant {name}")
+
+
+def _defined(name: str, source: str) -> tuple[str, float] | None:
+    found = re.search(rf"^const {name}: f64 = ([\d.]+);$", source, re.MULTILINE)
+    return None if found is None else (found[0], float(found[1]))
 
 
 def asking(source: str) -> str:
-    """Return the tracker's source with each constant asked of the environment, and as it stands where that has none."""
+    """Return a source with each of its constants asked of the environment, and as it stands where that has none."""
     for name in TRIED:
-        line, value = chosen(name)
+        if (found := _defined(name, source)) is None:
+            continue
+        line, value = found
         asked = f"asked_{name.lower()}"
         source = re.sub(rf"\b{name}\b", f"{asked}()", source.replace(line, f"@{asked}@"))
         source = source.replace(
@@ -82,8 +90,8 @@ def asking(source: str) -> str:
 
 def failures(name: str, value: float) -> list[str]:
     """Run the tests with one constant moved and return those that fail."""
-    source = (PROJECT / TRACKER).read_text(encoding="utf-8")
-    site = built("constants", replace={TRACKER: (source, asking(source))})
+    sources = {path: (PROJECT / path).read_text(encoding="utf-8") for path in SOURCES}
+    site = built("constants", replace={path: (source, asking(source)) for path, source in sources.items()})
     env = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]),
         f"{VARIABLE}{name}": f"{value!r}",

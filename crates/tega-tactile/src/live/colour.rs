@@ -71,6 +71,28 @@ impl Colour {
         self.rows >= 4 && self.cols >= 4
     }
 
+    /// Pooled cells of a plane, and zeros past their end.
+    pub fn pooled(&self, plane: &[f32], grid: &Grid, out: &mut Vec<f32>) {
+        out.clear();
+        out.resize(self.x.len(), 0.0);
+        pool(plane, grid, self.cols, out);
+    }
+
+    /// What the last fit left of the pooled change.
+    pub fn left(&self) -> &Field {
+        &self.left
+    }
+
+    /// S of a change as it is, without a fit; [`Self::judge`] may follow.
+    #[inline(always)]
+    pub fn plain(&mut self, white: &Field, grid: &Grid) -> f32 {
+        for ((white, pooled), left) in white.iter().zip(&mut self.pooled).zip(&mut self.left) {
+            pool(white, grid, self.cols, pooled);
+            left.clone_from(pooled);
+        }
+        self.statistic()
+    }
+
     /// S after a plane by plain least squares; what a gel at rest needs no more than.
     #[inline(always)]
     pub fn glance(&mut self, white: &Field, grid: &Grid) -> f32 {

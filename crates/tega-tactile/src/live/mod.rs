@@ -12,11 +12,14 @@
 
 mod cells;
 mod colour;
+mod course;
 mod dent;
 mod depth;
+mod fading;
 mod grain;
 mod law;
 mod light;
+mod mains;
 mod middle;
 mod noise;
 mod peak;
@@ -25,6 +28,7 @@ mod shear;
 mod slide;
 mod still;
 mod thumbnail;
+mod touch;
 mod tracker;
 mod trig;
 
@@ -35,4 +39,5 @@ pub use light::{GelLight, LIGHT_TERMS};
 pub use noise::SensorNoise;
 pub use shear::{ShearOptions, ShearReader, Sheared};
 pub use still::{LiveReader, LiveScratch, read_live};
-pub use tracker::{Touch, TouchTracker, TrackerOptions};
+pub use touch::{Touch, TrackerOptions};
+pub use tracker::TouchTracker;

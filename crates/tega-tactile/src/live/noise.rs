@@ -14,6 +14,14 @@ const PRIOR: [f32; 3] = [1.32, 0.65, 1.17];
 const LEAST: f32 = 0.25;
 const MOST: f32 = 4.0;
 
+/// A few cells, stuck or touched, are left out: one of so many.
+const LEFT_OUT: usize = 50;
+/// The others' variances, each weighed by itself as the reading weighs energies, count where they are so much more than the median: most cells
+/// of a strongly compressed picture repeat exactly, and the rest change by whole steps.
+const UNEVEN: f64 = 8.0;
+/// Fewer frames do not show how uneven the cells are.
+const FEWEST: usize = 10;
+
 /// Noise of a camera's cells: the standard deviation of a cell's mean from frame to frame, per colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorNoise {
@@ -74,13 +82,22 @@ impl SensorNoise {
         let n = frames.len() as i64;
         // n (n - 1) times the variance, whole numbers; the median of a sum of squares lies under its mean (Wilson and Hilferty).
         let under = (1.0 - 2.0 / (9.0 * (n - 1) as f64)).powi(3);
-        let scale = f64::from(UNITS_PER_COUNT) * f64::from(UNITS_PER_COUNT) * (n * (n - 1)) as f64 * under;
+        let scale = f64::from(UNITS_PER_COUNT) * f64::from(UNITS_PER_COUNT) * (n * (n - 1)) as f64;
         let stored = order.arrange([2, 1, 0]); // which of blue, green, red a byte is
         let mut bgr = [0.0; 3];
         for (sums, colour) in sums.iter().zip(stored) {
             let mut spreads: Vec<i64> = sums.iter().map(|[sum, square]| n * square - sum * sum).collect();
-            let middle = *spreads.select_nth_unstable(grid.cells() / 2).1;
-            bgr[colour] = within((middle as f64 / scale).sqrt() as f32, colour);
+            spreads.sort_unstable();
+            let middle = spreads.get(spreads.len() / 2).map_or(0.0, |spread| *spread as f64 / under);
+            let kept = spreads.get(..spreads.len() - spreads.len() / LEFT_OUT).unwrap_or_default();
+            let [sum, squares] = kept.iter().fold([0.0; 2], |[sum, squares], spread| {
+                let spread = *spread as f64;
+                [sum + spread, squares + spread * spread]
+            });
+            let weighed = if sum > 0.0 { squares / sum } else { 0.0 };
+            let variance =
+                if frames.len() >= FEWEST && weighed > UNEVEN * middle { weighed } else { middle } / scale;
+            bgr[colour] = within(variance.sqrt() as f32, colour);
         }
         Ok(Self { bgr })
     }

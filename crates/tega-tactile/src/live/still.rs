@@ -3,7 +3,7 @@
 use ndarray::ArrayView3;
 
 use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average, octet_mean};
-use super::colour::{Colour, Field};
+use super::colour::{Colour, Field, LANES, total};
 use super::dent::{DENT_LEVEL, Dent, DentReader, Outline};
 use super::light::GelLight;
 use super::noise::{SensorNoise, grid_of, same_size};
@@ -13,6 +13,23 @@ use crate::metrics::ContactMetrics;
 
 /// S that two pictures of an untouched gel, taken minutes apart, do not reach: twice what shots of a DIGIT far from any press show.
 pub(super) const GATE: f32 = 3.0;
+
+/// Counts from which a gel has light that can fail.
+const LIT: f32 = 8.0;
+
+/// Sums of a plane, side by side.
+#[inline(always)]
+fn light(plane: &[f32]) -> [f32; LANES] {
+    let mut sums = [0f32; LANES];
+    let (chunks, rest) = plane.as_chunks::<LANES>();
+    for chunk in chunks {
+        for lane in 0..LANES {
+            sums[lane] += chunk[lane];
+        }
+    }
+    sums.iter_mut().zip(rest).for_each(|(sum, v)| *sum += v);
+    sums
+}
 
 /// What both the stateless reading and the tracker share: a sensor's cells, noise and light.
 #[derive(Debug, Clone, Default)]
@@ -93,7 +110,30 @@ impl Cells {
         self.colour.judge(&mut self.white, gel, &self.grid)
     }
 
-    /// The dent of the last image; call [`Self::judge`] before.
+    /// Whether the last image has less than half of the light of an untouched gel in counts, where that has any.
+    #[inline(always)]
+    pub fn dark(&self, gel: &Field) -> bool {
+        let light = |plane: &Vec<f32>| total(&light(plane));
+        let now =
+            self.means.iter().map(|plane| plane.iter().map(|m| i32::from(*m)).sum::<i32>()).sum::<i32>();
+        let [first, middle, last] = [0, 1, 2].map(|c| light(&gel[c]));
+        let still = (first + last) + middle;
+        still > LIT * (3 * self.grid.cells()) as f32 && (now as f32) < 0.5 * UNITS_PER_COUNT * still
+    }
+
+    /// Change from one untouched gel in counts to another in noise units, a change of light taken out.
+    pub fn change_between(&mut self, now: &Field, gel: &Field) {
+        let noise = self.noise.arranged(self.order);
+        for (((white, now), gel), noise) in self.white.iter_mut().zip(now).zip(gel).zip(noise) {
+            white.iter_mut().zip(now).zip(gel).for_each(|((w, now), gel)| *w = (now - gel) / noise);
+        }
+        if self.colour.tells() {
+            self.colour.glance(&self.white, &self.grid);
+            judge(self, gel);
+        }
+    }
+
+    /// The dent of the last change; call [`Self::judge`] before.
     pub fn dent(&mut self, outline: Outline) -> Dent {
         self.reader.read(&self.white, &self.grid, outline)
     }
@@ -138,6 +178,16 @@ tega_simd::dispatched! {
 tega_simd::dispatched! {
     /// See [`Cells::judge`].
     judge = Cells::judge, (cells: &mut Cells, gel: &Field) -> f32
+}
+
+tega_simd::dispatched! {
+    /// See [`Colour::plain`].
+    plain_of = Colour::plain, (colour: &mut Colour, white: &Field, grid: &Grid) -> f32
+}
+
+/// S of the last change as it is now, after more was taken out than [`Cells::judge`] takes.
+pub(super) fn plain(cells: &mut Cells) -> f32 {
+    plain_of(&mut cells.colour, &cells.white, &cells.grid)
 }
 
 /// Change of cell means to the untouched gel, in noise units.

@@ -13,13 +13,14 @@ use tega_error::OutOfRange;
 
 use super::cells::Grid;
 use super::colour::Field;
-use super::dent::{Dent, Outline};
+use super::course::{Ends, Held, Now, State, Then, step};
+use super::dent::Dent;
+use super::fading::Fading;
 use super::law::Sums;
-use super::light::GelLight;
-use super::noise::SensorNoise;
-use super::still::{Cells, follow, glance, judge};
+use super::mains::{BOTH, Mains};
+use super::still::{Cells, follow, glance, judge, plain};
+use super::touch::{Touch, TrackerOptions};
 use crate::error::TactileError;
-use crate::frame::Order;
 
 /// S of a gel at rest before its own is known.
 const REST_PRIOR: f64 = 1.4;
@@ -27,10 +28,14 @@ const REST_PRIOR: f64 = 1.4;
 const OVER_REST: f64 = 1.75;
 /// The least S that is a contact, however quiet the sensor.
 const LEAST_GATE: f64 = 0.95;
-/// A contact ends under this share of what it began at.
-const HYSTERESIS: f64 = 0.7;
 /// A first look that stays under this share of the threshold needs no second.
 const GLANCE: f64 = 0.8;
+/// A picture without half of its light is a fault for so long, seconds; after that it is read as it is.
+const DARK_S: f64 = 0.5;
+/// What bands of light explain leaves less than this share of S.
+const EXPLAINED: f64 = 0.7;
+/// At rest bands are looked for in one of so many frames.
+const BANDS_EVERY: u32 = 4;
 /// How S is smoothed, seconds.
 const SMOOTH_S: f64 = 0.012;
 /// How the rest is learned: quickly down, slowly up, so that a press is not taken for it; seconds.
@@ -44,131 +49,14 @@ const FOLLOW_SOON_S: f64 = 0.5;
 const SOON_SHARE: f64 = 0.1;
 /// How many frames the picture of the untouched gel counts for, so that a press in the first frames is not averaged into it.
 const FIRST_FRAMES: f64 = 8.0;
-/// A release falls from half of the peak to what a gel may keep of it within a short time, and then more slowly than a share of the peak a second.
-const HALF: f64 = 0.5;
-const KEPT: f64 = 0.3;
-const FALL_S: f64 = 0.35;
-const SETTLED_PER_S: f64 = 0.4;
-/// A fall is over when it goes on at less than this share of its speed.
-const SETTLED: f64 = 0.1;
-/// A fall is judged after this many times as long as it took: quick ones at once, slow ones later.
-const WAIT: f64 = 1.0;
-/// While another finger bears a load, most quick falls are the object moving: a release then falls to less than this share of the peak, and
-/// is at rest before this many times as long as its fall took.
-const KEPT_LOADED: f64 = 0.17;
-const WAIT_LOADED: f64 = 2.0;
-/// Less than this share of the peak is a trace of the contact, however slowly it fell; so is what stays under a multiple of the threshold for
-/// so many seconds.
-const TRACE: f64 = 0.13;
-const FAINT: f64 = 1.15;
-const FAINT_S: f64 = 2.0;
-/// Under the threshold that time runs faster, by so much for the whole threshold: at 0.8 of it a contact is over within 0.08 s.
-const FAINTER: f64 = 120.0;
-/// A gel's leftover sinks: what is not below this share of itself after this time is a light hold after a quick easing, and is felt again.
-const SINKS_S: f64 = 0.8;
-const SUNK: f64 = 0.88;
-const SINKING_S: f64 = 0.1;
-/// Nor does a leftover rise: what is over the threshold and over its lowest by this factor is felt again at once.
-const RISES: f64 = 1.15;
-/// After a release the rest is taken anew once this time is over.
-const REZERO_S: f64 = 1.0;
+/// What may be the rest after a release is a mean over this time, seconds.
 const PENDING_S: f64 = 0.3;
 /// What a leftover may still change by after that: this share of the peak, falling with this time constant.
 const LEFTOVER: f64 = 0.06;
 const LEFTOVER_S: f64 = 1.5;
-/// A new contact over a leftover is this much stronger than it, plus this share of the peak before.
-const OVER_LEFTOVER: f64 = 1.3;
-const OVER_LEFTOVER_SHARE: f64 = 0.03;
 /// Shares of the threshold at which the strength is 0 and 1.
 const STRENGTH_FROM: f64 = 0.6;
 const STRENGTH_FULL: f64 = 2.0;
-
-/// How the tracker of a fingertip is made.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackerOptions {
-    /// Frames a second when no time is given with a frame.
-    pub rate_hz: f64,
-    /// Order of the colour bytes.
-    pub order: Order,
-    /// Noise of the sensor; that of a DIGIT where it is not known.
-    pub noise: SensorNoise,
-    /// Light, scale and stiffness of the gel.
-    pub light: GelLight,
-    /// What the outline means.
-    pub outline: Outline,
-    /// Whether the rest is taken anew after a release.
-    pub rezero: bool,
-}
-
-impl Default for TrackerOptions {
-    fn default() -> Self {
-        Self {
-            rate_hz: 60.0,
-            order: Order::default(),
-            noise: SensorNoise::default(),
-            light: GelLight::default(),
-            outline: Outline::default(),
-            rezero: true,
-        }
-    }
-}
-
-/// What one frame says of a fingertip's contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touch {
-    /// Whether something touches.
-    pub in_contact: bool,
-    /// Effective deformation area, pixels; 0 without contact.
-    pub eda: u32,
-    /// Contact concentration: `peak` over the root of `eda`; focal contacts have more of it than broad ones.
-    pub cci: f64,
-    /// Height of the dent in counts: change of colour times width; rises with the press.
-    pub peak: f64,
-    /// Depth of the dent, millimetres, as far as light and scale are those of the sensor.
-    pub depth_mm: f64,
-    /// Normal force, newtons, by the gel's stiffness and the volume pressed in; likewise.
-    pub force_n: f64,
-    /// Sum of the change of colour over the dent, counts times pixels.
-    pub mass: f64,
-    /// Middle of the dent (column, row): of its outline in an even light; NaN without contact.
-    pub centroid_xy: (f64, f64),
-    /// Root mean square distance of the outlined pixels from their mean place, pixels; NaN without contact.
-    pub spread: f64,
-    /// How sure the contact is: 0 to 1, graded around the threshold.
-    pub strength: f64,
-    /// Share of the picture that is dented, 0 to 1.
-    pub broad: f64,
-    /// S: how much of the picture differs from the untouched gel, noise units.
-    pub difference: f64,
-    /// S from which a contact begins.
-    pub threshold: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum State {
-    Quiet,
-    Contact {
-        /// Largest S of this contact.
-        peak: f64,
-        /// Seconds since S was last over half of it.
-        since_half_s: f64,
-        /// How long the fall from half took, once S is under what a gel may keep, and how long that is ago.
-        fallen: Option<[f64; 2]>,
-        /// Seconds since S was over the threshold.
-        faint_s: f64,
-    },
-    Released {
-        peak: f64,
-        /// S when it was told, a mean of the newest, and the least of that mean.
-        first: f64,
-        mean: f64,
-        lowest: f64,
-        least: f64,
-        since_s: f64,
-        /// Whether it fell, so that what does not sink is a light hold.
-        fell: bool,
-    },
-}
 
 /// Follows one fingertip; see the module.
 #[derive(Debug, Clone)]
@@ -183,15 +71,20 @@ pub struct TouchTracker {
     rest: f64,
     smooth: Option<f64>,
     leftover: f64,
+    /// What fades in the rest since the last release.
+    fading: Fading,
+    mains: Mains,
+    spare: Field,
+    /// Frames at rest, and their time, since mains light was last looked for.
+    unseen: u32,
+    unseen_s: f64,
+    /// How long the light has failed.
+    dark_s: f64,
+    last: Touch,
     quiet_frames: f64,
     dent: Option<Dent>,
     /// The last frame's depth over that by shading alone.
     deeper: f64,
-}
-
-/// Share of the way that a first-order lag of `tau_s` goes in `dt_s`; rational, so that no mathematical library decides a bit.
-fn step(dt_s: f64, tau_s: f64) -> f64 {
-    dt_s / (tau_s + dt_s)
 }
 
 impl TouchTracker {
@@ -215,6 +108,13 @@ impl TouchTracker {
             rest: REST_PRIOR,
             smooth: None,
             leftover: 0.0,
+            fading: Fading::default(),
+            mains: Mains::default(),
+            spare: Field::default(),
+            unseen: 0,
+            unseen_s: 0.0,
+            dark_s: 0.0,
+            last: Touch::default(),
             quiet_frames: FIRST_FRAMES,
             dent: None,
             deeper: 1.0,
@@ -265,100 +165,162 @@ impl TouchTracker {
         Ok(dt_s)
     }
 
+    /// Takes the last picture for that of the untouched gel, however it differs; whether it did: a dark picture is none.
+    ///
+    /// What touches now is not felt until it moves. Before the first frame the baseline stays.
+    pub fn rezero(&mut self) -> bool {
+        if self.dark_s > 0.0 {
+            return false;
+        }
+        for (gel, means) in self.gel.iter_mut().zip(&self.cells.means) {
+            follow(gel, means, 1.0 / super::cells::UNITS_PER_COUNT, 1.0);
+        }
+        self.fading.clear();
+        (self.smooth, self.leftover, self.dent) = (None, 0.0, None);
+        // One picture has all of a picture's noise: the next ones are averaged with it.
+        (self.quiet_frames, self.rest) = (1.0, self.rest.max(REST_PRIOR));
+        self.state = State::Quiet;
+        self.last = Touch { threshold: self.last.threshold, ..Touch::default() };
+        true
+    }
+
     /// Reads the cells that were taken last.
     fn read(&mut self, dt_s: f64, loaded: bool) -> Touch {
+        if self.dark_s < DARK_S && self.cells.dark(&self.gel) {
+            // A fault of the light: nothing is learned from it, and it begins and ends no contact.
+            self.dark_s += dt_s;
+            return self.last;
+        }
+        self.dark_s = 0.0;
         self.leftover *= 1.0 - step(dt_s, LEFTOVER_S);
         let began = (OVER_REST * self.rest).max(LEAST_GATE);
         let threshold = began + self.leftover;
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
-        let before = self.smooth.unwrap_or(now);
-        let quiet = self.state == State::Quiet && now < GLANCE * threshold && before < GLANCE * threshold;
-        if !quiet && self.cells.colour.tells() {
-            now = f64::from(judge(&mut self.cells, &self.gel));
+        let still = self.state == State::Quiet;
+        let quiet = still && now.max(self.smooth.unwrap_or(0.0)) < GLANCE * threshold;
+        let fades = self.fading.lasts();
+        if quiet || !self.cells.colour.tells() {
+            if fades {
+                self.fading.measure(&self.cells);
+            }
+            self.bands(still, dt_s);
+        } else {
+            now = self.judged(still.then_some(threshold), dt_s);
         }
+        let before = self.smooth.unwrap_or(now);
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
-        self.advance([before, s], now, dt_s, threshold, loaded);
-        self.touch(s, threshold)
+        // What a fading leftover explains does not show that rest varies less.
+        let rest = if quiet || !fades { now } else { now.max(self.rest) };
+        self.advance([before, s], rest, dt_s, threshold, loaded);
+        self.last = self.touch(s, threshold);
+        self.last
     }
 
-    fn advance(&mut self, [before, s]: [f64; 2], now: f64, dt_s: f64, threshold: f64, loaded: bool) {
-        match &mut self.state {
-            State::Quiet if s > threshold && self.cells.colour.tells() => {
-                self.state = State::Contact { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0 };
-            }
-            State::Quiet => self.rest_on(now, dt_s),
-            State::Contact { peak, since_half_s, fallen, faint_s } => {
-                *peak = peak.max(s);
-                *since_half_s = if s >= HALF * *peak { 0.0 } else { *since_half_s + dt_s };
-                *faint_s = if s >= FAINT * threshold {
-                    (*faint_s - dt_s).max(0.0)
-                } else {
-                    *faint_s + dt_s * (1.0 + FAINTER * (1.0 - s / threshold).max(0.0))
-                };
-                *fallen = match *fallen {
-                    _ if s >= 1.1 * KEPT * *peak => None,
-                    None => (s < KEPT * *peak).then_some([*since_half_s, 0.0]),
-                    Some([fall_s, since_s]) => Some([fall_s, since_s + dt_s]),
-                };
-                let speed = fallen
-                    .map_or(SETTLED_PER_S, |[fall_s, _]| SETTLED * (HALF - KEPT) / fall_s.max(dt_s))
-                    .min(SETTLED_PER_S);
-                let settled = before - s <= speed * dt_s * *peak;
-                let fell = fallen.is_some_and(|[fall_s, since_s]| {
-                    let rests = !loaded || (s < KEPT_LOADED * *peak && since_s <= WAIT_LOADED * fall_s);
-                    fall_s < FALL_S + dt_s && since_s + dt_s >= WAIT * fall_s && rests
-                });
-                let traces = s < TRACE * *peak || *faint_s > FAINT_S;
-                let peak = *peak;
-                if s < HYSTERESIS * (threshold - self.leftover) + self.leftover {
-                    self.leftover = self.leftover.max(LEFTOVER * peak);
-                    self.state = State::Quiet;
-                } else if (settled && fell) || traces {
-                    self.state = State::Released {
-                        peak,
-                        first: s,
-                        mean: s,
-                        lowest: s,
-                        least: s,
-                        since_s: 0.0,
-                        fell: fell && !traces,
-                    };
-                    self.pend(1.0);
-                }
-            }
-            State::Released { peak, first, mean, lowest, least, since_s, fell } => {
-                *least = least.min(s);
-                *mean += step(dt_s, SINKING_S) * (s - *mean);
-                *lowest = lowest.min(*mean);
-                let rises =
-                    *fell && *mean > threshold && *mean - self.rest > RISES * (*lowest - self.rest).max(0.0);
-                let stays = *fell
-                    && *since_s < SINKS_S
-                    && *since_s + dt_s >= SINKS_S
-                    && *mean - self.rest > SUNK * (*first - self.rest);
-                *since_s += dt_s;
-                let over = s > threshold.max(OVER_LEFTOVER * *least + OVER_LEFTOVER_SHARE * *peak);
-                let (peak, due) = (*peak, *since_s >= REZERO_S);
-                self.pend(step(dt_s, PENDING_S));
-                if over || stays || rises {
-                    self.state = State::Contact { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0 };
-                } else if due && self.options.rezero && !loaded {
-                    self.gel.clone_from(&self.pending);
-                    self.leftover = self.leftover.max(LEFTOVER * peak);
-                    self.smooth = None;
-                    self.quiet_frames = FIRST_FRAMES;
-                    self.state = State::Quiet;
+    /// S of the last picture without what light, mains and a fading leftover explain of it; `threshold` where nothing touched before.
+    fn judged(&mut self, threshold: Option<f64>, dt_s: f64) -> f64 {
+        let (cells, gel) = (&mut self.cells, &self.gel);
+        let mut now = f64::from(judge(cells, gel));
+        let noise = cells.noise.arranged(cells.order);
+        let bands = threshold.map(|_| self.mains.measure(&cells.white, gel, noise, &cells.grid));
+        if self.mains.correct(&mut cells.white, gel, noise, &cells.grid) {
+            // The fit of the light took a share of the bands for light.
+            plain(cells);
+            now = f64::from(judge(cells, gel));
+        }
+        if self.fading.lasts() {
+            self.fading.measure(cells);
+            self.fading.explain(&mut cells.white);
+            now = f64::from(plain(cells));
+        }
+        let Some(threshold) = threshold else { return now };
+        if now > threshold {
+            self.spare.clone_from(&cells.white);
+            for along in BOTH {
+                if self.mains.tries(&mut cells.white, gel, noise, &cells.grid, along) {
+                    let without = f64::from(plain(cells));
+                    if without < threshold.min(EXPLAINED * now) {
+                        now = without;
+                        break;
+                    }
+                    cells.white.clone_from(&self.spare);
                 }
             }
         }
+        if now < threshold
+            && let Some(bands) = bands
+        {
+            self.mains.learn(bands, dt_s);
+        }
+        now
+    }
+
+    /// Learns how much mains light is in a picture at rest: of every one at first, later of every fourth.
+    fn bands(&mut self, still: bool, dt_s: f64) {
+        self.unseen_s += dt_s;
+        self.unseen += 1;
+        if still && self.cells.colour.tells() && (self.unseen >= BANDS_EVERY || !self.mains.knows()) {
+            let cells = &self.cells;
+            let noise = cells.noise.arranged(cells.order);
+            let bands = self.mains.measure(&cells.white, &self.gel, noise, &cells.grid);
+            self.mains.learn(bands, self.unseen_s);
+            (self.unseen, self.unseen_s) = (0, 0.0);
+        }
+    }
+
+    fn advance(&mut self, [before, s]: [f64; 2], rest: f64, dt_s: f64, threshold: f64, loaded: bool) {
+        let centre = self.dent.map(|dent| dent.middle).filter(|(x, _)| x.is_finite());
+        let Self { leftover, .. } = *self;
+        let now = Now { before, s, threshold, leftover, rest: self.rest, dt_s, loaded, centre };
+        match &mut self.state {
+            State::Quiet if s > threshold && self.cells.colour.tells() => {
+                self.state = State::Contact(Held::new(s));
+            }
+            State::Quiet => self.rest_on(rest, dt_s),
+            State::Contact(held) => match held.pass(&now) {
+                Some(Ends::Quiet) => {
+                    self.leftover = leftover.max(LEFTOVER * held.peak);
+                    self.state = State::Quiet;
+                }
+                Some(Ends::Released(left)) => {
+                    self.state = State::Released(left);
+                    self.pend(1.0);
+                }
+                None => {}
+            },
+            State::Released(left) => {
+                let (then, peak) = (left.pass(&now), left.peak);
+                self.pend(step(dt_s, PENDING_S));
+                match then {
+                    Some(Then::Again) => self.state = State::Contact(Held::again(s)),
+                    Some(Then::Over) if self.options.rezero && !loaded => {
+                        self.take_rest();
+                        self.leftover = self.leftover.max(LEFTOVER * peak);
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// Takes what a release left for the rest.
+    fn take_rest(&mut self) {
+        self.fading.begin(&mut self.cells, &mut self.gel, &self.pending);
+        self.gel.clone_from(&self.pending);
+        self.smooth = None;
+        self.quiet_frames = FIRST_FRAMES;
+        self.state = State::Quiet;
     }
 
     /// Learns from a frame without contact: how much rest varies, and what it looks like now.
     fn rest_on(&mut self, now: f64, dt_s: f64) {
-        let lag =
-            if now < self.rest { step(dt_s, REST_DOWN_S).min(REST_DOWN_MOST) } else { step(dt_s, REST_UP_S) };
+        let down = now < self.rest;
+        let lag = if down { step(dt_s, REST_DOWN_S).min(REST_DOWN_MOST) } else { step(dt_s, REST_UP_S) };
         self.rest += lag * (now - self.rest);
+        if self.fading.lasts() {
+            self.fading.follow(&self.cells, &mut self.gel, dt_s);
+            self.fading.pass(dt_s);
+        }
         self.quiet_frames += 1.0;
         let follow_s = if self.leftover > SOON_SHARE * self.rest { FOLLOW_SOON_S } else { FOLLOW_S };
         let share = step(dt_s, follow_s).max(1.0 / self.quiet_frames);
@@ -375,29 +337,15 @@ impl TouchTracker {
     }
 
     fn touch(&mut self, s: f64, threshold: f64) -> Touch {
-        let mut touch = Touch {
-            in_contact: false,
-            eda: 0,
-            cci: 0.0,
-            peak: 0.0,
-            depth_mm: 0.0,
-            force_n: 0.0,
-            mass: 0.0,
-            centroid_xy: (f64::NAN, f64::NAN),
-            spread: f64::NAN,
-            strength: 0.0,
-            broad: 0.0,
-            difference: s,
-            threshold,
-        };
+        let mut touch = Touch { difference: s, threshold, ..Touch::default() };
         self.dent = None;
         // Where the rest has just been taken anew, S is still that against the old one.
-        if matches!(self.state, State::Released { .. }) || self.smooth.is_none() {
+        if matches!(self.state, State::Released(_)) || self.smooth.is_none() {
             return touch;
         }
         let sure = (s / threshold - STRENGTH_FROM) / (STRENGTH_FULL - STRENGTH_FROM);
         touch.strength = sure.clamp(0.0, 1.0);
-        if !matches!(self.state, State::Contact { .. }) {
+        if !matches!(self.state, State::Contact(_)) {
             return touch;
         }
         let dent = self.cells.dent(self.options.outline);
@@ -435,7 +383,7 @@ impl TouchTracker {
 
     /// Whether the last frame showed a contact that may bear a load: one that has not just fallen.
     pub fn bears_load(&self) -> bool {
-        matches!(self.state, State::Contact { fallen: None, .. })
+        matches!(self.state, State::Contact(Held { fallen: None, .. }))
     }
 
     /// The last frame's mask, row by row, and its height and width; nothing without contact.

@@ -96,6 +96,11 @@ impl Gel {
 
     /// One frame.
     pub fn frame(&self, random: &mut Random, press: Option<Press>, drift: Drift) -> Array3<u8> {
+        self.frame_of(random, self.counts(press, drift), 1.0)
+    }
+
+    /// What the camera would show without noise, counts.
+    pub fn counts(&self, press: Option<Press>, drift: Drift) -> Array3<f32> {
         let mut counts = self.untouched.clone();
         if drift != Drift::default() {
             let (last_x, last_y) = ((self.width - 1) as f32, (self.height - 1) as f32);
@@ -107,12 +112,17 @@ impl Gel {
         if let Some(press) = press {
             self.shade(&mut counts, press);
         }
+        counts
+    }
+
+    /// A frame of these counts, with noise of so many times the sensor's.
+    pub fn frame_of(&self, random: &mut Random, mut counts: Array3<f32>, times: f32) -> Array3<u8> {
         // Rows share their noise in pairs, as colour stored for every second row does.
         let row = 3 * self.width;
         for pair in counts.as_slice_mut().unwrap_or_default().chunks_mut(2 * row) {
             let (upper, lower) = pair.split_at_mut(row);
             for (i, value) in upper.iter_mut().enumerate() {
-                let noise = random.normal() * NOISE_SD[i % 3];
+                let noise = times * random.normal() * NOISE_SD[i % 3];
                 *value += noise;
                 if let Some(below) = lower.get_mut(i) {
                     *below += noise;

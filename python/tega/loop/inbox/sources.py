@@ -44,6 +44,7 @@ def picture_of(
     received_ns: int | None = None,
     start_ns: int = 0,
     loaded: bool = False,
+    rezeroed: bool = False,
 ) -> Picture:
     """Return the record of a picture.
 
@@ -53,6 +54,7 @@ def picture_of(
         received_ns: The monotonic time at which it was received; ``None`` for one out of a file.
         start_ns: The monotonic time at the start of the session.
         loaded: Whether another finger bore a load.
+        rezeroed: Whether a new baseline was taken before it was measured.
     """
     t_ns = frame.t_ns if received_ns is None else frame.t_ns - start_ns
     return Picture(
@@ -63,6 +65,7 @@ def picture_of(
         seq=frame.seq,
         name=frame.name,
         loaded=loaded,
+        rezeroed=rezeroed,
     )
 
 
@@ -92,6 +95,8 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
         n_stuck: Of those, from a live source, the third and later in a row: not used either.
         n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
+        n_rezeroed: New baselines that were asked for and taken.
+        n_rezero_refused: Those that were refused, because another finger bore a load or the picture was dark.
         lost: Why the source went away; ``""`` while it is there.
         n_lost: How often it went away.
         last_lost: Why it did last.
@@ -106,6 +111,8 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_identical: int = 0
     n_stuck: int = 0
     n_unfit: int = 0
+    n_rezeroed: int = 0
+    n_rezero_refused: int = 0
     lost: str = ""
     n_lost: int = 0
     last_lost: str = ""

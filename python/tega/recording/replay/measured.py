@@ -234,6 +234,8 @@ class Measured:
             )
         meter = self._meters[finger]
         meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
+        if getattr(told, "rezeroed", False):
+            meter.metric.rezero()
         try:
             contact = meter.take(frame)
         except TegaError:  # a bad picture of a live sensor, dropped then as now

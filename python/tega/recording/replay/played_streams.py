@@ -82,6 +82,8 @@ class PlayedFinger:
             self._meter = self._make()
         metric = self._meter.metric
         metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
+        if getattr(told, "rezeroed", False):
+            metric.rezero()
         image = read_picture(picture)
         contact = self._meter.take(TactileFrame(told.t_ns, told.seq, image, told.name))
         if contact is None or known_ns < self._shown_ns:

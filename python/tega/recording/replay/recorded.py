@@ -293,7 +293,7 @@ def _head(reader: McapReader) -> Head:
         )
     _refuse_newer(reader)
     try:
-        tree = parse_toml(reader.files["session.toml"].decode())
+        tree = _with_mapping(parse_toml(reader.files["session.toml"].decode()), facts)
         calibration = parse_calibration(reader.files["calibration.toml"].decode(), "calibration.toml")
         baselines = {
             name.removeprefix("baseline-").removesuffix(".npy"): load_npy(data, name)
@@ -365,6 +365,17 @@ def without_devices(tree: dict[str, Any], sets: Sequence[str] = ()) -> SessionCo
         section = tree.get(name, {})
         kept[name] = {k: v for k, v in section.items() if k not in {"driver", "options"}}
     return check_tree(kept, override_recorded(kept, sets), base=Path.cwd()).config
+
+
+def _with_mapping(tree: dict[str, Any], facts: Mapping[str, str]) -> dict[str, Any]:
+    """Name the mapping of a run whose settings left it to the preset, which has had another one since."""
+    stages = tree.get("stages", {})
+    mapping = stages.get("mapping", {})
+    vest = tree.get("vest", {})
+    if "name" in mapping or vest.get("feedback", "continuous") == "events":
+        return tree
+    named = {"name": facts.get("mapping", "columns"), **mapping}
+    return tree | {"stages": stages | {"mapping": named}}
 
 
 def _as_named_now(tree: dict[str, Any]) -> dict[str, Any]:

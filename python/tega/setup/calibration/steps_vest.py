@@ -14,17 +14,25 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from tega.config.calibration import TouchMaxima
 from tega.config.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
-from tega.haptics import Layout, MotorLevels, vest_frame
+from tega.haptics import FINGERS, FeltMap, Layout, MotorLevels, vest_frame
+from tega.loop.touch import TouchLoop
+from tega.records import Contact
 from tega.runtime.clock import Clock, SystemClock
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.identify import show_frame
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
 from tega.setup.calibration.times import Times
+from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
 
 if TYPE_CHECKING:
     from tega.devices.base import VestSink
+
+
+_SHOWN_STEPS = 5
+"""Touches of different strength that are shown at the end."""
 
 
 class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
@@ -40,7 +48,7 @@ class Pulses:
     Args:
         vest: The open vest.
         layout: Which motors it has.
-        ceiling: The highest level, 1 to 15.
+        ceiling: The highest level, 1 to 15; kept, as the layout.
         times: How long a vibration lasts.
         clock: Time.
     """
@@ -49,7 +57,7 @@ class Pulses:
         self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times, clock: Clock | None = None
     ) -> None:
         self._vest = vest
-        self._layout: Layout = layout
+        self.layout: Layout = layout
         self._silent = vest_frame([0] * 4, [0] * 4, layout=layout)
         self.ceiling = ceiling
         self._times = times
@@ -67,7 +75,7 @@ class Pulses:
         """
         percent = LEVEL_PERCENT[min(level, self.ceiling)]
         lit = np.isin(self._silent.motors, site_motors(site))
-        frame = MotorLevels(self._layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
+        frame = MotorLevels(self.layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
         show_frame(
             self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, what=site_place(site)
         )
@@ -77,6 +85,17 @@ class Pulses:
         self.one(site, first)
         self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
         self.one(site, second)
+
+    def all(self, frame: MotorLevels, what: str) -> None:
+        """Show a frame as long as a vibration, nothing of it above the ceiling.
+
+        Raises:
+            DeviceUnavailableError: The vest did not show it.
+        """
+        limited = np.minimum(frame.intensities, np.uint8(LEVEL_PERCENT[self.ceiling]))
+        frame = MotorLevels(frame.layout, limited)
+        show_frame(self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, what=what)
+        self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
 
     @contextmanager
     def silence(self) -> Iterator[None]:
@@ -186,6 +205,37 @@ def take_steps(
     sites = tuple(s for s in sites if thresholds[s].level and middle(s) < pulses.ceiling)
     _each(pulses, sites, done, guide, keep=keep, title="step", percent=lambda level: 100 * level / TOP_LEVEL,
           ceiling=lambda site: pulses.ceiling - middle(site), asking=asking)  # fmt: skip
+
+
+def show_steps(pulses: Pulses, guide: Guide, felt: FeltMap) -> None:
+    """Show the wearer five touches from light to full, in the equal steps of sensation that ``equal-steps`` makes.
+
+    Args:
+        pulses: Vibrations.
+        guide: Says what comes.
+        felt: Thresholds and steps just measured; with a threshold at the ceiling there is no room for steps.
+
+    Raises:
+        DeviceUnavailableError: The vest went away.
+    """
+    full_percent = float(LEVEL_PERCENT[pulses.ceiling])
+    if felt.threshold.max() >= full_percent:
+        guide.say("vest: no room for steps between threshold and ceiling", tone="warn")
+        return
+    options = EqualStepsOptions(full_percent=full_percent)
+    loop = TouchLoop(
+        dict.fromkeys(FINGERS, TouchMaxima(cci_max=_SHOWN_STEPS, eda_max=_SHOWN_STEPS)),
+        layout=pulses.layout,
+        felt=felt,
+        mapping=lambda setup: EqualStepsMapping(setup, options),
+    )
+    guide.ready("Now five touches in equal steps, the lightest first: a run shows touch like this")
+    with pulses.silence():
+        for k in range(1, _SHOWN_STEPS + 1):
+            title = f"touch {k} of {_SHOWN_STEPS}"
+            guide.show(title, [Bar("touch", k / _SHOWN_STEPS)], None)
+            touch = {f: Contact(finger=f, t_ns=0, in_contact=True, cci=k, eda=k) for f in FINGERS}
+            pulses.all(loop.shown(0, touch, ()), title)
 
 
 def _each(

@@ -21,11 +21,12 @@ from tega.config.calibration.records import (
     read_record,
 )
 from tega.config.calibration.wearing import middle_sites, site_face
-from tega.config.choose import block_s
-from tega.config.person import closed_info
+from tega.config.choose import block_s, chosen_stage
+from tega.config.person import closed_info, felt_by
 from tega.config.sections import TrackerConfig
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
+from tega.haptics import FeltMap
 from tega.loop.worn_vest import worn_vest
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.guide import Guide, Undecided
@@ -43,8 +44,16 @@ from tega.setup.calibration.steps_emg import (
     take_squeezes,
 )
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
-from tega.setup.calibration.steps_vest import FeltSite, Pulses, take_steps, take_thresholds, take_wearing
+from tega.setup.calibration.steps_vest import (
+    FeltSite,
+    Pulses,
+    show_steps,
+    take_steps,
+    take_thresholds,
+    take_wearing,
+)
 from tega.setup.calibration.times import Times
+from tega.stages.equal_steps import EqualStepsMapping
 
 if TYPE_CHECKING:
     from tega.devices.base import Device
@@ -343,30 +352,35 @@ class Calibrating:
                     keep=self._keeper("vest.step", steps),
                     seed=self._seed,
                 )
-                device, driver = device_name(vest.info), vest.info.driver
+                record = VestCalibration(
+                    person=self._person,
+                    device=device_name(vest.info),
+                    driver=vest.info.driver,
+                    made=self._now(),
+                    notes=where.notes,
+                    layout=layout,
+                    ceiling_percent=limit,
+                    sites=sites,
+                    threshold_percent=tuple(
+                        float(LEVEL_PERCENT[thresholds[s].level]) if thresholds[s].level else -1.0
+                        for s in sites
+                    ),
+                    step_percent=tuple(_step_percent(s, thresholds, steps) for s in sites),
+                    step_sites=tuple(steps),
+                    named_right=where.n_right,
+                    named=where.n_asked,
+                    false_alarms=sum(felt.n_false for felt in (*thresholds.values(), *steps.values())),
+                )
+                mapping = chosen_stage("mapping", self._config.stages, self._config.session.preset)
+                if mapping.kind is EqualStepsMapping:
+                    threshold, step = felt_by(record)
+                    show_steps(pulses, guide, FeltMap(threshold=threshold, step=step))
         except Undecided:
             raise CalibrationError(
                 "vest: its questions need a person to answer them",
                 "run it without --yes, or with --only tactile or emg",
             ) from None
-        return VestCalibration(
-            person=self._person,
-            device=device,
-            driver=driver,
-            made=self._now(),
-            notes=where.notes,
-            layout=layout,
-            ceiling_percent=limit,
-            sites=sites,
-            threshold_percent=tuple(
-                float(LEVEL_PERCENT[thresholds[s].level]) if thresholds[s].level else -1.0 for s in sites
-            ),
-            step_percent=tuple(_step_percent(s, thresholds, steps) for s in sites),
-            step_sites=tuple(steps),
-            named_right=where.n_right,
-            named=where.n_asked,
-            false_alarms=sum(felt.n_false for felt in (*thresholds.values(), *steps.values())),
-        )
+        return record
 
     def _places(self, pulses: Pulses) -> _Places:
         wearing, notes = take_wearing(pulses, self._guide, seed=self._seed)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 import click
 
 from tega.safety.stop import Stop as AnyStop
+
+_NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
 
 
 class ChannelList(click.ParamType[list[int]]):
@@ -75,8 +78,16 @@ def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @contextmanager
-def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
-    """Let the space bar and q ask for the end, where there is a terminal to press them on."""
+def stop_keys(
+    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = _NO_KEYS
+) -> Iterator[None]:
+    """Let the space bar and q ask for the end, where there is a terminal to press them on.
+
+    Args:
+        stop: Is asked for the end.
+        enabled: Whether keys are read at all.
+        others: Called when its key is pressed.
+    """
     if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
         yield
         return
@@ -86,6 +97,8 @@ def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
         for key in keys.read():
             if key in {" ", "q", "Q"}:
                 return "the space bar" if key == " " else "the key q"
+            if (action := others.get(key)) is not None:
+                action()
         return ""
 
     with Keys() as keys:

@@ -186,6 +186,8 @@ def run_viewed(
     feed = SessionFeed({"preset": config.session.preset}, bus)
     if config.stages.adaptation.on and not can_pause:
         controls.undo = feed.undo
+    if run is None and not can_pause:
+        controls.rezero = feed.rezero
     kept: dict[str, Any] = {"opened": opened}
     if can_pause or run is not None:
         kept["kept_s"] = _RECORDING_KEPT_S

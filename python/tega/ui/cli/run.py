@@ -102,6 +102,7 @@ def run_settings(
     from tega.config import load_config
     from tega.loop import run_session
     from tega.loop.controls import Controls
+    from tega.loop.rezeroing import REZERO_KEY, RezeroKey
     from tega.records.bus import Bus
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
@@ -122,11 +123,14 @@ def run_settings(
     settings = load_config(config, sets=sets).config
     check(settings)
     name = shlex.quote(str(config))
-    heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
-    started = time.perf_counter()
+    heading = f"TEGA · {config.name}" + (
+        f" · space or q: stop · {REZERO_KEY}: new baseline" if sys.stdin.isatty() else ""
+    )
+    started, bus = time.perf_counter(), Bus()
+    others = {REZERO_KEY: RezeroKey(bus).press}
     with (
         CtrlC() as stop,
-        stop_keys(stop, enabled=not as_json),
+        stop_keys(stop, enabled=not as_json, others=others),
         stage(heading, enabled=not as_json) as (progress, display),
         ExitStack() as shown,
     ):
@@ -135,7 +139,6 @@ def run_settings(
             if display is None:  # the live view shows it
                 click.echo(said, err=True)
 
-        bus = Bus()
         bus.subscribe(Notice, lambda notice: tell(notice.text), name="notices")
         shown.enter_context(streamed(bus, streams))
         if display is not None:

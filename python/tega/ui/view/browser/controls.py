@@ -26,6 +26,7 @@ class Controls:
         try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
         can_go: Whether the run waits, armed, until it is told to go.
         undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
+        rezero: Has every finger take a new baseline; ``None`` where no live finger is measured.
         playhead: Of a recording that is played; ``None`` where nobody can seek.
         reflex: Authority of the reflex at the start; ``None`` where there is none.
         annotate: Codes an event by a key at the moment that is played, and returns what it did in words; ``None``
@@ -41,6 +42,7 @@ class Controls:
         try_motor: Callable[[int], MotorAnswer] | None = None,
         can_go: bool = False,
         undo: Callable[[], None] | None = None,
+        rezero: Callable[[], None] | None = None,
         playhead: Playhead | None = None,
         reflex: float | None = None,
         annotate: Callable[[str], str] | None = None,
@@ -48,7 +50,7 @@ class Controls:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
-        self.try_motor, self.can_go, self.undo = try_motor, can_go, undo
+        self.try_motor, self.can_go, self.undo, self.rezero = try_motor, can_go, undo, rezero
         self.playhead, self.annotate = playhead, annotate
         self._go = threading.Event()
         self._lock = threading.Lock()

@@ -14,6 +14,7 @@ import numpy as np
 
 from tega.loop.adapting import UNDO_SEAT
 from tega.loop.parts import Part
+from tega.loop.rezeroing import REZERO_SEAT
 from tega.records import Button, EmgSamples, Marker, Picture
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
@@ -117,6 +118,10 @@ class SessionFeed(Part):
     def undo(self) -> None:
         """Undo the adaptation of EMG as its key does; once more has it begin anew."""
         self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
+
+    def rezero(self) -> None:
+        """Have every finger take a new baseline, as the input ``rezero`` does."""
+        self._bus.publish(Button(seat=REZERO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
 
     def _see(self, picture: Picture) -> None:
         shown = self._pictures.get(picture.finger)

@@ -169,6 +169,10 @@ class Page:
             button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
             button.on_click(lambda _event: undo())
 
+        if (rezero := controls.rezero) is not None:
+            button = self.inputs["rezero"] = gui.add_button("New baseline", color="gray")
+            button.on_click(lambda _event: rezero())
+
     def paint(
         self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
     ) -> None:

@@ -1,0 +1,234 @@
+//! Light that flickers with the mains: bands in pictures whose rows are read one after the other.
+//!
+//! A lamp on mains of 50 or 60 Hz flickers at 100 or 120 Hz. A rolling shutter turns that into bands, along rows or, where the picture is turned, along
+//! columns, which move from picture to picture. Each line of cells then has a gain of its own, the same for the three colours. At rest the
+//! variance of that gain is measured: as the covariance of two outer thirds of the picture, which neither noise nor a dent in one of them
+//! adds to, over the three quarters of the lines that have least of it. Where there are bands, the gain of each line is fitted with that variance as its prior and taken out; a contact is hardly trusted
+//! in the fit. Where there are none, nothing is changed.
+
+use super::cells::Grid;
+use super::colour::Field;
+
+/// Root mean square gain from which bands are taken out: about 0.2 % of amplitude.
+const LEAST: f64 = 0.0015;
+/// The gain that a picture may have which would else be the first of a contact, root mean square.
+const TRIED: f64 = 0.015;
+/// How the variance is learned, seconds; at first its frames are averaged.
+const LEARN_S: f64 = 2.0;
+/// Share of a sine's square that is left without its largest quarter.
+const KEPT: f64 = 0.525;
+/// Pictures that the variance is known from.
+const ENOUGH: f64 = 60.0;
+/// Rounds of the robust fit.
+const ROUNDS: usize = 3;
+/// Larger gains are no bands.
+const MOST: f32 = 0.04;
+
+/// Which lines of cells a band lies along.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Along {
+    Rows,
+    Columns,
+}
+
+pub(super) const BOTH: [Along; 2] = [Along::Rows, Along::Columns];
+
+/// What is known of the bands.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Mains {
+    /// Variance of the gain along rows and columns, as shares.
+    variance: [f64; 2],
+    frames: f64,
+    thirds: [Lines; 2],
+    lines: Lines,
+    trust: Vec<f32>,
+}
+
+/// Weighted sums of a line of cells each, and the gain that they make.
+#[derive(Debug, Clone, Default)]
+struct Lines {
+    products: Vec<f32>,
+    squares: Vec<f32>,
+    gain: Vec<f32>,
+}
+
+impl Lines {
+    fn clear(&mut self, n: usize) {
+        for values in [&mut self.products, &mut self.squares, &mut self.gain] {
+            values.clear();
+            values.resize(n, 0.0);
+        }
+    }
+
+    /// Gains where each line's is held against a prior of this many noise units squared.
+    fn solve(&mut self, held: f32) {
+        for ((gain, product), square) in self.gain.iter_mut().zip(&self.products).zip(&self.squares) {
+            *gain = (product / (square + held)).clamp(-MOST, MOST);
+        }
+    }
+
+    /// Adds to each line half of what its neighbours have.
+    fn spread(&mut self) {
+        for values in [&mut self.products, &mut self.squares] {
+            let mut before = 0.0;
+            for k in 0..values.len() {
+                let (own, after) = (values[k], values.get(k + 1).copied().unwrap_or_default());
+                values[k] = own + 0.5 * (before + after);
+                before = own;
+            }
+        }
+    }
+
+    /// Takes the straight line out of the gains: that is a change of light.
+    fn level(&mut self) {
+        let n = self.gain.len() as f32;
+        let at = |k: usize| k as f32 - 0.5 * (n - 1.0);
+        let mean = self.gain.iter().sum::<f32>() / n;
+        let rise = self.gain.iter().enumerate().map(|(k, g)| at(k) * g).sum::<f32>();
+        let rise = rise / (n * (n * n - 1.0) / 12.0).max(f32::MIN_POSITIVE);
+        self.gain.iter_mut().enumerate().for_each(|(k, g)| *g -= mean + rise * at(k));
+    }
+}
+
+impl Mains {
+    /// Variance of the gain along rows and columns in a change, as shares squared.
+    pub fn measure(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid) -> [f64; 2] {
+        BOTH.map(|along| self.covariance(white, gel, noise, grid, along))
+    }
+
+    /// Learns from the variances of a picture without contact; `dt_s` after the one that it learned from before.
+    pub fn learn(&mut self, variances: [f64; 2], dt_s: f64) {
+        self.frames += 1.0;
+        let share = (dt_s / (LEARN_S + dt_s)).max(1.0 / self.frames);
+        self.variance.iter_mut().zip(variances).for_each(|(of, now)| *of += share * (now - *of));
+    }
+
+    /// The bands that are taken out, if any.
+    fn known(&self) -> Option<(Along, f64)> {
+        let [rows, columns] = self.variance;
+        let along = if columns > rows { Along::Columns } else { Along::Rows };
+        let variance = rows.max(columns);
+        (variance > LEAST * LEAST).then_some((along, variance))
+    }
+
+    /// Takes known bands out of a change whose light was taken out; whether there were any.
+    pub fn correct(&mut self, white: &mut Field, gel: &Field, noise: [f32; 3], grid: &Grid) -> bool {
+        let Some((along, variance)) = self.known() else { return false };
+        self.fit(white, gel, noise, grid, along, variance);
+        true
+    }
+
+    /// Takes bands of any strength out of a change along one way, where none were known; whether it did.
+    pub fn tries(
+        &mut self,
+        white: &mut Field,
+        gel: &Field,
+        noise: [f32; 3],
+        grid: &Grid,
+        along: Along,
+    ) -> bool {
+        if self.known().is_none() {
+            self.fit(white, gel, noise, grid, along, TRIED * TRIED);
+        }
+        self.known().is_none()
+    }
+
+    /// Whether enough pictures were looked at.
+    pub fn knows(&self) -> bool {
+        self.frames >= ENOUGH
+    }
+
+    fn fit(
+        &mut self,
+        white: &mut Field,
+        gel: &Field,
+        noise: [f32; 3],
+        grid: &Grid,
+        along: Along,
+        variance: f64,
+    ) {
+        let n = grid.cells();
+        let held = (1.0 / variance) as f32;
+        // A cell whose colours differ by no more than bands do is trusted.
+        let mut bright = 0.0;
+        for (gel, noise) in gel.iter().zip(noise) {
+            bright += gel.iter().map(|b| b * b).sum::<f32>() / (noise * noise);
+        }
+        let usual = 1.0 + 2.0 * variance as f32 * bright / (3 * n) as f32;
+        for round in 0..ROUNDS {
+            self.trust.clear();
+            self.trust.extend((0..n).map(|k| {
+                let change = |c: usize| {
+                    let gain = if round == 0 { 0.0 } else { self.lines.gain[line(k, grid, along)] };
+                    let left = white[c][k] - gain * gel[c][k] / noise[c];
+                    left * left
+                };
+                let distrust = 1.0 + ((change(0) + change(2)) + change(1)) / (3.0 * usual);
+                1.0 / (distrust * distrust)
+            }));
+            self.lines.clear(if along == Along::Rows { grid.rows } else { grid.cols });
+            for k in 0..n {
+                let [product, square] = answer(white, gel, noise, k);
+                let at = line(k, grid, along);
+                self.lines.products[at] += self.trust[k] * product;
+                self.lines.squares[at] += self.trust[k] * square;
+            }
+            // Bands are wider than a line: one that a contact covers has its neighbours' gain.
+            self.lines.spread();
+            self.lines.solve(held);
+        }
+        for ((white, gel), noise) in white.iter_mut().zip(gel).zip(noise) {
+            for (k, (white, gel)) in white.iter_mut().zip(gel).enumerate() {
+                *white -= self.lines.gain[line(k, grid, along)] * gel / noise;
+            }
+        }
+    }
+
+    /// Covariance of the gains of two outer thirds of the picture.
+    fn covariance(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along) -> f64 {
+        let (lines, across) =
+            if along == Along::Rows { (grid.rows, grid.cols) } else { (grid.cols, grid.rows) };
+        let third = across / 3;
+        if third == 0 || lines < 4 {
+            return 0.0;
+        }
+        for (part, lines_of) in self.thirds.iter_mut().enumerate() {
+            lines_of.clear(lines);
+            let first = if part == 0 { 0 } else { across - third };
+            for at in 0..lines {
+                for place in first..first + third {
+                    let k =
+                        if along == Along::Rows { at * grid.cols + place } else { place * grid.cols + at };
+                    let [product, square] = answer(white, gel, noise, k);
+                    lines_of.products[at] += product;
+                    lines_of.squares[at] += square;
+                }
+            }
+            // A black line has no gain.
+            lines_of.solve(1.0);
+            lines_of.level();
+        }
+        let [one, other] = &self.thirds;
+        self.trust.clear();
+        self.trust.extend(one.gain.iter().zip(&other.gain).map(|(a, b)| a * b));
+        // Bands lie over all of the picture: without the quarter of the lines that have most, a bar across it adds nothing.
+        let kept = lines - lines / 4;
+        self.trust.select_nth_unstable_by(kept - 1, f32::total_cmp);
+        self.trust.truncate(kept);
+        self.trust.sort_unstable_by(f32::total_cmp);
+        f64::from(self.trust.iter().sum::<f32>()) / (KEPT * lines as f64)
+    }
+}
+
+/// The line of a cell.
+fn line(k: usize, grid: &Grid, along: Along) -> usize {
+    if along == Along::Rows { k / grid.cols } else { k % grid.cols }
+}
+
+/// What a cell adds to its line: its change times its light, and its light squared, noise units; blue or red first alike.
+#[inline(always)]
+fn answer(white: &Field, gel: &Field, noise: [f32; 3], k: usize) -> [f32; 2] {
+    let light = |c: usize| gel[c][k] / noise[c];
+    let both = [0, 1, 2].map(|c| [white[c][k] * light(c), light(c) * light(c)]);
+    [0, 1].map(|v| (both[0][v] + both[2][v]) + both[1][v])
+}

@@ -1,0 +1,202 @@
+//! What comes after a touch, and what no touch makes: leftovers that fade, mains light, darkness, rest taken by hand.
+
+#![allow(clippy::unwrap_used)]
+
+use ndarray::Array3;
+use proptest::prelude::*;
+use tega_tactile::{SensorNoise, Touch, TouchTracker, TrackerOptions};
+
+use crate::slopes::{Drift, Gel, Press, Random};
+
+const RATE_HZ: f64 = 30.0;
+
+/// A gel whose camera has so many times a DIGIT's noise.
+struct Finger {
+    gel: Gel,
+    random: Random,
+    noise: f32,
+}
+
+impl Finger {
+    fn new(seed: u64, noise: f32) -> Self {
+        let mut random = Random(seed);
+        Self { gel: Gel::any(&mut random, 120, 160), random, noise }
+    }
+
+    /// A frame with a share of a firm press, and the light changed by a gain of each row.
+    fn frame(&mut self, share: f64, gain: impl Fn(f64) -> f64) -> Array3<u8> {
+        let press = Press { centre: [0.45, 0.55], contact_radius: 40.0, ball_radius: 60.0 / share as f32 };
+        let mut counts = self.gel.counts((share > 0.0).then_some(press), Drift::default());
+        for (y, mut row) in counts.outer_iter_mut().enumerate() {
+            row.mapv_inplace(|v| v * gain(y as f64 / 120.0) as f32);
+        }
+        self.gel.frame_of(&mut self.random, counts, self.noise)
+    }
+
+    fn still(&mut self) -> Array3<u8> {
+        self.frame(0.0, |_| 1.0)
+    }
+
+    fn tracker(&mut self) -> TouchTracker {
+        let still: Vec<_> = (0..8).map(|_| self.still()).collect();
+        let views: Vec<_> = still.iter().map(|frame| frame.view()).collect();
+        let noise = SensorNoise::measure(&views, TrackerOptions::default().order).unwrap();
+        let options = TrackerOptions { rate_hz: RATE_HZ, noise, ..TrackerOptions::default() };
+        TouchTracker::new(still[0].view(), options).unwrap()
+    }
+}
+
+fn update(tracker: &mut TouchTracker, frame: &Array3<u8>) -> Touch {
+    tracker.update(frame.view(), None, false).unwrap()
+}
+
+/// Share of a dent that a gel keeps, seconds after the release: as it was measured, and with one time constant.
+fn measured(since_s: f64) -> f64 {
+    let points = [(0.0, 0.16), (0.13, 0.13), (1.0, 0.08), (2.7, 0.06), (10.0, 0.0)];
+    let after = points.windows(2).find(|pair| since_s < pair[1].0);
+    after.map_or(0.0, |pair| {
+        let ((from_s, from), (to_s, to)) = (pair[0], pair[1]);
+        from + (to - from) * (since_s - from_s) / (to_s - from_s)
+    })
+}
+
+#[test]
+fn a_leftover_that_fades_over_seconds_is_no_contact_and_hides_none() {
+    let courses: [&dyn Fn(f64) -> f64; 4] = [
+        &measured,
+        &|since_s| 0.2 * (-since_s / 20.0).exp(),
+        &|since_s| 0.15 * (-since_s / 6.0).exp(),
+        &|since_s| 0.05 * (-since_s / 0.3).exp() + 0.1 * (-since_s / 12.0).exp(),
+    ];
+    for (number, course) in courses.into_iter().enumerate() {
+        for noise in [0.1, 1.0] {
+            let mut finger = Finger::new(number as u64, noise);
+            let mut tracker = finger.tracker();
+            for _ in 0..20 {
+                assert!(!update(&mut tracker, &finger.still()).in_contact);
+            }
+            for k in 0..60 {
+                let frame = finger.frame(1.0, |_| 1.0);
+                assert!(update(&mut tracker, &frame).in_contact || k < 2, "{number} {noise}: {k}");
+            }
+            for k in 0..1200 {
+                let since_s = f64::from(k) / RATE_HZ;
+                // A touch of a third of the depth while the leftover fades.
+                let again = (12.0..13.0).contains(&since_s);
+                let share = if again { 0.33 } else { course(since_s) };
+                let frame = finger.frame(share, |_| 1.0);
+                let touch = update(&mut tracker, &frame);
+                assert!(
+                    !again || since_s < 12.1 || touch.in_contact,
+                    "{number} {noise}: {since_s} s {touch:?}"
+                );
+                let after = (0.5..12.0).contains(&since_s) || since_s > 13.5;
+                assert!(!after || !touch.in_contact, "{number} {noise}: {since_s} s {touch:?}");
+            }
+        }
+    }
+}
+
+/// Gain of a row at a time under a lamp on mains.
+fn mains(hz: f64, amplitude: f64, t_s: f64) -> impl Fn(f64) -> f64 {
+    move |row| 1.0 + amplitude * (std::f64::consts::TAU * hz * (t_s + 0.9 * row / RATE_HZ)).sin()
+}
+
+#[test]
+fn mains_light_is_no_contact_and_does_not_shake_one() {
+    for hz in [100.0, 99.0, 120.1] {
+        for amplitude in [0.005, 0.01, 0.02] {
+            let mut finger = Finger::new(3, 0.3);
+            let mut tracker = finger.tracker();
+            let mut eda = Vec::new();
+            for k in 0..180 {
+                let (t_s, pressed) = (f64::from(k) / RATE_HZ, k >= 90);
+                let frame = finger.frame(f64::from(u8::from(pressed)), mains(hz, amplitude, t_s));
+                let touch = update(&mut tracker, &frame);
+                assert!(
+                    touch.in_contact == pressed || (90..92).contains(&k),
+                    "{hz} {amplitude}: {k} {touch:?}"
+                );
+                if k >= 100 {
+                    eda.push(f64::from(touch.eda));
+                }
+            }
+            let mut clean = Finger::new(3, 0.3);
+            let mut without = clean.tracker();
+            let wanted = (0..60)
+                .map(|k| update(&mut without, &clean.frame(f64::from(u8::from(k >= 30)), |_| 1.0)).eda)
+                .next_back()
+                .map(f64::from)
+                .unwrap();
+            let mean = eda.iter().sum::<f64>() / eda.len() as f64;
+            let scatter =
+                (eda.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / eda.len() as f64).sqrt() / mean;
+            assert!((mean / wanted - 1.0).abs() < 0.05, "{hz} {amplitude}: {mean} {wanted}");
+            assert!(scatter < 0.05, "{hz} {amplitude}: {scatter}");
+        }
+    }
+}
+
+#[test]
+fn a_burst_of_darkness_begins_no_contact_and_ends_none() {
+    let mut finger = Finger::new(5, 0.5);
+    let mut tracker = finger.tracker();
+    for k in 0..150 {
+        let pressed = (60..120).contains(&k);
+        // A tenth of a second without most of the light.
+        let dark = [30, 31, 32, 90, 91, 92, 140, 141, 142].contains(&k);
+        let frame = finger.frame(f64::from(u8::from(pressed)), |_| if dark { 0.1 } else { 1.0 });
+        let touch = update(&mut tracker, &frame);
+        let turning = (60..62).contains(&k) || (120..124).contains(&k);
+        assert!(turning || touch.in_contact == pressed, "{k}: {touch:?}");
+    }
+}
+
+#[test]
+fn the_first_frames_are_averaged_into_the_rest() {
+    let finger = Finger::new(7, 0.0);
+    let gel = finger.gel.counts(None, Drift::default());
+    let still = gel.mapv(|v| v.round() as u8);
+    // A baseline that is off by half a count over patches, as one frame with noise is.
+    let mut off = still.clone();
+    for ((y, x, _), value) in off.indexed_iter_mut() {
+        *value += u8::from((y / 8 * 7 + x / 8 * 3) % 5 < 2);
+    }
+    let mut tracker =
+        TouchTracker::new(off.view(), TrackerOptions { rate_hz: 60.0, ..TrackerOptions::default() }).unwrap();
+    let told: Vec<f64> = (0..12).map(|_| update(&mut tracker, &still).difference).collect();
+    assert!(told[0] > 0.1 && told[11] < 0.6 * told[0], "{told:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// Whatever comes: a tracker that is copied at any frame goes on the same, and what it reports keeps its bounds.
+    #[test]
+    fn a_stream_that_is_cut_anywhere_reads_the_same(
+        seed in any::<u64>(), shares in prop::collection::vec(0f64..1.2, 4..40), cut in 0usize..40, flicker in 0f64..0.03,
+        gaps in prop::collection::vec(0f64..0.3, 40)
+    ) {
+        let mut finger = Finger::new(seed, 0.5);
+        let mut whole = finger.tracker();
+        let mut other = None;
+        for (k, share) in shares.iter().enumerate() {
+            let press = if *share < 0.4 { 0.0 } else { *share };
+            let frame = finger.frame(press, mains(100.0, flicker, k as f64 / RATE_HZ));
+            if k == cut.min(shares.len() - 1) {
+                other = Some(whole.clone());
+            }
+            let touch = whole.update(frame.view(), Some(gaps[k]), false).unwrap();
+            if let Some(other) = &mut other {
+                let again = other.update(frame.view(), Some(gaps[k]), false).unwrap();
+                prop_assert_eq!(format!("{touch:?}"), format!("{again:?}"));
+                prop_assert_eq!(whole.mask(), other.mask());
+            }
+            prop_assert_eq!(touch.in_contact, touch.eda > 0);
+            prop_assert!((0.0..=1.0).contains(&touch.strength) && (0.0..=1.0).contains(&touch.broad));
+            for value in [touch.cci, touch.peak, touch.depth_mm, touch.force_n, touch.mass, touch.difference] {
+                prop_assert!(value.is_finite() && value >= 0.0, "{:?}", touch);
+            }
+        }
+    }
+}
