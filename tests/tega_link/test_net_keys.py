@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Keys of stations, and what a wrong one is good for: nothing."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Two stations, each a program of its own, over real Zenoh on this machine."""
 
 from __future__ import annotations

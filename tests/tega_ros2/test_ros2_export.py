@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Every value of a recording is in the ROS 2 bag that is made of it, by two readers that others have written."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """What a scene camera measured of a study's trials stands beside the raters' accounts, and a person corrects it."""
 
 from __future__ import annotations

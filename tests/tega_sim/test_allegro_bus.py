@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The simulated hand on a virtual CAN bus: it speaks as the real one, and the world moves the same either way."""
 
 import numpy as np

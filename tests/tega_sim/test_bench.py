@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The bench: what it measures is what it says, and nothing here depends on how fast that is."""
 
 from __future__ import annotations

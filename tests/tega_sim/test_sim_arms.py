@@ -91,7 +91,7 @@ def test_a_true_vest_follows_the_pads_true_forces(lab: Lab, condition: str, law:
     assert forces.max() > 0.5, "the script touches"
     at = np.searchsorted(looks_s, t_s + 1e-9, side="right") - 1
     for row, told in zip(forces[at], sent, strict=True):
-        shown = [intensity(f, FULL_N, law=law) if f > 0 else 0.0 for f in row]  # type: ignore[arg-type]
+        shown = [intensity(f, FULL_N, law=law) if f > 0 else 0.0 for f in row]  # type: ignore[call-overload]
         assert told.tolist() == vest_frame(shown, shown, layout="x40").intensities.tolist()
     # What was sent is what the person's motors are told at the next look.
     last = wearer.worn[-1]

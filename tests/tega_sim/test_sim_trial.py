@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Whole lifts on the simulated bench: the loop closes, and equal plans give equal bits."""
 
 from __future__ import annotations

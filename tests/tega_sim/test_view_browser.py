@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The view in the browser, without a browser: the slot, the counters, the buttons, what is refused, what is drawn."""
 
 from __future__ import annotations

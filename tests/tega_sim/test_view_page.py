@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The view's page in a real browser: what a person sees of a moment. Skipped where there is no Chromium."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """``--view``: sessions and replays on the page, the hand's figure, pauses and muting."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The torso and the timeline in a real browser: a click asks for that motor. Skipped where there is no Chromium."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The simulated world: closed forms, definitions of its events, and that it repeats to the bit."""
 
 import math

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The lifted object as an elastic solid: what it is measured by, and that the hand can lift it."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Muscle signals of a study as EMG-BIDS: the validator's verdict, every sample, every event, all people at once."""
 
 from __future__ import annotations

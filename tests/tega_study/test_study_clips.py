@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Blind clips of recorded trials, coded in BORIS: what a rater is given, what comes back, what is compared."""
 
 from __future__ import annotations

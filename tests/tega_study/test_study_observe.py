@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """A rater's console: one key an event, at the moment it was pressed, kept whatever stops."""
 
 from __future__ import annotations

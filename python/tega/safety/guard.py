@@ -135,7 +135,7 @@ class Guard:
             wanted: The muscles' level, 1 to 5, with fractions where they ask for a closure.
 
         Returns:
-            The wanted level, or a program's, while active; the last one in hold, else the open hand's; never outside 1 to 5.
+            While active the wanted level or a program's, in hold the last one, else the open hand's; always 1 to 5.
         """
         state = self._states.state
         if state == "active" and (program := self._program()) is not None:

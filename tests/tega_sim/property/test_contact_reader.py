@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """A reader with its baseline prepared says what the function says, to the last bit."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The simulated gel under any press: bounds, symmetry, order."""
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Define the detector's numbers, all of them, and say why they are what they are.
 
 They were fixed before they were compared with anything. The slip's rules were fitted on simulated people 1000 to 1022
-(``tega_figures.check_events --fit 1000:1023`` of commit 2b4cc804, the one by shear with ``--shear texture``), the one by
-joints on 5000 to 5074 as well, and are reported on others.
+(``tega_figures.check_events --fit 1000:1023`` of commit 2b4cc804, the one by shear with ``--shear texture``), the one
+by joints on 5000 to 5074 as well, and are reported on others.
 """
 
 from __future__ import annotations
