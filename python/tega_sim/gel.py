@@ -139,9 +139,7 @@ class Gel:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
         t_s = index / CAMERA_HZ if t_s is None else t_s
         self.pressed = t_s, indenters
-        self._gel.frame(
-            _poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters), out=out
-        )
+        self._gel.frame(_poses(indenters), index, t_s=t_s, pull=_pull(indenters), out=out)
         return out
 
     def sums(
@@ -156,9 +154,7 @@ class Gel:
             int16 (3, 1200): blue, green and red, each 40 rows of 30 cells, one after the other.
         """
         t_s = index / CAMERA_HZ if t_s is None else t_s
-        return self._gel.sums(
-            _poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters)
-        )
+        return self._gel.sums(_poses(indenters), index, t_s=t_s, pull=_pull(indenters))
 
     def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
         """Press shapes in without making a picture; :attr:`truth` and the arrays below are then of this press.
@@ -166,7 +162,7 @@ class Gel:
         Args and errors are those of :meth:`frame`; without ``t_s`` no time passes.
         """
         t_s = (self._gel.last_s() or 0.0) if t_s is None else t_s
-        self._gel.press(_poses(indenters), t_s, pull=_pull(indenters), relief=_relief(indenters))
+        self._gel.press(_poses(indenters), t_s, pull=_pull(indenters))
         return self.truth
 
     def remains(self, t_s: float) -> bool:
@@ -279,14 +275,6 @@ def _pull(indenters: Sequence[Indenter]) -> tuple[float, float, float]:
     load_n = sum(i.force_n for i in indenters)
     friction = sum(i.force_n * i.friction for i in indenters) / load_n if load_n > 0 else 1.0
     return sum(i.shear_n[0] for i in indenters), sum(i.shear_n[1] for i in indenters), friction
-
-
-def _relief(indenters: Sequence[Indenter]) -> tuple[int, float, float]:
-    """Return which shape presses most, and its relief's contrast and wave; smooth without one."""
-    if not indenters:
-        return 0, 0.0, 1.0
-    which, one = max(enumerate(indenters), key=lambda pair: pair[1].force_n)
-    return which, one.relief_counts, one.relief_mm
 
 
 def _poses(

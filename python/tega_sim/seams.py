@@ -35,9 +35,6 @@ class Indenter(NamedTuple):
         shear_n: Tangential force of this shape on the gel, to the right and down the picture, newtons; only a gel with
             shear minds it.
         friction: Coefficient of friction between them.
-        relief_counts: Contrast of the shape's own relief where its imprint shows in full, counts of grey (deviation), 0
-            to 20; 0 is smooth. Only a gel with shear shows one, that of the shape which presses most.
-        relief_mm: Strongest wave of the relief, millimetres, 0.1 to 5.
     """
 
     shape: Literal["sphere", "cylinder", "capsule", "box", "plane"]
@@ -46,8 +43,6 @@ class Indenter(NamedTuple):
     force_n: float
     shear_n: tuple[float, float] = (0.0, 0.0)
     friction: float = 1.0
-    relief_counts: float = 0.0
-    relief_mm: float = 0.6
 
 
 class WorldTruth(NamedTuple):

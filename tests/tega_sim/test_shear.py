@@ -225,7 +225,7 @@ def test_the_metric_tells_what_live_tells_and_the_shear() -> None:
     assert told["shear_mm"].unit == "mm"
     empty = metric.update(gel.frame([], 41), round(41 / 60 * 1e9) + 10**9)
     assert not empty.in_contact
-    assert [value.value for value in empty.more] == [0.0] * 8
+    assert [value.value for value in empty.more] == [0.0] * 5
 
 
 def test_the_detector_uses_the_shear_where_it_is_told_any() -> None:
@@ -244,4 +244,4 @@ def test_the_detector_uses_the_shear_where_it_is_told_any() -> None:
 def test_a_recording_that_does_not_say_how_sure_its_shear_is_has_its_slips_told_by_touch() -> None:
     values = {"shear_mm": 1.0, "shear_direction_rad": 0.0, "incipient": 0.5, "slip_mm_s": 2.0}
     assert ShearFrame.of(values) is None
-    assert ShearFrame.of(values | {"shear_sure": 0.2}) == (1.0, 0.0, 0.5, 2.0, 0.2, 0.0, 0.0, 0.0)
+    assert ShearFrame.of(values | {"shear_sure": 0.2}) == (1.0, 0.0, 0.5, 2.0, 0.2)

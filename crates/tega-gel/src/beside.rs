@@ -1,4 +1,4 @@
-//! Where pixels lie between the wide cells of shear and imprint.
+//! Where pixels lie between the wide cells of shear.
 
 use crate::picture::WIDTH;
 use crate::shear::WIDE_PX;

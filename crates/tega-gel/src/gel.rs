@@ -11,7 +11,6 @@ use crate::noise::{EPOCH_FRAMES, Noise, drifted, lacking};
 use crate::paint::{Canvas, paint};
 use crate::pattern::{self, Pattern, Surface};
 use crate::picture::{HEIGHT, LINE, WIDTH};
-use crate::relief::{Imprint, Relief as Imprinted};
 use crate::shape::{Indenter, MAX_INDENTERS};
 use crate::shear::{self, Pull, Shear, ShearField, WIDE_COLS, WIDE_ROWS};
 use crate::sums::{self, Summing, Sums, sum_picture};
@@ -81,8 +80,8 @@ pub struct Gel {
     memory: Option<Memory>,
     /// Whether what it remembers can be seen.
     lags: bool,
-    /// What its surface shows, how far that is moved, and what is imprinted on it; `None` for a plain one.
-    sheared: Option<(Pattern, ShearField, Imprint)>,
+    /// What its surface shows, and how far that is moved; `None` for a plain one.
+    sheared: Option<(Pattern, ShearField)>,
 }
 
 impl Gel {
@@ -107,8 +106,7 @@ impl Gel {
             epoch: None,
             touches: false,
             lags: false,
-            sheared: (surface != Surface::Plain)
-                .then(|| (Pattern::new(seed, surface), ShearField::new(), Imprint::new())),
+            sheared: (surface != Surface::Plain).then(|| (Pattern::new(seed, surface), ShearField::new())),
         })
     }
 
@@ -136,11 +134,10 @@ impl Gel {
         if let Some(memory) = &mut self.memory {
             memory.hold(self.touches);
         }
-        if let Some((_, shear, imprint)) = &mut self.sheared {
-            imprint.forget();
-            if !self.touches {
-                shear.forget();
-            }
+        if let Some((_, shear)) = &mut self.sheared
+            && !self.touches
+        {
+            shear.forget();
         }
         Ok(self.touches)
     }
@@ -163,7 +160,7 @@ impl Gel {
         if !(0.0..=1e4).contains(&by.load_n) {
             return Err(OutOfRange::new("the load", by.load_n, "N", "0 to 10000").into());
         }
-        if let Some((_, shear, _)) = &mut self.sheared
+        if let Some((_, shear)) = &mut self.sheared
             && self.touches
         {
             shear::pull(shear, self.membrane.finest(), by);
@@ -171,26 +168,9 @@ impl Gel {
         Ok(())
     }
 
-    /// Imprints the relief of one of the shapes that the latest call pressed in, after the pull. A plain gel shows none.
-    ///
-    /// # Errors
-    ///
-    /// A number is out of range; nothing is imprinted then.
-    pub fn imprint(&mut self, of: &Indenter, relief: Imprinted) -> Result<(), GelError> {
-        relief.check()?;
-        of.check(0)?;
-        if let Some((_, shear, imprint)) = &mut self.sheared
-            && self.touches
-            && relief.counts > 0.0
-        {
-            imprint.take(self.membrane.finest(), of, relief, shear.carries());
-        }
-        Ok(())
-    }
-
     /// Measures what is true of the latest pull.
     pub fn shear(&self) -> Shear {
-        self.sheared.as_ref().map_or_else(Shear::default, |(_, shear, _)| shear.measure())
+        self.sheared.as_ref().map_or_else(Shear::default, |(_, shear)| shear.measure())
     }
 
     /// Copies how far the latest pull has moved the gel under the picture, to the right and down, millimetres, one pair a
@@ -198,7 +178,7 @@ impl Gel {
     pub fn shear_field(&self, out: &mut [[f32; 2]]) {
         for (r, row) in out.chunks_exact_mut(SHEAR_CELLS[1]).enumerate() {
             for (c, cell) in row.iter_mut().enumerate() {
-                *cell = self.sheared.as_ref().map_or([0.0; 2], |(_, shear, _)| shear.at(r + 1, c + 1));
+                *cell = self.sheared.as_ref().map_or([0.0; 2], |(_, shear)| shear.at(r + 1, c + 1));
             }
         }
     }
@@ -218,9 +198,8 @@ impl Gel {
         if let Some(memory) = &mut self.memory {
             memory.forget(&mut self.membrane);
         }
-        if let Some((_, shear, imprint)) = &mut self.sheared {
+        if let Some((_, shear)) = &mut self.sheared {
             shear.forget();
-            imprint.forget();
         }
         (self.touches, self.lags) = (false, false);
     }
@@ -258,9 +237,8 @@ impl Gel {
         let noise = (&self.noise, self.noise.part(index));
         let relief = relief(&mut self.memory, &self.membrane, [self.lags, self.touches]);
         paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
-        if let Some((pattern, shear, imprint)) = &mut self.sheared {
-            let shown = shear.moved() || imprint.shows();
-            pattern::add(pattern, shown.then_some((&*shear, &*imprint)), Some(index), out);
+        if let Some((pattern, shear)) = &mut self.sheared {
+            pattern::add(pattern, shear.moved().then_some(&*shear), Some(index), out);
         }
         Ok(())
     }
@@ -294,7 +272,7 @@ impl Gel {
         for (out, drifted) in out.iter_mut().zip(&self.drifted) {
             *out = (*drifted as u8) ^ 0x80;
         }
-        if let Some((pattern, ..)) = &mut self.sheared {
+        if let Some((pattern, _)) = &mut self.sheared {
             pattern::add(pattern, None, None, out);
         }
         Ok(())
@@ -351,7 +329,7 @@ impl Gel {
         let epoch = index / EPOCH_FRAMES;
         if self.epoch != Some(epoch) {
             drifted(&self.noise, &self.unit.still, epoch, &mut self.drifted);
-            if let Some((pattern, ..)) = &mut self.sheared {
+            if let Some((pattern, _)) = &mut self.sheared {
                 lacking(&self.noise, &self.unit.still, epoch, &mut pattern.lacking);
                 pattern.drifted();
             }

@@ -6,7 +6,6 @@
 use crate::beside::{ACROSS, BESIDE, place};
 use crate::grid::PX_PER_MM;
 use crate::picture::{HEIGHT, LINE, WIDTH, nearest};
-use crate::relief::Imprint;
 use crate::rng::Stream;
 use crate::shear::{ShearField, WIDE_COLS, WIDE_PX, WIDE_ROWS};
 
@@ -103,8 +102,8 @@ impl Pattern {
     /// Adds the pattern to the picture of a plain gel, moved as the gel is. A frame has its own rounding; without a number all
     /// is rounded to the nearest.
     #[inline(always)]
-    pub(crate) fn add(&mut self, shear: Option<(&ShearField, &Imprint)>, index: Option<u64>, out: &mut [u8]) {
-        let [rows, cols] = shear.map_or([[0; 2]; 2], |(shear, imprint)| self.settle(shear, imprint.area()));
+    pub(crate) fn add(&mut self, shear: Option<&ShearField>, index: Option<u64>, out: &mut [u8]) {
+        let [rows, cols] = shear.map_or([[0; 2]; 2], |shear| self.settle(shear));
         let half = [HALF; LINE];
         for (y, (out, still)) in out.chunks_exact_mut(LINE).zip(self.still.chunks_exact(LINE)).enumerate() {
             let dither = index.map_or(&half[..], |index| {
@@ -115,24 +114,15 @@ impl Pattern {
             plain(&still[..from], &dither[..from], &mut out[..from]);
             plain(&still[to..], &dither[to..], &mut out[to..]);
             if from < to {
-                self.warp(
-                    y,
-                    cols,
-                    shear.map(|(_, imprint)| imprint).filter(|imprint| imprint.shows()),
-                    &dither[from..to],
-                    &mut out[from..to],
-                );
+                self.warp(y, cols, &dither[from..to], &mut out[from..to]);
             }
         }
     }
 
-    /// Finds what has moved to where each cell is, and which rows and columns of pixels that and an imprint concern.
+    /// Finds what has moved to where each cell is, and which rows and columns of pixels that concerns.
     #[inline(always)]
-    fn settle(&mut self, shear: &ShearField, imprinted: [[usize; 2]; 2]) -> [[usize; 2]; 2] {
-        let [mut rows, mut cols] = imprinted;
-        if rows[0] >= rows[1] {
-            (rows, cols) = ([WIDE_ROWS, 0], [WIDE_COLS, 0]);
-        }
+    fn settle(&mut self, shear: &ShearField) -> [[usize; 2]; 2] {
+        let (mut rows, mut cols) = ([WIDE_ROWS, 0], [WIDE_COLS, 0]);
         for r in 0..WIDE_ROWS {
             for c in 0..WIDE_COLS {
                 let [mut x, mut y] = shear.at(r, c).map(|u| u * shear.px_per_mm(r, c));
@@ -159,14 +149,7 @@ impl Pattern {
 
     /// Adds a row of the moved pattern.
     #[inline(always)]
-    fn warp(
-        &self,
-        y: usize,
-        [from, to]: [usize; 2],
-        imprint: Option<&Imprint>,
-        dither: &[u8],
-        out: &mut [u8],
-    ) {
+    fn warp(&self, y: usize, [from, to]: [usize; 2], dither: &[u8], out: &mut [u8]) {
         let (row, down) = place(y);
         let (upper, lower) = (&self.moved[row * WIDE_COLS..], &self.moved[(row + 1) * WIDE_COLS..]);
         let mut cells = [[0.0f32; 2]; WIDE_COLS];
@@ -193,13 +176,6 @@ impl Pattern {
             let [a, b, c, d] = [a, b, c, d].map(i32::from);
             let (upper, lower) = (a * (FINE - fx) + b * fx, c * (FINE - fx) + d * fx);
             levels[x] = ((upper * (FINE - fy) + lower * fy + FINE * FINE / 2) >> (2 * SHIFT)) as i16;
-        }
-        let mut imprinted = [0i16; WIDTH];
-        if let Some(imprint) = imprint {
-            imprint.row(y, from, FINE as f32, &mut imprinted[from..to]);
-        }
-        for (level, imprinted) in levels.iter_mut().zip(imprinted) {
-            *level += imprinted;
         }
         let lacking = &self.lacking[y * LINE + 3 * from..y * LINE + 3 * to];
         let parts = dither.as_chunks::<3>().0.iter().zip(lacking.as_chunks::<3>().0);
@@ -276,5 +252,5 @@ fn print(out: &mut [f32], drawn: Stream, rows: usize, cols: usize) {
 tega_simd::dispatched! {
     /// See [`Pattern::add`].
     add = Pattern::add,
-    (pattern: &mut Pattern, shear: Option<(&ShearField, &Imprint)>, index: Option<u64>, out: &mut [u8]) -> ()
+    (pattern: &mut Pattern, shear: Option<&ShearField>, index: Option<u64>, out: &mut [u8]) -> ()
 }

@@ -328,17 +328,6 @@ impl ShearField {
         Shear { mean_mm: sums.map(|sum| sum / all), peak_mm: peak.sqrt(), slid: slid / all }
     }
 
-    /// How far the gel under what presses it is carried, millimetres: the mean displacement by pressure.
-    pub(crate) fn carries(&self) -> [f64; 2] {
-        let (mut sums, mut all) = ([0.0f64; 2], 0.0f64);
-        for (k, limit) in self.limit.iter().enumerate() {
-            let weight = f64::from(*limit);
-            sums = [0, 1].map(|axis| sums[axis] + weight * f64::from(self.u[axis][k]));
-            all += weight;
-        }
-        if self.moved && all > 0.0 { sums.map(|sum| sum / all) } else { [0.0; 2] }
-    }
-
     /// A cell's displacement, millimetres; of the picture's cells and one around.
     pub(crate) fn at(&self, row: usize, col: usize) -> [f32; 2] {
         let k = (row + 1) * STRIDE + col + 1;

@@ -5,8 +5,7 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, P
 use pyo3::prelude::*;
 use tega_error::choice;
 use tega_gel::{
-    CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Pull, Relief, SHEAR_CELLS, SUM_CELLS, Setup, Shape, Surface,
-    WIDTH,
+    CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Pull, SHEAR_CELLS, SUM_CELLS, Setup, Shape, Surface, WIDTH,
 };
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
@@ -16,8 +15,6 @@ type Picture<'py> = Bound<'py, PyArray3<u8>>;
 type Pressing<'py> = (String, [f64; 3], PyReadonlyArray2<'py, f64>, f64);
 /// Tangential force to the right and down, newtons, and friction.
 type Pulling = (f64, f64, f64);
-/// Which shape has a relief, its contrast, counts, and its wave, millimetres.
-type Marking = (usize, f64, f64);
 type Found = (bool, usize, f64, f64, (f64, f64));
 
 #[pyclass(module = "tega._native", frozen)]
@@ -43,17 +40,16 @@ impl Gel {
         })?)))
     }
 
-    #[pyo3(signature = (indenters, t_s, /, *, pull, relief))]
+    #[pyo3(signature = (indenters, t_s, /, *, pull))]
     fn press(
         &self,
         py: Python<'_>,
         indenters: Vec<Pressing<'_>>,
         t_s: f64,
         pull: Pulling,
-        relief: Marking,
     ) -> Result<bool, BindError> {
         let indenters = collect(indenters)?;
-        Ok(released(py, true, || self.0.with(|gel| touched(gel, &indenters, t_s, pull, relief)))?)
+        Ok(released(py, true, || self.0.with(|gel| touched(gel, &indenters, t_s, pull)))?)
     }
 
     fn shear(&self) -> ((f64, f64), f64, f64) {
@@ -89,7 +85,7 @@ impl Gel {
         self.0.with(|gel| gel.in_view())
     }
 
-    #[pyo3(signature = (indenters, index, /, *, t_s, pull, relief, out))]
+    #[pyo3(signature = (indenters, index, /, *, t_s, pull, out))]
     #[allow(clippy::too_many_arguments)] // of Python's frame()
     fn frame<'py>(
         &self,
@@ -98,7 +94,6 @@ impl Gel {
         index: u64,
         t_s: f64,
         pull: Pulling,
-        relief: Marking,
         out: Picture<'py>,
     ) -> Result<(), BindError> {
         let indenters = collect(indenters)?;
@@ -114,14 +109,14 @@ impl Gel {
         })?;
         released(py, true, || {
             self.0.with(|gel| {
-                touched(gel, &indenters, t_s, pull, relief)?;
+                touched(gel, &indenters, t_s, pull)?;
                 gel.paint(index, pixels)
             })
         })?;
         Ok(())
     }
 
-    #[pyo3(signature = (indenters, index, /, *, t_s, pull, relief))]
+    #[pyo3(signature = (indenters, index, /, *, t_s, pull))]
     fn sums<'py>(
         &self,
         py: Python<'py>,
@@ -129,12 +124,11 @@ impl Gel {
         index: u64,
         t_s: f64,
         pull: Pulling,
-        relief: Marking,
     ) -> Result<Bound<'py, PyArray2<i16>>, BindError> {
         let indenters = collect(indenters)?;
         let mut sums = [[0; SUM_CELLS[0] * SUM_CELLS[1]]; 3];
         self.0.with(|gel| {
-            touched(gel, &indenters, t_s, pull, relief)?;
+            touched(gel, &indenters, t_s, pull)?;
             gel.sums(index, &mut sums);
             Ok::<_, tega_gel::GelError>(())
         })?;
@@ -167,20 +161,16 @@ impl Gel {
     }
 }
 
-/// Presses, pulls and imprints; returns whether anything touches.
+/// Presses and pulls; returns whether anything touches.
 fn touched(
     gel: &mut tega_gel::Gel,
     indenters: &[Indenter],
     t_s: f64,
     (x, y, friction): Pulling,
-    (which, counts, length_mm): Marking,
 ) -> Result<bool, tega_gel::GelError> {
     let touches = gel.press(indenters, t_s)?;
     let load_n = indenters.iter().map(|indenter| indenter.force_n).sum();
     gel.pull(Pull { force_n: [x, y], friction, load_n })?;
-    if let Some(one) = indenters.get(which) {
-        gel.imprint(one, Relief { counts, length_mm })?;
-    }
     Ok(touches)
 }
 

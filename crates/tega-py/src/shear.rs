@@ -11,8 +11,8 @@ use crate::shared::{Shared, released};
 use crate::tactile::ORDERS;
 use crate::touch::{TRACKED_PX, TouchTracker};
 
-/// Length, direction, share that slid, speed, correlation; speed of the slide, its direction, and how sure.
-type Read = (f64, f64, f64, f64, f64, (f64, f64, f64));
+/// Length, direction, share that slid, speed, correlation.
+type Read = (f64, f64, f64, f64, f64);
 
 /// Reads the shear of one fingertip.
 #[pyclass(module = "tega._native", frozen)]
@@ -46,18 +46,9 @@ impl ShearReader {
         let view = frame.as_array();
         let depth = tracker.tracker.with(|tracker| tracker.depth_map().0);
         let update = || self.0.with(|reader| reader.update(view, &depth, dt_s));
-        let Sheared {
-            shear_mm,
-            direction_rad,
-            incipient,
-            slip_mm_s,
-            sure,
-            slide_mm_s,
-            slide_direction_rad,
-            slide_sure,
-        } = released(py, view.len() > 3 * TRACKED_PX, update)?;
-        let slide = (slide_mm_s, slide_direction_rad, slide_sure);
-        Ok((shear_mm, direction_rad, incipient, slip_mm_s, sure, slide))
+        let Sheared { shear_mm, direction_rad, incipient, slip_mm_s, sure } =
+            released(py, view.len() > 3 * TRACKED_PX, update)?;
+        Ok((shear_mm, direction_rad, incipient, slip_mm_s, sure))
     }
 
     fn flow<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray3<f32>>, BindError> {

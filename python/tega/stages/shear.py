@@ -22,23 +22,19 @@ _UNITS = {
     "incipient": "1",
     "slip_mm_s": "mm/s",
     "shear_sure": "1",
-    "slide_mm_s": "mm/s",
-    "slide_direction_rad": "rad",
-    "slide_sure": "1",
 }
 
 
 class ShearMetric(LiveMetric):
-    """Touch as ``live`` has it, and eight values more: :class:`tega.tactile.shear.ShearReader`, one for each finger.
+    """Touch as ``live`` has it, and five values more: :class:`tega.tactile.shear.ShearReader`, one for each finger.
 
     ``shear_mm`` and ``shear_direction_rad`` say how far and where the gel is pulled, ``incipient`` which share of the
     contact has slid against the rest, ``slip_mm_s`` how fast it does, ``shear_sure`` how well the grain was found
-    again. ``slide_mm_s`` and ``slide_direction_rad`` say how fast and where the object slides over the gel, and
-    ``slide_sure`` how sure that is: 0 where the object has no relief of its own. All are 0 without contact.
+    again. All are 0 without contact.
     """
 
     summary: ClassVar[str] = "as live, and how far the gel is pulled sideways and how much of it has slid"
-    version: ClassVar[int] = 3
+    version: ClassVar[int] = 4
 
     @classmethod
     def units(cls, options: StageOptions) -> dict[str, str]:

@@ -34,12 +34,6 @@ class ShearReading(NamedTuple):
     whole shows no speed."""
     sure: float
     """How well the grain was found again: its correlation with the untouched gel's, -1 to 1."""
-    slide_mm_s: float
-    """How fast the object slides over the gel, millimetres a second, by its relief that is seen in the contact."""
-    slide_direction_rad: float
-    """In which direction, as the shear's."""
-    slide_sure: float
-    """Confidence in that speed, 0 to 1; 0 for a smooth object, which shows no slide."""
 
 
 class ShearReader:
@@ -88,8 +82,7 @@ class ShearReader:
             ShapeError: It is not of the baseline's shape; the reader is as before.
             InvalidValueError: ``dt_s`` is not from 0 to 1e6.
         """
-        read = self._reader.update(frame, tracker._tracker, dt_s=dt_s)  # noqa: SLF001
-        return ShearReading._make((*read[:5], *read[5]))
+        return ShearReading._make(self._reader.update(frame, tracker._tracker, dt_s=dt_s))  # noqa: SLF001
 
     def flow(self) -> NDArray[np.float32]:
         """Return how far each cell is moved, float32 (rows, columns, 2), pixels to the right and down.

@@ -47,8 +47,6 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         grasp_height_m: Height of the middle of the palm over the table when the object is grasped.
         clearance_m: Between the palm and the object in the grasp pose.
         forward_m: How far towards the fingertips the object's axis is from the palm's frame then.
-        relief_counts: Contrast of its relief's imprint in full, see :class:`tega_sim.seams.Indenter`; 0 is smooth.
-        relief_mm: Strongest wave of that.
         rgba: Colour to draw it in.
         shell: What gives: ``pads``, a wall on springs for each finger; ``flex``, all of it as one linear elastic
             solid as soft as that wall. A flex has no ``stiffening_n_m3`` and no ``plastic_share``.
@@ -68,8 +66,6 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     grasp_height_m: Annotated[float, msgspec.Meta(ge=0.07, le=0.2)] = 0.11
     clearance_m: Annotated[float, msgspec.Meta(ge=0, le=0.05)] = 0.003
     forward_m: Annotated[float, msgspec.Meta(ge=-0.05, le=0.1)] = -0.01
-    relief_counts: Annotated[float, msgspec.Meta(ge=0, le=20)] = 0.0
-    relief_mm: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.6
     rgba: tuple[float, float, float, float] = (0.6, 0.6, 0.6, 1.0)
     shell: Literal["pads", "flex"] = "pads"
 

@@ -50,7 +50,6 @@ class PadContacts:
         self._pad_places = [(data.site_xpos[site], data.site_xmat[site]) for site in sites]
         self._table = model.geom("table").id
         self._body = body
-        self._relief = spec.relief_counts, spec.relief_mm
         radius = spec.diameter_m / 2
         if spec.shell == "flex":
             self._object, sizes = {_FLEX}, {_FLEX: [radius, spec.height_m / 2 - radius]}
@@ -160,7 +159,7 @@ class PadContacts:
         # The world's force in the shape's own frame, and from there in the pad frame.
         right, down, _ = pose[:, :3] @ (np.array(sums[7:10]) @ placed[1].reshape(3, 3))
         pull_n, friction = (float(right), float(down)), sums[10] / force_n
-        return Indenter("capsule", self._size_mm[shape], pose, force_n, pull_n, friction, *self._relief)
+        return Indenter("capsule", self._size_mm[shape], pose, force_n, pull_n, friction)
 
     def _flexed(
         self, near_m: tuple[float, float, float], normal: tuple[float, float, float]

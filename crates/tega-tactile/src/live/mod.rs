@@ -25,7 +25,6 @@ mod noise;
 mod peak;
 mod shape;
 mod shear;
-mod slide;
 mod still;
 mod thumbnail;
 mod touch;

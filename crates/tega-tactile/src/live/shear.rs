@@ -11,7 +11,6 @@ use tega_error::OutOfRange;
 
 use super::cells::Grid;
 use super::grain::{Grain, Part, UNITS_PER_COUNT};
-use super::slide::{INNER, SlideReader};
 use crate::error::TactileError;
 use crate::frame::{MAX_SIDE, Order};
 
@@ -37,8 +36,6 @@ const ALONE_S: f64 = 0.05;
 const SMOOTH_S: f64 = 0.04;
 /// Shorter shears are in no direction and have no slip, pixels of a picture of 320 x 240.
 const LEAST_PX: f32 = 0.6;
-/// A grain that is found again by this correlation says how far the gel has moved.
-const GEL_SURE: f64 = 0.08;
 /// Pixels of the diagonal that lengths above are for.
 const DIAGONAL_PX: f64 = 400.0;
 
@@ -64,12 +61,6 @@ pub struct Sheared {
     pub slip_mm_s: f64,
     /// How well the grain is found again: its correlation with the untouched gel's, -1 to 1.
     pub sure: f64,
-    /// How fast what touches slides over the gel, by its relief, millimetres a second.
-    pub slide_mm_s: f64,
-    /// In which direction, as the shear's.
-    pub slide_direction_rad: f64,
-    /// How sure that is, 0 to 1; 0 where what touches is smooth.
-    pub slide_sure: f64,
 }
 
 /// A cell that is sought.
@@ -104,9 +95,6 @@ pub struct ShearReader {
     /// What the newest frame's cells said of a and b together: the equations that were solved.
     normal: [[f64; 5]; 4],
     slid_mm: f64,
-    slide: SlideReader,
-    /// Cells of the contact but its rim.
-    inner: Vec<usize>,
     latest: Sheared,
 }
 
@@ -151,10 +139,7 @@ impl ShearReader {
                 *tensor = [tensor[0] + gx * gx, tensor[1] + gx * gy, tensor[2] + gy * gy];
             }
         }
-        let mm_per_px = options.mm_per_px / scale;
         Ok(Self {
-            slide: SlideReader::new(grid, &grain.grey, mm_per_px),
-            inner: Vec::new(),
             options,
             grid,
             scale: scale as f32,
@@ -217,14 +202,6 @@ impl ShearReader {
         }
         self.step_alone((dt_s / (ALONE_S + dt_s)) as f32);
         self.latest = self.told_of(sure, dt_s);
-        self.inner.clear();
-        self.inner.extend(self.sought.iter().filter(|one| one.shares[0] >= INNER).map(|one| one.cell));
-        let gel = [0, 1].map(|k| self.shapes[0][k] + self.shapes[1][k]);
-        let slid = self.slide.update(&self.grain.grey, &self.inner, (gel, sure >= GEL_SURE), dt_s);
-        let [x, y] = slid.velocity_mm_s;
-        self.latest.slide_mm_s = (x * x + y * y).sqrt();
-        self.latest.slide_direction_rad = y.atan2(x);
-        self.latest.slide_sure = slid.sure;
         Ok(self.latest)
     }
 
@@ -245,7 +222,6 @@ impl ShearReader {
     }
 
     fn forget(&mut self) {
-        self.slide.forget();
         if !self.sought.is_empty() {
             self.sought.clear();
             self.alone.fill([0.0; 2]);
@@ -278,7 +254,6 @@ impl ShearReader {
         let [x, y] = [0, 1].map(|k| (self.shapes[0][k] + self.shapes[1][k]).abs());
         let moved = if x > y { x } else { y };
         let room = (moved + (STEPS as f32 + 2.0) * LONGEST_PX * self.scale) as usize + 2;
-        let room = room.max(self.slide.room());
         let wider = |[from, to]: [usize; 2], size: usize| [from.saturating_sub(room), (to + room).min(size)];
         Some(Part { rows: wider(rows, height), cols: wider(columns, width) })
     }
@@ -440,7 +415,6 @@ impl ShearReader {
             incipient: f64::from(slid),
             slip_mm_s: (lag_mm / (SMOOTH_S + dt_s)).max(0.0),
             sure,
-            ..Sheared::default()
         }
     }
 }

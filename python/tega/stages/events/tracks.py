@@ -41,9 +41,6 @@ class ShearFrame(NamedTuple):
         incipient: Share of the contact that has slid against the rest, 0 to 1.
         slip_mm_s: How fast it does, millimetres a second.
         sure: How well the grain was found again, -1 to 1.
-        slide_x_mm_s: How fast the object slides over the gel to the right, by its relief, millimetres a second.
-        slide_y_mm_s: And down.
-        slide_sure: How sure that is, 0 to 1; 0 where it shows none.
     """
 
     x_mm: float
@@ -51,30 +48,23 @@ class ShearFrame(NamedTuple):
     incipient: float
     slip_mm_s: float
     sure: float = 1.0
-    slide_x_mm_s: float = 0.0
-    slide_y_mm_s: float = 0.0
-    slide_sure: float = 0.0
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Self | None:
         """Return the shear among a contact's named values; ``None`` where it has none.
 
         Version 1 of the metric ``shear`` did not say how sure it was: its recordings have no shear here, so that their
-        slips are told as they were then, by touch. Version 2 has no slide.
+        slips are told as they were then, by touch.
         """
         if "shear_sure" not in values:
             return None
         length_mm, angle_rad = values["shear_mm"], values["shear_direction_rad"]
-        slide_mm_s, slide_rad = values.get("slide_mm_s", 0.0), values.get("slide_direction_rad", 0.0)
         return cls(
             length_mm * math.cos(angle_rad),
             length_mm * math.sin(angle_rad),
             values["incipient"],
             values["slip_mm_s"],
             values["shear_sure"],
-            slide_mm_s * math.cos(slide_rad),
-            slide_mm_s * math.sin(slide_rad),
-            values.get("slide_sure", 0.0),
         )
 
 
@@ -244,7 +234,7 @@ class ShearTrack:
     def add(self, t_s: float, shear: ShearFrame) -> None:
         """Take in a frame."""
         courses = (self.x, self.y, self.incipient, self.slip, self.sure)
-        for course, value in zip(courses, shear[: len(courses)], strict=True):
+        for course, value in zip(courses, shear, strict=True):
             course.add(t_s, value)
 
     @property
