@@ -131,7 +131,6 @@ shots: ## the pictures that take a Chromium (Debian: apt install chromium) and t
 measured: ## the pictures of what takes hours to measure, and their tables; TEGA_DATA names the shared recordings
 	$(BIN)/python -m tega_figures.check_arm docs/images
 	$(BIN)/python -m tega_figures.check_touch docs/images
-	$(BIN)/python -m tega_figures.shear --picture docs/images/shear.png
 	$(BIN)/python -m tega_figures.world.check --pictures docs/images
 	$(BIN)/python -m tega_figures.felt.compare --people 16 --picture docs/images/mappings.png
 	$(BIN)/tega-teleop emg people --effects none,all --out target/people.jsonl

@@ -17,7 +17,7 @@ the same mapping add the real vest with its wearer's skin, and the real reading 
 ``reflex`` has no vest and a reflex that firms the grip (:mod:`tega.loop.reflex`), ``haptic-reflex`` both, at the
 settings' reflex or, where they name none, ``grip``; its authority is that of the settings or, where that is 0, full:
 so a reflex of the settings without authority acts in these arms alone. ``true-reflex`` is their positive control: the
-same reflex is told the true speed of the slide and, of gels that give way sideways, the share that has truly slid.
+same reflex is given the true speed of the slide.
 """
 
 from __future__ import annotations

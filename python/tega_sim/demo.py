@@ -123,7 +123,7 @@ def prepare_demo(plans: Sequence[TrialPlan]) -> None:
         MissingExtraError: MuJoCo is not installed.
     """
     for plan in plans:
-        lab_of(plan.seed, plan.preset, plan.settings, plan.shear)
+        lab_of(plan.seed, plan.preset, plan.settings)
     import_mujoco()
 
 
@@ -164,7 +164,7 @@ def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> Non
 
     rows = []
     for result, streams in zip(report.trials, courses, strict=True):
-        lab = lab_of(result.seed, result.preset, result.settings, result.shear)
+        lab = lab_of(result.seed, result.preset, result.settings)
         rows.append(
             TrialPicture(
                 title=_title(result),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega import _native
-from tega_sim.seams import Indenter, Shear
+from tega_sim.seams import Indenter
 
 HEIGHT: Final = 320
 WIDTH: Final = 240
@@ -26,8 +26,6 @@ LENGTH_MM: Final = _native.GEL_LENGTH_MM
 """How far the gel is pulled down beside a contact: its slope dies away over this length, 20 pixels."""
 STIFFNESS_N_MM3: Final = _native.GEL_STIFFNESS_N_MM3
 """Pressure a displacement, newtons per cubic millimetre."""
-SHEAR_STIFFNESS_N_MM3: Final = _native.GEL_SHEAR_STIFFNESS_N_MM3
-"""Traction a sideways displacement, newtons per cubic millimetre."""
 RADIUS_ACROSS_MM: Final = _native.GEL_RADIUS_ACROSS_MM
 """Radius of the ``digit`` gel across the finger."""
 HEIGHTS_ALONG_MM: Final = tuple(_native.GEL_HEIGHTS_ALONG_MM)
@@ -55,17 +53,6 @@ class GelTruth(NamedTuple):
     """Middle of the displacement of what touches, pixels (column, row); NaN where nothing does."""
 
 
-class ShearTruth(NamedTuple):
-    """True shear of a contact, whatever the picture shows; of the part of the gel that is in the picture."""
-
-    mean_mm: tuple[float, float]
-    """Mean displacement of the touching gel, to the right and down the picture, millimetres."""
-    peak_mm: float
-    """Largest length of a displacement, millimetres."""
-    slid: float
-    """Share of the touching area whose traction is at the limit of friction, 0 to 1; 0 without contact."""
-
-
 class Gel:
     """One unit: its own gel, background, light and noise.
 
@@ -77,15 +64,12 @@ class Gel:
         memory: Whether the gel creeps under a load and leaves something after release, and its colours drift for
             minutes, as recorded ones do. A press then lasts until the next call, whose time may not be earlier; the
             truth tells how far the gel is displaced in all, and what touches.
-        shear: Whether the gel gives way sideways and slips, and what on it shows that: ``texture`` the faint grain of a
-            recorded DIGIT, ``dots`` that and dark dots as on a GelSight Mini. ``off`` has neither shear nor grain; the
-            pictures of the others are those of ``off`` with the grain added.
 
     Attributes:
         pressed: When the latest picture was taken, seconds, and the shapes that pressed then.
 
     Raises:
-        InvalidValueError: ``spread`` is out of range, or ``shape`` or ``shear`` not known.
+        InvalidValueError: ``spread`` is out of range, or ``shape`` not known.
 
     Example:
         >>> gel = Gel(seed=1)
@@ -101,9 +85,8 @@ class Gel:
         spread: float = 1.0,
         shape: Literal["digit", "flat"] = "digit",
         memory: bool = False,
-        shear: Shear = "off",
     ) -> None:
-        self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory, shear=shear)
+        self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory)
         self.pressed: tuple[float, Sequence[Indenter]] = (0.0, ())
 
     def frame(
@@ -139,7 +122,7 @@ class Gel:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
         t_s = index / CAMERA_HZ if t_s is None else t_s
         self.pressed = t_s, indenters
-        self._gel.frame(_poses(indenters), index, t_s=t_s, pull=_pull(indenters), out=out)
+        self._gel.frame(_poses(indenters), index, t_s=t_s, out=out)
         return out
 
     def sums(
@@ -154,7 +137,7 @@ class Gel:
             int16 (3, 1200): blue, green and red, each 40 rows of 30 cells, one after the other.
         """
         t_s = index / CAMERA_HZ if t_s is None else t_s
-        return self._gel.sums(_poses(indenters), index, t_s=t_s, pull=_pull(indenters))
+        return self._gel.sums(_poses(indenters), index, t_s=t_s)
 
     def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
         """Press shapes in without making a picture; :attr:`truth` and the arrays below are then of this press.
@@ -162,7 +145,7 @@ class Gel:
         Args and errors are those of :meth:`frame`; without ``t_s`` no time passes.
         """
         t_s = (self._gel.last_s() or 0.0) if t_s is None else t_s
-        self._gel.press(_poses(indenters), t_s, pull=_pull(indenters))
+        self._gel.press(_poses(indenters), t_s)
         return self.truth
 
     def remains(self, t_s: float) -> bool:
@@ -177,15 +160,6 @@ class Gel:
     def truth(self) -> GelTruth:
         """True contact of the latest press, measured when asked for."""
         return GelTruth._make(self._gel.touch())
-
-    @property
-    def sheared(self) -> ShearTruth:
-        """True shear of the latest press, measured when asked for; 0 of a gel without."""
-        return ShearTruth._make(self._gel.shear())
-
-    def shear_mm(self) -> NDArray[np.float32]:
-        """Return how far the gel is pulled to the right and down, float32 (40, 30, 2), mm, 8 x 8 pixels each."""
-        return self._gel.shear_mm()
 
     @property
     def in_view(self) -> float:
@@ -268,13 +242,6 @@ def _beside(
     at_x = x + share[0] * (right[0] - x) + share[1] * (down[0] - x)
     at_y = y + share[0] * (right[1] - y) + share[1] * (down[1] - y)
     return float(at_x + radius_mm * normal[0]), float(at_y + radius_mm * normal[1])
-
-
-def _pull(indenters: Sequence[Indenter]) -> tuple[float, float, float]:
-    """Return the sum of the tangential forces, newtons, and the friction: its mean over the normal forces."""
-    load_n = sum(i.force_n for i in indenters)
-    friction = sum(i.force_n * i.friction for i in indenters) / load_n if load_n > 0 else 1.0
-    return sum(i.shear_n[0] for i in indenters), sum(i.shear_n[1] for i in indenters), friction
 
 
 def _poses(

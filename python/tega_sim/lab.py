@@ -23,7 +23,7 @@ from tega.runtime.device_items import TactileFrame
 from tega_sim.conditions import ARMS
 from tega_sim.gel import Gel, ball, board
 from tega_sim.plan import FULL_N, loop_settings
-from tega_sim.seams import Indenter, Shear
+from tega_sim.seams import Indenter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -58,7 +58,6 @@ class Lab:
         preset: Readings of the loop.
         parameters: Of the population; none means the package's own.
         settings: Of the loop, see :class:`tega_sim.plan.TrialPlan`.
-        shear: Of the gels, likewise.
 
     Attributes:
         gels: The four fingertips' gels and cameras.
@@ -74,7 +73,6 @@ class Lab:
         parameters: Parameters | None = None,
         *,
         settings: Sequence[str] = (),
-        shear: Shear = "off",
     ) -> None:
         from tega_sim.operator import calibrate, draw_person, load_parameters
 
@@ -86,8 +84,7 @@ class Lab:
             self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset, tau_s=block_s(self.config)
         )
         self.gels: Mapping[str, Gel] = {
-            finger: Gel(len(FINGERS) * seed + number, memory=True, shear=shear)
-            for number, finger in enumerate(FINGERS)
+            finger: Gel(len(FINGERS) * seed + number, memory=True) for number, finger in enumerate(FINGERS)
         }
         self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
@@ -174,16 +171,14 @@ def _object(press: int, force_n: float) -> Indenter:
     return board(force_n=force_n)
 
 
-def lab_of(
-    seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = (), shear: Shear = "off"
-) -> Lab:
+def lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = ()) -> Lab:
     """Return a person's lab, from memory where it was there just now."""
-    return _lab_of(seed, preset, settings, shear)
+    return _lab_of(seed, preset, settings)
 
 
 @lru_cache(maxsize=8)  # which tells a default that is left out from the same one that is given
-def _lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...], shear: Shear) -> Lab:
-    return Lab(seed, preset, settings=settings, shear=shear)
+def _lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...]) -> Lab:
+    return Lab(seed, preset, settings=settings)
 
 
 def _baseline(gel: Gel) -> NDArray[np.uint8]:

@@ -130,10 +130,8 @@ class Lift:
         kept = streams is not None or recorder is not None or bool(stages.beside)
         everywhere = stages.reflex.name is not None and stages.reflex.authority > 0
         felt = self._arm.hangs_on_pictures or (everywhere and self._arm.reflex == "none")
-        # What has truly slid is the gels' own, which are pressed where a camera looks at them.
-        felt = felt or (plan.shear != "off" and self._arm.reflex == "true slips")
         self.rig = TrialRig(
-            world=World(spec, seed=plan.seed + number, shear=plan.shear != "off"),
+            world=World(spec, seed=plan.seed + number),
             poses_rad=GRASP_POSES_RAD,
             gels=lab.gels,
             baselines=lab.baselines,
@@ -168,7 +166,6 @@ class Lift:
             closure=self.rig.closure,
             slip_mm_s=lambda: 1e3 * self.rig.truth.slip_m_s,
             forces_n=lambda: self.rig.truth.pad_force_n,
-            slid=None if plan.shear == "off" else lambda: [lab.gels[name].sheared.slid for name in FINGERS],
         )
         if recorder is not None and self._arm.reflex != "none" and lab.config.stages.reflex.name is None:
             raise InvalidValueError(

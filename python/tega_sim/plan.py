@@ -14,7 +14,6 @@ from tega_sim.commanded import HandWay
 from tega_sim.conditions import CONDITIONS, Condition
 from tega_sim.operator.vision import ViewName
 from tega_sim.score import TrialEvent
-from tega_sim.seams import Shear
 from tega_sim.world.objects import OBJECTS, ObjectSpec
 
 Task: TypeAlias = Literal["lift", "place"]
@@ -45,7 +44,6 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             the person practises with object and vest first, see :mod:`tega_sim.practice`.
         view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
-        shear: Whether the gels give way sideways, and what on them shows it, see :class:`tega_sim.gel.Gel`.
         hand: What the hand's level comes from, see :mod:`tega_sim.commanded`.
         task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
     """
@@ -63,7 +61,6 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     rules: Literal[1, 2, 3] = 1
     view: ViewName = "direct"
     spec: ObjectSpec | None = None
-    shear: Shear = "off"
     task: Task = "lift"
     hand: HandWay = "decoder"
 

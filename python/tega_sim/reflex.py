@@ -27,7 +27,7 @@ FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
 class TrueSlipArc(ReflexArc):
     """An arc whose reflex is told what is true, on every finger that bears a force, and no event.
 
-    It is told the speed of the slide and, where the gels give way sideways, the share of each that has slid.
+    It is given the speed of the slide.
 
     Args:
         reflex: The stage.
@@ -35,7 +35,6 @@ class TrueSlipArc(ReflexArc):
         moment: As of :class:`tega.loop.reflex.ReflexArc`.
         slip_mm_s: Tells how fast the object slides through the grasp now, mm/s.
         forces_n: Tells the true force on each pad, newtons, thumb first.
-        slid: Tells the share of each gel that has slid, likewise; ``None`` of gels without.
     """
 
     def __init__(
@@ -46,10 +45,9 @@ class TrueSlipArc(ReflexArc):
         moment: Callable[[int], ReflexMoment],
         slip_mm_s: Callable[[], float],
         forces_n: Callable[[], Sequence[float]],
-        slid: Callable[[], Sequence[float]] | None,
     ) -> None:
         super().__init__(reflex, settings, moment=moment)
-        self._slip_mm_s, self._forces_n, self._slid = slip_mm_s, forces_n, slid
+        self._slip_mm_s, self._forces_n = slip_mm_s, forces_n
 
     def on_event(self, event: Event) -> None:
         """Ignore events that were found in pictures."""
@@ -62,12 +60,9 @@ class TrueSlipArc(ReflexArc):
     ) -> float:
         """Return the addition of a tick, levels."""
         speed = NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s")
-        told: list[tuple[NamedValue, ...]] = [(speed,)] * len(FINGERS)
-        if self._slid is not None:
-            told = [(speed, NamedValue("incipient", share)) for share in self._slid()]
         true = {
-            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=values)
-            for name, force_n, values in zip(FINGERS, self._forces_n(), told, strict=True)
+            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=(speed,))
+            for name, force_n in zip(FINGERS, self._forces_n(), strict=True)
         }
         return super().step(t_ns, own, lambda: true)
 
@@ -80,7 +75,6 @@ def trial_reflex(
     closure: Callable[[], float],
     slip_mm_s: Callable[[], float],
     forces_n: Callable[[], Sequence[float]],
-    slid: Callable[[], Sequence[float]] | None = None,
 ) -> ReflexArc | None:
     """Make the reflex of a trial; ``None`` where neither its condition nor the settings have one.
 
@@ -91,7 +85,6 @@ def trial_reflex(
         closure: Tells the hand's closure by its joints, levels.
         slip_mm_s: Tells how fast the object slides, mm/s.
         forces_n: Tells the true force on each pad, newtons, thumb first.
-        slid: Tells the share of each gel that has slid, likewise; ``None`` of gels without.
     """
     stages = config.stages
     if tells != "none" and stages.reflex.name is None:
@@ -109,5 +102,5 @@ def trial_reflex(
         return ReflexMoment(settings.authority, allowed=True, measured=measured)
 
     if tells == "true slips":
-        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n, slid=slid)
+        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n)
     return ReflexArc(reflex, settings, moment=moment, tell=bus.publish)

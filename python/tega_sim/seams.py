@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from tega.haptics import MotorLevels
 
 
-Shear = Literal["off", "texture", "dots"]
-"""Whether a simulated gel gives way sideways, and what on it shows that."""
-
-
 class Indenter(NamedTuple):
     """A rigid shape that presses a fingertip's gel.
 
@@ -32,17 +28,12 @@ class Indenter(NamedTuple):
             lengths along its own axes. Plane: zeros; its own z is its outward normal.
         pose_mm: float64 (3, 4), rotation and translation from the shape's own frame to the pad frame, millimetres.
         force_n: Normal force of this shape on the gel, newtons, 0 or more.
-        shear_n: Tangential force of this shape on the gel, to the right and down the picture, newtons; only a gel with
-            shear minds it.
-        friction: Coefficient of friction between them.
     """
 
     shape: Literal["sphere", "cylinder", "capsule", "box", "plane"]
     size_mm: tuple[float, float, float]
     pose_mm: NDArray[np.float64]
     force_n: float
-    shear_n: tuple[float, float] = (0.0, 0.0)
-    friction: float = 1.0
 
 
 class WorldTruth(NamedTuple):

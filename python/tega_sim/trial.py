@@ -58,7 +58,7 @@ def run_trial(
         InvalidValueError: The object is not known, or its mass, stiffness or friction is out of range.
         MissingExtraError: A package of the extra ``sim`` is not installed.
     """
-    lab = lab_of(plan.seed, plan.preset, plan.settings, plan.shear)
+    lab = lab_of(plan.seed, plan.preset, plan.settings)
     someone = lab.person(plan) if person is None else person
     simulated_s, fatigue = practise(lab, plan, someone), 0.0
     for lift in range(plan.practice + 1):

@@ -10,13 +10,15 @@ import itertools
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import msgspec
 
-from tega.errors import RecordingError
+from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
+from tega.runtime.removed import without_removed
+from tega_sim.removed import REMOVED_FIELDS
 from tega_sim.trial import TrialPlan, TrialResult, run_trial
 from tega_sim.workers import over_cores
 from tega_sim.world.objects import ObjectSpec
@@ -125,8 +127,10 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
         if not line:
             continue
         try:
-            result = parse_json(line, TrialResult)
-        except msgspec.DecodeError as error:
+            result = msgspec.convert(
+                without_removed(parse_json(line, dict[str, Any]), REMOVED_FIELDS), TrialResult
+            )
+        except (msgspec.DecodeError, ConfigError) as error:
             if number == len(lines):  # no newline behind it: the run that wrote it was ended there
                 break
             raise RecordingError(

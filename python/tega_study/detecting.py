@@ -15,7 +15,7 @@ import msgspec
 from tega.errors import RecordingError
 from tega.haptics import FINGERS
 from tega.records.touch import CERTAIN
-from tega.stages.events import DetectedEvent, Detector, ShearFrame, TouchFrame
+from tega.stages.events import DetectedEvent, Detector, TouchFrame
 from tega.stages.events.settings import SETTINGS
 from tega_study.hand_rows import HandRow, hand_path, read_hand
 from tega_study.journal import Journal, JournalEvent, Kind, events_path, read_events
@@ -73,7 +73,6 @@ def events_of(
     *,
     live: bool = False,
     detector: Detector | None = None,
-    shear: Sequence[tuple[float, str, ShearFrame]] = (),
 ) -> list[DetectedEvent]:
     """Find the events of a trial.
 
@@ -82,7 +81,6 @@ def events_of(
         hand: Looks at its hand and arm.
         live: Say only what could have been said at the time, as the run does.
         detector: What finds them; one with the settings in use where ``None``.
-        shear: Time, finger and shear of its frames, where it was read.
 
     Returns:
         Events in the order of time.
@@ -90,9 +88,8 @@ def events_of(
     if detector is None:
         detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
     found: list[DetectedEvent] = []
-    items: list[tuple[float, int, TouchRow | HandRow | tuple[float, str, ShearFrame]]] = [
-        *((row.t_s, 2, row) for row in touch),
-        *((row[0], 1, row) for row in shear),
+    items: list[tuple[float, int, TouchRow | HandRow]] = [
+        *((row.t_s, 1, row) for row in touch),
         *((row.t_s, 0, row) for row in hand),
     ]
     last_s = 0.0
@@ -101,8 +98,6 @@ def events_of(
         if isinstance(row, TouchRow):
             seen = TouchFrame(bool(row.in_contact), row.eda, row.mass, row.peak, row.x, row.y)
             found += detector.touch(t_s, row.finger, seen)
-        elif not isinstance(row, HandRow):
-            detector.shear(*row)
         else:
             tips_mm = None if row.tips_mm is None else dict(zip(FINGERS, row.tips_mm, strict=True))
             found += detector.hand(

@@ -310,7 +310,6 @@ def fingerprint(plan: TrialPlan) -> str:
     streams = Streams()
     told = msgspec.to_builtins(run_trial(plan, streams=streams))
     assert (told.pop("rules"), told.pop("view"), told.pop("spec")) == (1, "direct", None)
-    assert told.pop("shear") == "off"
     assert (told.pop("task"), told.pop("hand"), told.pop("placed"), told.pop("off_mark_m")) == (
         "lift",
         "decoder",

@@ -15,7 +15,6 @@ from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
 from tega.stages.base import FingerSetup
 from tega.stages.metrics import LiveMetric, LiveOptions, PaperMetric
-from tega.stages.shear import ShearMetric
 from tega.tactile import TouchTracker
 from tega_sim.gel import Gel, ball
 from tega_sim.hand import SimulatedBus
@@ -32,9 +31,8 @@ SCRIPTED = TrialPlan(object="container", operator="scripted", seed=3)
 FRAME_NS = 16_666_667
 
 
-@pytest.mark.parametrize("shear", ["off", "texture"])
-def test_sums_are_those_of_the_picture_and_are_read_as_it_is(shear: str) -> None:
-    painted, summed = (Gel(5, memory=True, shear=shear) for _ in range(2))  # type: ignore[arg-type]
+def test_sums_are_those_of_the_picture_and_are_read_as_it_is() -> None:
+    painted, summed = (Gel(5, memory=True) for _ in range(2))
     setup = FingerSetup("thumb", painted.still())
     metrics = [LiveMetric(setup, LiveOptions()) for _ in range(2)]
     touched = 0
@@ -77,7 +75,7 @@ def test_only_a_metric_that_says_what_sums_mean_is_given_them() -> None:
 
     assert LiveMetric.reads_sums
     assert Renamed.reads_sums
-    assert not any(one.reads_sums for one in (PaperMetric, ShearMetric, Louder))
+    assert not any(one.reads_sums for one in (PaperMetric, Louder))
 
 
 def test_a_picture_that_is_not_painted_counts_as_one() -> None:

@@ -15,7 +15,6 @@ from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
 from tega.ui.cli.main import main
 from tega_sim.operator import RulesVersion, ViewName
 from tega_sim.plan import TrialPlan, TrialResult
-from tega_sim.seams import Shear
 from tega_sim.table import summarise_trials
 from tega_sim.trials import plan_trials
 from tega_sim.world import OBJECTS, crossed, read_objects
@@ -147,7 +146,6 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
         preset: Literal["paper", "live"] = "live",
         rules: RulesVersion = 1,
         view: ViewName = "direct",
-        shear: Shear = "off",
     ) -> str:
         plan, stated = made_study(
             tmp_path / where,
@@ -160,7 +158,6 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
             preset=preset,
             rules=rules,
             view=view,
-            shear=shear,
         )
         assert len(plan.trials) == 2 * len(stated.objects)
         read = read_assumptions(tmp_path / where)
@@ -181,8 +178,8 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
         digest("f", parameters=people),
     ]
     monkeypatch.setattr("tega_study.silico.assumptions.code_sha256", lambda: "0" * 64)
-    others += [digest("g"), digest("h", shear="texture")]
-    assert len({first, *others}) == 8
+    others.append(digest("g"))
+    assert len({first, *others}) == 7
     with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):
         digest("a")
 

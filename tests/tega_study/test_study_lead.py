@@ -198,20 +198,6 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
     assert b"haptic" not in board_path(folder, "p01").read_bytes()
 
 
-@pytest.mark.slow
-def test_a_rehearsal_reads_shear_where_its_gels_give_way_sideways(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
-    folder = study(tmp_path)
-    bench = SimulatedBench(
-        read_plan(folder), "p01", real_time=False, shear="texture", settings=("stages.metric.name=shear",)
-    )
-    lead_session(folder, "p01", bench, Experimenter(), time_scale=0.1, trials=1)
-    (table,) = folder.rglob("values.csv")
-    rows = [line.split(",") for line in table.read_text(encoding="utf-8").splitlines()[1:]]
-    pulled_mm = [float(row[3]) for row in rows if row[2] == "shear_mm"]
-    assert max(pulled_mm) > 0.1
-
-
 def test_what_the_bench_cannot_do_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     folder = study(tmp_path, conditions=["haptic", "unfelt"])

@@ -17,12 +17,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 pytest.importorskip("mujoco")
 
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.ui.cli.main import cli
 from tega_sim.operator import draw_person, load_parameters
 from tega_sim.plan import TrialResult
 from tega_study.silico import ensure_plan, read_assumptions, simulate, unfinished
@@ -72,23 +70,6 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert told[0] == (0, 2)
     assert told[-1] == (2, 2)
     return folder
-
-
-@pytest.mark.slow
-def test_a_study_s_gels_give_way_sideways_where_it_says_so_and_its_metric_reads_that(
-    small: Path, tmp_path: Path
-) -> None:
-    folder = tmp_path / "shear"
-    asked = ["study", "simulate", "--operators", "1", "--objects", "bag", "--trials", "1", "--jobs", "1"]
-    sheared = ["--shear", "texture", "--set", "stages.metric.name=shear"]
-    done = CliRunner().invoke(cli, [*asked, *sheared, "--out", str(folder)])
-    assert done.exit_code == 0, done.output
-    stated = read_assumptions(folder)
-    assert stated is not None
-    assert (stated.shear, stated.settings) == ("texture", ("stages.metric.name=shear",))
-    # The same person, plan and chance: what differs is the grain in the pictures that the readings are of.
-    course = "courses/p01/p01-t01.csv"
-    assert (folder / course).read_bytes() != (small / course).read_bytes()
 
 
 @pytest.mark.slow

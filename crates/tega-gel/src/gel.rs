@@ -7,13 +7,11 @@ use crate::form::Form;
 use crate::grid::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS};
 use crate::membrane::{self, Membrane, Relief};
 use crate::memory::Memory;
-use crate::noise::{EPOCH_FRAMES, Noise, drifted, lacking};
+use crate::noise::{EPOCH_FRAMES, Noise, drifted};
 use crate::paint::{Canvas, paint};
-use crate::pattern::{self, Pattern, Surface};
 use crate::picture::{HEIGHT, LINE, WIDTH};
 use crate::shape::{Indenter, MAX_INDENTERS};
-use crate::shear::{self, Pull, Shear, ShearField, WIDE_COLS, WIDE_ROWS};
-use crate::sums::{self, Summing, Sums, sum_picture};
+use crate::sums::{self, Summing, Sums};
 use crate::unit::Unit;
 
 /// Bytes of a picture: [`HEIGHT`] rows of [`WIDTH`] pixels of blue, green, red.
@@ -21,9 +19,6 @@ pub const PICTURE: usize = HEIGHT * LINE;
 
 /// Rows and columns of [`Gel::displacement`].
 pub const CELLS: [usize; 2] = [HEIGHT / CELL_PX, WIDTH / CELL_PX];
-
-/// Rows and columns of [`Gel::shear_field`], 8 pixels each.
-pub const SHEAR_CELLS: [usize; 2] = [WIDE_ROWS - 2, WIDE_COLS - 2];
 
 /// What is true of a contact, whatever the picture shows. Of what the picture shows of it: cells outside are left out.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -51,13 +46,11 @@ pub struct Setup {
     pub form: Form,
     /// Whether the gel gives way for a time and leaves something after release, and the colours drift for minutes.
     pub memory: bool,
-    /// What its surface shows of shear; a plain one has none.
-    pub surface: Surface,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { seed: 0, spread: 1.0, form: Form::Digit, memory: false, surface: Surface::Plain }
+        Self { seed: 0, spread: 1.0, form: Form::Digit, memory: false }
     }
 }
 
@@ -80,8 +73,6 @@ pub struct Gel {
     memory: Option<Memory>,
     /// Whether what it remembers can be seen.
     lags: bool,
-    /// What its surface shows, and how far that is moved; `None` for a plain one.
-    sheared: Option<(Pattern, ShearField)>,
 }
 
 impl Gel {
@@ -90,7 +81,7 @@ impl Gel {
     /// # Errors
     ///
     /// The spread is not within 0 to 2.
-    pub fn new(Setup { seed, spread, form, memory, surface }: Setup) -> Result<Self, GelError> {
+    pub fn new(Setup { seed, spread, form, memory }: Setup) -> Result<Self, GelError> {
         if !(0.0..=2.0).contains(&spread) {
             return Err(OutOfRange::new("spread", spread, "", "0 to 2").into());
         }
@@ -106,7 +97,6 @@ impl Gel {
             epoch: None,
             touches: false,
             lags: false,
-            sheared: (surface != Surface::Plain).then(|| (Pattern::new(seed, surface), ShearField::new())),
         })
     }
 
@@ -134,53 +124,7 @@ impl Gel {
         if let Some(memory) = &mut self.memory {
             memory.hold(self.touches);
         }
-        if let Some((_, shear)) = &mut self.sheared
-            && !self.touches
-        {
-            shear.forget();
-        }
         Ok(self.touches)
-    }
-
-    /// Pulls the gel sideways by what the latest call pressed in: once after each press. A plain gel has no shear, and one
-    /// that nothing touches is not pulled.
-    ///
-    /// # Errors
-    ///
-    /// A number is out of range; nothing is pulled then.
-    pub fn pull(&mut self, by: Pull) -> Result<(), GelError> {
-        for (name, value) in [("shear_n", by.force_n[0]), ("shear_n", by.force_n[1])] {
-            if !(-1000.0..=1000.0).contains(&value) {
-                return Err(OutOfRange::new(name, value, "N", "-1000 to 1000").into());
-            }
-        }
-        if !(0.0..=10.0).contains(&by.friction) {
-            return Err(OutOfRange::new("friction", by.friction, "", "0 to 10").into());
-        }
-        if !(0.0..=1e4).contains(&by.load_n) {
-            return Err(OutOfRange::new("the load", by.load_n, "N", "0 to 10000").into());
-        }
-        if let Some((_, shear)) = &mut self.sheared
-            && self.touches
-        {
-            shear::pull(shear, self.membrane.finest(), by);
-        }
-        Ok(())
-    }
-
-    /// Measures what is true of the latest pull.
-    pub fn shear(&self) -> Shear {
-        self.sheared.as_ref().map_or_else(Shear::default, |(_, shear)| shear.measure())
-    }
-
-    /// Copies how far the latest pull has moved the gel under the picture, to the right and down, millimetres, one pair a
-    /// cell of 8 pixels: [`SHEAR_CELLS`].
-    pub fn shear_field(&self, out: &mut [[f32; 2]]) {
-        for (r, row) in out.chunks_exact_mut(SHEAR_CELLS[1]).enumerate() {
-            for (c, cell) in row.iter_mut().enumerate() {
-                *cell = self.sheared.as_ref().map_or([0.0; 2], |(_, shear)| shear.at(r + 1, c + 1));
-            }
-        }
     }
 
     /// Whether the gel would show anything at a time, seconds, if nothing pressed it from then on.
@@ -197,9 +141,6 @@ impl Gel {
     pub fn forget(&mut self) {
         if let Some(memory) = &mut self.memory {
             memory.forget(&mut self.membrane);
-        }
-        if let Some((_, shear)) = &mut self.sheared {
-            shear.forget();
         }
         (self.touches, self.lags) = (false, false);
     }
@@ -237,22 +178,12 @@ impl Gel {
         let noise = (&self.noise, self.noise.part(index));
         let relief = relief(&mut self.memory, &self.membrane, [self.lags, self.touches]);
         paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
-        if let Some((pattern, shear)) = &mut self.sheared {
-            pattern::add(pattern, shear.moved().then_some(&*shear), Some(index), out);
-        }
         Ok(())
     }
 
     /// Sums the picture of the latest press over cells of 8 x 8 pixels, as frame `index` shows it: to the bit those of
     /// [`Self::paint`].
     pub fn sums(&mut self, index: u64, out: &mut Sums) {
-        if self.sheared.is_some() {
-            let mut picture = vec![0; PICTURE];
-            if self.paint(index, &mut picture).is_ok() {
-                sum_picture(&picture, out);
-            }
-            return;
-        }
         self.drift(index);
         self.summing.drifted(self.epoch, &self.drifted);
         let noise = (&self.noise, self.noise.part(index));
@@ -271,9 +202,6 @@ impl Gel {
         self.drift(index);
         for (out, drifted) in out.iter_mut().zip(&self.drifted) {
             *out = (*drifted as u8) ^ 0x80;
-        }
-        if let Some((pattern, _)) = &mut self.sheared {
-            pattern::add(pattern, None, None, out);
         }
         Ok(())
     }
@@ -329,10 +257,6 @@ impl Gel {
         let epoch = index / EPOCH_FRAMES;
         if self.epoch != Some(epoch) {
             drifted(&self.noise, &self.unit.still, epoch, &mut self.drifted);
-            if let Some((pattern, _)) = &mut self.sheared {
-                lacking(&self.noise, &self.unit.still, epoch, &mut pattern.lacking);
-                pattern.drifted();
-            }
             self.epoch = Some(epoch);
         }
     }
@@ -375,15 +299,19 @@ mod tests {
         cells.iter().fold(0.0, |most, cell| most.max(*cell))
     }
 
+    /// Sums a painted picture over its cells, pixel by pixel.
+    fn sum_picture(picture: &[u8], out: &mut Sums) {
+        *out = [[0; 1200]; 3];
+        for (k, value) in picture.iter().enumerate() {
+            let (y, x) = (k / LINE, k % LINE / 3);
+            out[k % 3][y / 8 * 30 + x / 8] += i16::from(*value);
+        }
+    }
+
     #[test]
     fn sums_are_those_of_the_painted_picture() {
-        for (seed, spread, surface) in [
-            (3, 0.0, Surface::Plain),
-            (4, 1.0, Surface::Plain),
-            (5, 2.0, Surface::Plain),
-            (6, 1.0, Surface::Texture),
-        ] {
-            let setup = Setup { seed, spread, memory: true, surface, ..Setup::default() };
+        for (seed, spread) in [(3, 0.0), (4, 1.0), (5, 2.0)] {
+            let setup = Setup { seed, spread, memory: true, ..Setup::default() };
             let mut gel = Gel::new(setup).expect("a spread within bounds");
             let (mut picture, mut found, mut wanted) = (vec![0; PICTURE], [[0; 1200]; 3], [[0; 1200]; 3]);
             for index in (0..200).step_by(5) {

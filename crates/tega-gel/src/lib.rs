@@ -26,7 +26,6 @@
 //! ```
 #![deny(unsafe_code)] // allowed in what `dispatched!` writes
 
-mod beside;
 mod error;
 mod form;
 mod gel;
@@ -38,12 +37,10 @@ mod memory;
 mod noise;
 mod pad;
 mod paint;
-mod pattern;
 mod picture;
 mod plane;
 mod rng;
 mod shape;
-mod shear;
 mod skin;
 mod springs;
 mod sums;
@@ -52,12 +49,10 @@ mod window;
 
 pub use error::GelError;
 pub use form::{CAMERA_MM, Form, HEIGHTS_ALONG_MM, MIDDLE_ALONG_MM, RADIUS_ACROSS_MM, fall};
-pub use gel::{CELLS, Gel, PICTURE, SHEAR_CELLS, Setup, Touch};
+pub use gel::{CELLS, Gel, PICTURE, Setup, Touch};
 pub use grid::{LENGTH_MM, PX_PER_MM};
 pub use pad::{Pad, pad_pose};
-pub use pattern::Surface;
 pub use picture::{HEIGHT, WIDTH};
 pub use shape::{Indenter, MAX_INDENTERS, Shape};
-pub use shear::{Pull, SHEAR_STIFFNESS_N_MM3, Shear};
 pub use springs::STIFFNESS_N_MM3;
 pub use sums::{SUM_CELLS, Sums};

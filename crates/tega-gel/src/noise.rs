@@ -117,9 +117,9 @@ impl Noise {
         }
     }
 
-    /// Writes the still picture as it has drifted by an epoch: counts less 128, or sixteenths of a count that those lack.
+    /// Writes the still picture as it has drifted by an epoch, counts less 128.
     #[inline(always)]
-    fn drift<const LACKING: bool>(&self, still: &[f32], epoch: u64, out: &mut [i8]) {
+    fn drift(&self, still: &[f32], epoch: u64, out: &mut [i8]) {
         let quick = self.lately(epoch, KNOT_EPOCHS, 0);
         // Across and along, three terms share the drift: X and Y have variance 1/3, XY has 1/9.
         let mut terms: [[f32; 5]; 3] = std::array::from_fn(|channel| {
@@ -156,12 +156,7 @@ impl Noise {
                 let drifted = still + (level + slope * u);
                 let kept = if drifted < 225.0 { drifted } else { 225.0 };
                 let kept = if kept > 30.0 { kept } else { 30.0 };
-                let counts = nearest(kept);
-                *out = if LACKING {
-                    nearest(16.0 * (kept - f32::from(counts))) as i8
-                } else {
-                    (counts - 128) as i8
-                };
+                *out = (nearest(kept) - 128) as i8;
             }
         }
     }
@@ -209,10 +204,5 @@ fn cholesky() -> [[f32; 3]; 3] {
 
 tega_simd::dispatched! {
     /// Writes the still picture as it has drifted by an epoch, counts less 128.
-    drifted = Noise::drift::<false>, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [i8]) -> ()
-}
-
-tega_simd::dispatched! {
-    /// Writes what that lacks, as it is rounded: sixteenths of a count.
-    lacking = Noise::drift::<true>, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [i8]) -> ()
+    drifted = Noise::drift, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [i8]) -> ()
 }

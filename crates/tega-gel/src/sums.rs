@@ -168,14 +168,6 @@ fn sum_rows(rows: &[u8], out: [&mut [i16]; 3]) {
     add_cells(&sums, out);
 }
 
-/// Sums a painted picture over its cells.
-pub(crate) fn sum_picture(picture: &[u8], out: &mut Sums) {
-    for (strip, rows) in picture.chunks_exact(STRIP).enumerate() {
-        let at = strip * ACROSS..(strip + 1) * ACROSS;
-        sum_rows(rows, out.each_mut().map(|out| &mut out[at.clone()]));
-    }
-}
-
 tega_simd::dispatched! {
     /// See [`Summing::sum`].
     sum = Summing::sum,

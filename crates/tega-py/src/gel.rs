@@ -4,17 +4,13 @@ use numpy::ndarray::arr2;
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use tega_error::choice;
-use tega_gel::{
-    CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Pull, SHEAR_CELLS, SUM_CELLS, Setup, Shape, Surface, WIDTH,
-};
+use tega_gel::{CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, SUM_CELLS, Setup, Shape, WIDTH};
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
 use crate::shared::{Shared, released};
 
 type Picture<'py> = Bound<'py, PyArray3<u8>>;
 type Pressing<'py> = (String, [f64; 3], PyReadonlyArray2<'py, f64>, f64);
-/// Tangential force to the right and down, newtons, and friction.
-type Pulling = (f64, f64, f64);
 type Found = (bool, usize, f64, f64, (f64, f64));
 
 #[pyclass(module = "tega._native", frozen)]
@@ -23,44 +19,18 @@ pub(crate) struct Gel(Shared<tega_gel::Gel>);
 #[pymethods]
 impl Gel {
     #[new]
-    #[pyo3(signature = (seed, /, *, spread, shape, memory, shear))]
-    fn new(
-        py: Python<'_>,
-        seed: u64,
-        spread: f64,
-        shape: &str,
-        memory: bool,
-        shear: &str,
-    ) -> Result<Self, BindError> {
+    #[pyo3(signature = (seed, /, *, spread, shape, memory))]
+    fn new(py: Python<'_>, seed: u64, spread: f64, shape: &str, memory: bool) -> Result<Self, BindError> {
         let form = choice("shape", shape, &[("digit", Form::Digit), ("flat", Form::Flat)])?;
-        let shown = [("off", Surface::Plain), ("texture", Surface::Texture), ("dots", Surface::Dots)];
-        let surface = choice("shear", shear, &shown)?;
         Ok(Self(Shared::new(released(py, true, || {
-            tega_gel::Gel::new(Setup { seed, spread, form, memory, surface })
+            tega_gel::Gel::new(Setup { seed, spread, form, memory })
         })?)))
     }
 
-    #[pyo3(signature = (indenters, t_s, /, *, pull))]
-    fn press(
-        &self,
-        py: Python<'_>,
-        indenters: Vec<Pressing<'_>>,
-        t_s: f64,
-        pull: Pulling,
-    ) -> Result<bool, BindError> {
+    #[pyo3(signature = (indenters, t_s, /, *))]
+    fn press(&self, py: Python<'_>, indenters: Vec<Pressing<'_>>, t_s: f64) -> Result<bool, BindError> {
         let indenters = collect(indenters)?;
-        Ok(released(py, true, || self.0.with(|gel| touched(gel, &indenters, t_s, pull)))?)
-    }
-
-    fn shear(&self) -> ((f64, f64), f64, f64) {
-        let shear = self.0.with(|gel| gel.shear());
-        (shear.mean_mm.into(), shear.peak_mm, shear.slid)
-    }
-
-    fn shear_mm<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray3<f32>>, BindError> {
-        let mut field = vec![[0.0; 2]; SHEAR_CELLS[0] * SHEAR_CELLS[1]];
-        self.0.with(|gel| gel.shear_field(&mut field));
-        Ok(field.into_flattened().into_pyarray(py).reshape([SHEAR_CELLS[0], SHEAR_CELLS[1], 2])?)
+        Ok(released(py, true, || self.0.with(|gel| gel.press(&indenters, t_s)))?)
     }
 
     fn remains(&self, t_s: f64) -> bool {
@@ -85,15 +55,13 @@ impl Gel {
         self.0.with(|gel| gel.in_view())
     }
 
-    #[pyo3(signature = (indenters, index, /, *, t_s, pull, out))]
-    #[allow(clippy::too_many_arguments)] // of Python's frame()
+    #[pyo3(signature = (indenters, index, /, *, t_s, out))]
     fn frame<'py>(
         &self,
         py: Python<'py>,
         indenters: Vec<Pressing<'py>>,
         index: u64,
         t_s: f64,
-        pull: Pulling,
         out: Picture<'py>,
     ) -> Result<(), BindError> {
         let indenters = collect(indenters)?;
@@ -109,26 +77,25 @@ impl Gel {
         })?;
         released(py, true, || {
             self.0.with(|gel| {
-                touched(gel, &indenters, t_s, pull)?;
+                gel.press(&indenters, t_s)?;
                 gel.paint(index, pixels)
             })
         })?;
         Ok(())
     }
 
-    #[pyo3(signature = (indenters, index, /, *, t_s, pull))]
+    #[pyo3(signature = (indenters, index, /, *, t_s))]
     fn sums<'py>(
         &self,
         py: Python<'py>,
         indenters: Vec<Pressing<'py>>,
         index: u64,
         t_s: f64,
-        pull: Pulling,
     ) -> Result<Bound<'py, PyArray2<i16>>, BindError> {
         let indenters = collect(indenters)?;
         let mut sums = [[0; SUM_CELLS[0] * SUM_CELLS[1]]; 3];
         self.0.with(|gel| {
-            touched(gel, &indenters, t_s, pull)?;
+            gel.press(&indenters, t_s)?;
             gel.sums(index, &mut sums);
             Ok::<_, tega_gel::GelError>(())
         })?;
@@ -159,19 +126,6 @@ impl Gel {
         self.0.with(|gel| gel.surface(&mut surface));
         Ok(surface.into_flattened().into_pyarray(py).reshape([CELLS[0], CELLS[1], 4])?)
     }
-}
-
-/// Presses and pulls; returns whether anything touches.
-fn touched(
-    gel: &mut tega_gel::Gel,
-    indenters: &[Indenter],
-    t_s: f64,
-    (x, y, friction): Pulling,
-) -> Result<bool, tega_gel::GelError> {
-    let touches = gel.press(indenters, t_s)?;
-    let load_n = indenters.iter().map(|indenter| indenter.force_n).sum();
-    gel.pull(Pull { force_n: [x, y], friction, load_n })?;
-    Ok(touches)
 }
 
 fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {

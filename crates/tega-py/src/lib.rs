@@ -14,7 +14,6 @@ mod image;
 #[cfg(unix)]
 mod serial;
 mod shared;
-mod shear;
 mod sim;
 mod tactile;
 mod touch;
@@ -60,8 +59,6 @@ mod _native {
     #[pymodule_export]
     use crate::serial::SerialDrain;
     #[pymodule_export]
-    use crate::shear::ShearReader;
-    #[pymodule_export]
     use crate::sim::{limit_torques, mix_muscles};
     #[pymodule_export]
     use crate::tactile::{
@@ -92,8 +89,6 @@ mod _native {
     const GEL_LENGTH_MM: f64 = tega_gel::LENGTH_MM;
     #[pymodule_export]
     const GEL_STIFFNESS_N_MM3: f64 = tega_gel::STIFFNESS_N_MM3;
-    #[pymodule_export]
-    const GEL_SHEAR_STIFFNESS_N_MM3: f64 = tega_gel::SHEAR_STIFFNESS_N_MM3;
     #[pymodule_export]
     const GEL_RADIUS_ACROSS_MM: f64 = tega_gel::RADIUS_ACROSS_MM;
     #[pymodule_export]

@@ -61,7 +61,7 @@ impl Contact {
 }
 
 /// Pixels of a DIGIT's usual picture; larger ones are read without the interpreter lock.
-pub(crate) const TRACKED_PX: usize = 320 * 240;
+const TRACKED_PX: usize = 320 * 240;
 
 /// Terms of the light field, scale, stiffness.
 type Light = ([[[f32; LIGHT_TERMS]; 2]; 3], f64, f64);
@@ -69,7 +69,7 @@ type Light = ([[[f32; LIGHT_TERMS]; 2]; 3], f64, f64);
 /// Follows one fingertip.
 #[pyclass(module = "tega._native", frozen)]
 pub(crate) struct TouchTracker {
-    pub(crate) tracker: Shared<tega_tactile::TouchTracker>,
+    tracker: Shared<tega_tactile::TouchTracker>,
     /// Square millimetres a pixel, where the scale is the sensor's own.
     mm2_per_px: Option<f64>,
 }
@@ -137,7 +137,7 @@ impl TouchTracker {
     }
 
     fn rezero(&self) -> bool {
-        self.tracker.with(|tracker| tracker.rezero())
+        self.tracker.with(tega_tactile::TouchTracker::rezero)
     }
 
     #[pyo3(signature = (frame, /, *, dt_s, loaded))]

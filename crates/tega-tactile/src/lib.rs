@@ -39,8 +39,8 @@ pub use error::TactileError;
 pub use frame::{Difference, MAX_SIDE, Order, Pair};
 pub use grey::Scratch;
 pub use live::{
-    GelLight, LIGHT_TERMS, LiveReader, LiveScratch, Outline, SensorNoise, ShearOptions, ShearReader, Sheared,
-    Touch, TouchTracker, TrackerOptions, read_live,
+    GelLight, LIGHT_TERMS, LiveReader, LiveScratch, Outline, SensorNoise, Touch, TouchTracker,
+    TrackerOptions, read_live,
 };
 pub use metrics::{CentroidValue, ContactMetrics, Gate, Options, Spread, contact_metrics};
 pub use paper::{MIN_PIXELS, NOISE_FLOOR, PaperScratch, read_paper};

@@ -175,11 +175,9 @@ class TouchLoop:
 
 def _events(detector: Detector, contact: Contact) -> Sequence[Event]:
     """Return the events that a contact shows."""
-    from tega.stages.events import ShearFrame, TouchFrame
+    from tega.stages.events import TouchFrame
 
     t_ns, finger = contact.t_ns, contact.finger
-    if (shear := ShearFrame.of({value.name: value.value for value in contact.more})) is not None:
-        detector.shear(t_ns / 1e9, finger, shear)
     touch = TouchFrame(contact.in_contact, contact.eda, contact.mass, contact.peak, *contact.centroid_xy)
     return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch)]
 

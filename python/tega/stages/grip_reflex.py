@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # The wish fades over the last fifth of the way to a limit, so that it neither jumps nor chatters there.
 _MARGIN: Final = 0.2
-# Of a rise: time constants of a share's quick and slow mean, as the detector's of shear; how long a finger finds its
+# Of a rise: time constants of a share's quick and slow mean; how long a finger finds its
 # place; and the gain of closure between the two means at which the hand is closing, 0.4 levels a second.
 _QUICK_S, _SLOW_S, _SETTLED_S = 0.04, 0.2, 0.3
 _CLOSING_LEVELS: Final = 0.4 * (_SLOW_S - _QUICK_S)

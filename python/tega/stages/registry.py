@@ -20,6 +20,7 @@ import msgspec
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.haptics.motor_layout import MotorLayout, find_layout
 from tega.runtime.plugins import find_plugin, load_plugin, plugin_package, plugins
+from tega.runtime.removed import refuse_removed
 from tega.stages.base import Decoder, Mapping, Metric, Reflex, StageOptions
 
 Group = Literal["metric", "decoder", "mapping", "layout", "reflex"]
@@ -94,11 +95,13 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
         name: Its name, such as ``"paper"``.
 
     Raises:
-        ConfigError: No stage of the group has that name.
+        ConfigError: No stage of the group has that name, or it was taken out.
         MissingExtraError: Its module needs a package that is not installed.
         DeviceUnavailableError: Its module does not hold what its entry point says.
     """
     where, base = GROUPS[group]
+    if name not in plugins(where):
+        refuse_removed(f"stages.{group} {name}")
     entry = find_plugin(where, group, name)
     loaded: Any = load_plugin(entry, group)
     kind: Any = loaded

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from tega_sim.demo import DemoReport
     from tega_sim.plan import TrialPlan, TrialResult
     from tega_sim.rig import TrialSteering
-    from tega_sim.seams import Shear
 
 
 TITLE = "TEGA demo: everything but the loop is simulated"
@@ -83,7 +82,6 @@ def demo(
     condition: str,
     operator: str,
     preset: str,
-    shear: Shear,
     seed: int,
     practice: int,
     config: Path | None,
@@ -129,7 +127,6 @@ def demo(
         [seed],
         operator=operator,
         preset=preset,
-        shear=shear,
         practice=practice,
         settings=sets,
     )
@@ -220,7 +217,7 @@ def _at_keyboard(plan: TrialPlan) -> Iterator[TrialSteering]:
     from tega_sim.lab import lab_of
     from tega_sim.operator import KEYS_HELP, KeyboardOperator, Keys
 
-    lab = lab_of(plan.seed, plan.preset, plan.settings, plan.shear)
+    lab = lab_of(plan.seed, plan.preset, plan.settings)
     with Keys() as keys:
         click.echo(KEYS_HELP, err=True)
         yield KeyboardOperator(keys.read, full_effort=lab.calibrated.full_effort)

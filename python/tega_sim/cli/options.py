@@ -67,19 +67,9 @@ def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]
     return {name: known[name].spec for name in names}
 
 
-shear_option = click.option(
-    "--shear",
-    type=click.Choice(["off", "texture", "dots"]),
-    default="off",
-    show_default=True,
-    help="Whether simulated gels give way sideways, and what shows it; stages.metric.name=shear reads it.",
-)
-
-
 def loop_options(function: _Function) -> _Function:
-    """Add what the loop of a simulated trial can be asked: preset, gels, settings file, single settings."""
+    """Add what the loop of a simulated trial can be asked: preset, settings file, single settings."""
     for option in (
-        shear_option,
         click.option(
             "--set",
             "sets",

@@ -17,6 +17,8 @@ import msgspec
 from tega.errors import ConfigError, InvalidValueError, TegaError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign
 from tega.runtime.files.plain_name import plain_name
+from tega.runtime.removed import without_removed
+from tega_sim.removed import REMOVED_FIELDS
 
 PALM_FACE_M: Final = 0.0111
 """How far the palm's face is before the palm's frame."""
@@ -194,7 +196,7 @@ def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:
             f"{where}: object {name!r} has no source for {', '.join(missing)}",
             f"write it under [{name}.source]",
         )
-    spec = msgspec.convert({**table, "name": name}, ObjectSpec)
+    spec = msgspec.convert({**without_removed(table, REMOVED_FIELDS), "name": name}, ObjectSpec)
     for what, (low, high) in ranges.items():
         if not low <= getattr(spec, what, high + 1) <= high:
             raise ConfigError(

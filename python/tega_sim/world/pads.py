@@ -37,13 +37,10 @@ class PadContacts:
         data: Its state.
         spec: The object.
         body: Reader of it.
-        shear: Whether indenters say how far they pull the gel sideways.
     """
 
-    def __init__(
-        self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: LiftedBody, *, shear: bool
-    ) -> None:
-        self._mujoco, self._model, self._data, self._shear = mujoco, model, data, shear
+    def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: LiftedBody) -> None:
+        self._mujoco, self._model, self._data = mujoco, model, data
         self._pads = {model.geom(f"{finger}_pad").id: i for i, finger in enumerate(FINGERS)}
         # Places and rotations are views of MuJoCo's own memory: they follow the state.
         sites = [model.site(f"{finger}_pad").id for finger in FINGERS]
@@ -82,8 +79,7 @@ class PadContacts:
 
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
-        # Sums of force, of force times place, normal and friction, and of the tangential force: numbers one by one, as
-        # they are so few.
+        # Sums of force, and of force times place and normal: numbers one by one, as they are so few.
         found: list[dict[int, list[float]]] = [{} for _ in FINGERS]
         places = frames = None
         for number, (one, other, newtons) in enumerate(self._forces()):
@@ -94,10 +90,8 @@ class PadContacts:
                 continue
             if places is None or frames is None:
                 places, frames = self._data.contact.pos.tolist(), self._data.contact.frame.tolist()
-            (x, y, z), (u, v, w, *across) = places[number], frames[number]
+            (x, y, z), (u, v, w, *_) = places[number], frames[number]
             sums = [newtons, newtons * x, newtons * y, newtons * z, sign * u, sign * v, sign * w]
-            if self._shear:
-                sums += self._tangential(number, across, pad_first=sign > 0)
             before = found[pad].get(shape)
             found[pad][shape] = sums if before is None else [a + b for a, b in zip(before, sums, strict=True)]
         return [
@@ -129,18 +123,6 @@ class PadContacts:
             for (one, other), row in zip(contact.geom.tolist(), contact.efc_address.tolist(), strict=True)
         ]
 
-    def _tangential(self, number: int, across: list[float], *, pad_first: bool) -> list[float]:
-        """Return a contact's tangential force on the pad, world frame, and normal force times friction, newtons."""
-        contact, forces = self._data.contact, self._data.efc_force
-        row = int(contact.efc_address[number])
-        # The contact's force is what its first shape does to its second.
-        first, second = (-f if pad_first else f for f in forces[row + 1 : row + 3].tolist())
-        friction = float(contact.friction[number, 0])
-        return [
-            *(first * a + second * b for a, b in zip(across[:3], across[3:], strict=True)),
-            float(forces[row]) * friction,
-        ]
-
     def _indenter(self, pad: int, shape: int, sums: list[float]) -> Indenter:
         force_n = sums[0]
         near = (sums[1] / force_n, sums[2] / force_n, sums[3] / force_n)
@@ -154,12 +136,7 @@ class PadContacts:
             radius_m=PAD_RADIUS_M,
             half_length_m=PAD_HALF_LENGTH_M,
         )
-        if not self._shear:
-            return Indenter("capsule", self._size_mm[shape], pose, force_n)
-        # The world's force in the shape's own frame, and from there in the pad frame.
-        right, down, _ = pose[:, :3] @ (np.array(sums[7:10]) @ placed[1].reshape(3, 3))
-        pull_n, friction = (float(right), float(down)), sums[10] / force_n
-        return Indenter("capsule", self._size_mm[shape], pose, force_n, pull_n, friction)
+        return Indenter("capsule", self._size_mm[shape], pose, force_n)
 
     def _flexed(
         self, near_m: tuple[float, float, float], normal: tuple[float, float, float]

@@ -45,7 +45,6 @@ class World:
         seed: Of where exactly the object stands: off its mark by a normal deviate of 1 mm in x and y.
         physics: How the motion is computed.
         start_m: Where the hand waits: height over the grasp pose and distance back from it, metres.
-        shear: Whether :meth:`pads` says how far each shape pulls its gel sideways.
 
     Attributes:
         spec: The object.
@@ -66,7 +65,6 @@ class World:
         seed: int = 0,
         physics: Physics | None = None,
         start_m: tuple[float, float] = (0.0, 0.15),
-        shear: bool = True,
     ) -> None:
         """Build the scene and let the object come to rest."""
         if isinstance(spec, str):
@@ -100,7 +98,7 @@ class World:
         self._attend_every = max(1, round(_ATTEND_S / self.physics.timestep_s))
         self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
-        self._touch = PadContacts(mujoco, model, data, spec, self._body, shear=shear)
+        self._touch = PadContacts(mujoco, model, data, spec, self._body)
         self._witness: Witness | None = None
         self._hold_still(_SETTLE_S)
         self._witness = Witness(model, data, spec, self._touch, self._body)

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from tega.ui.cli.options import echo_json, json_option
-from tega_sim.cli.options import loop_sets, shear_option
+from tega_sim.cli.options import loop_sets
 
 if TYPE_CHECKING:
-    from tega_sim.seams import Shear
     from tega_study.lead.benches import TrialBench
     from tega_study.lead.trial import Task
     from tega_study.masking_sound import MaskingSound
@@ -55,7 +54,6 @@ if TYPE_CHECKING:
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
     help="Preset of the loop, with --simulated.",
 )  # fmt: skip
-@shear_option
 @click.option(
     "--task",
     type=click.Choice(["lift", "place"]),
@@ -88,7 +86,6 @@ def run(
     sets: tuple[str, ...],
     config: Path | None,
     preset: Literal["paper", "live"],
-    shear: Shear,
     task: Task,
     pedals: str,
     answer: str,
@@ -112,8 +109,6 @@ def run(
         raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")
     if config is not None and not simulated:
         raise click.UsageError("--config is for --simulated; --lab has settings of its own")
-    if shear != "off" and not simulated:
-        raise click.UsageError("--shear is for --simulated; real gels have shear anyhow")
     plan = read_plan(folder)
     plan.of(participant)
     with (
@@ -125,7 +120,6 @@ def run(
             emulated=emulated,
             sets=sets,
             preset=preset,
-            shear=shear,
             config=config,
         ) as bench,
         CtrlC() as stop,
@@ -185,7 +179,6 @@ def _bench(
     emulated: bool,
     sets: tuple[str, ...],
     preset: Literal["paper", "live"],
-    shear: Shear,
     config: Path | None,
 ) -> Iterator[TrialBench]:
     """Create the bench for the trials."""
@@ -233,4 +226,4 @@ def _bench(
                     where="emulated",
                 )
     else:
-        yield SimulatedBench(plan, participant, preset=preset, shear=shear, settings=loop_sets(config, sets))
+        yield SimulatedBench(plan, participant, preset=preset, settings=loop_sets(config, sets))

@@ -16,7 +16,6 @@ from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object
 
 if TYPE_CHECKING:
     from tega_sim.operator import ViewName
-    from tega_sim.seams import Shear
 
 LINE_EVERY_S = 30.0
 
@@ -145,7 +144,6 @@ def simulate(
     stiffness_n_m: list[float] | None,
     friction: list[float] | None,
     preset: Literal["paper", "live"],
-    shear: Shear,
     config: Path | None,
     sets: tuple[str, ...],
     as_json: bool,
@@ -180,7 +178,6 @@ def simulate(
             dask=dask,
             parameters=parameters,
             preset=preset,
-            shear=shear,
             settings=loop_sets(config, sets),
             rules=rules,
             view=view,

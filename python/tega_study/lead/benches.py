@@ -21,7 +21,7 @@ from tega_study.state import Where
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega_sim.seams import Act, Percept, Shear
+    from tega_sim.seams import Act, Percept
     from tega_study.lead.rest_tasks import RestTask
     from tega_study.lead.running_trial import Going
     from tega_study.plan import PlannedTrial, StudyPlan
@@ -177,7 +177,6 @@ class SimulatedBench:
         participant: Participant ID of the session.
         real_time: Keep to the machine's clock; otherwise as fast as it goes.
         preset: Readings of the loop.
-        shear: Shear of the gels, see :class:`tega_sim.gel.Gel`.
         settings: Settings of the loop, as ``key=value``; they are written beside each trial's tables, in
             ``loop.toml``.
     """
@@ -196,7 +195,6 @@ class SimulatedBench:
         *,
         real_time: bool = True,
         preset: Literal["paper", "live"] = "live",
-        shear: Shear = "off",
         settings: tuple[str, ...] = (),
     ) -> None:
         from tega_sim.lab import lab_of
@@ -206,9 +204,9 @@ class SimulatedBench:
 
         self._seed = person_seed(plan.settings.seed or 0, participant)
         self._real_time = real_time
-        self._lab = lab_of(self._seed, preset, settings, shear)
+        self._lab = lab_of(self._seed, preset, settings)
         self.config = self._lab.config
-        self._loop = {"preset": preset, "settings": settings, "shear": shear}
+        self._loop = {"preset": preset, "settings": settings}
         first = TrialPlan.checked({"object": plan.settings.objects[0], "seed": self._seed, **self._loop})
         for name in plan.settings.objects:
             TrialPlan.checked({"object": name})

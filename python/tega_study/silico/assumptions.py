@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import msgspec
 
 import tega
-from tega.errors import RecordingError
+from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
+from tega.runtime.removed import without_removed
 from tega_sim.operator.vision import ViewName
-from tega_sim.seams import Shear
+from tega_sim.removed import REMOVED_FIELDS
 
 if TYPE_CHECKING:
     from tega_sim.operator import RulesVersion
@@ -47,7 +48,6 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
             older studies.
         objects: The lifted objects, attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega_sim.operator.VIEWS`.
-        shear: Shear of the gels, see :class:`tega_sim.gel.Gel`.
         fresh: Whether each person meets each condition as if there were no other: knowing nothing yet, rested, and with
             the same chance in the n-th trial under each. Then outcomes are kept, and no course of touch and no picture,
             which the arms that need no pictures would have to render.
@@ -64,7 +64,6 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     people_sha256: str = ""
     objects: dict[str, dict[str, Any]] = {}
     view: ViewName = "direct"
-    shear: Shear = "off"
     fresh: bool = False
     code_sha256: str = ""
 
@@ -98,7 +97,6 @@ def assume(
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 3,
     view: ViewName = "direct",
-    shear: Shear = "off",
     fresh: bool = False,
 ) -> tuple[Assumptions, bytes]:
     """Return a study's assumptions.
@@ -111,7 +109,6 @@ def assume(
         settings: As in :class:`Assumptions`.
         rules: As in :class:`Assumptions`.
         view: As in :class:`Assumptions`.
-        shear: As in :class:`Assumptions`.
         fresh: As in :class:`Assumptions`.
 
     Returns:
@@ -145,7 +142,6 @@ def assume(
         people_sha256=people_digest(loaded.digest, rules),
         objects={name: msgspec.to_builtins(spec) for name, spec in objects.items()},
         view=view,
-        shear=shear,
         fresh=fresh,
         code_sha256=code_sha256(),
     )
@@ -184,8 +180,10 @@ def read_assumptions(folder: Path) -> Assumptions | None:
     if not path.exists():
         return None
     try:
-        stated = msgspec.convert(parse_toml(read_words(path)), Assumptions)
+        stated = msgspec.convert(without_removed(parse_toml(read_words(path)), REMOVED_FIELDS), Assumptions)
         content = read_foreign(folder / PARAMETERS, most_mib=1)
+    except ConfigError as error:
+        raise RecordingError(f"{path}: {error.message}", error.hint) from error
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise RecordingError(f"{path}: {error}", "restore the folder from a copy") from error
     if hashlib.sha256(content).hexdigest() != stated.parameters_sha256:

@@ -129,7 +129,6 @@ def run_sensitivity(
             preset=change.preset,
             rules=stated.rules,
             view=stated.view,
-            shear=stated.shear,
             fresh=stated.fresh,
         )
         made.append((change, where, plan))

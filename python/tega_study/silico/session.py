@@ -102,10 +102,9 @@ def _go(job: SessionJob, folder: Path) -> None:
         "settings": stated.settings,
         "rules": stated.rules,
         "view": stated.view,
-        "shear": stated.shear,
     }
     seed = person_seed(job.settings.seed or 0, job.person)
-    lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings, shear=stated.shear)
+    lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings)
     specs = {name: stated.spec(name) for name in stated.objects}
     first = job.settings.objects[0]
     asked = TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same})

@@ -22,7 +22,6 @@ from tega_study.state import derive
 
 if TYPE_CHECKING:
     from tega_sim.operator import RulesVersion, ViewName
-    from tega_sim.seams import Shear
     from tega_sim.world import ObjectSpec
 
 
@@ -72,7 +71,6 @@ def simulate(
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 3,
     view: ViewName = "direct",
-    shear: Shear = "off",
     fresh: bool = False,
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
@@ -94,7 +92,6 @@ def simulate(
         settings: Settings of the loop, as ``key=value``: stages, layout and mirror.
         rules: Version of the rules that the people follow.
         view: Sight of the hand while the object is held.
-        shear: Shear of the gels, see :class:`tega_sim.gel.Gel`.
         fresh: Whether each person meets each condition as if there were no other, see
             :class:`tega_study.silico.assumptions.Assumptions`.
         jobs: Worker processes; 0 for as many as there are cores.
@@ -125,7 +122,6 @@ def simulate(
         settings=settings,
         rules=rules,
         view=view,
-        shear=shear,
         fresh=fresh,
     )
     mine = plan.participants[part - 1 :: parts]
@@ -149,12 +145,11 @@ def made_study(
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 3,
     view: ViewName = "direct",
-    shear: Shear = "off",
     fresh: bool = False,
 ) -> tuple[StudyPlan, Assumptions]:
     """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
 
-    ``everyone``, ``preset``, ``settings``, ``rules``, ``view``, ``shear`` and ``fresh`` are those of
+    ``everyone``, ``preset``, ``settings``, ``rules``, ``view``, and ``fresh`` are those of
     :class:`tega_study.silico.assumptions.Assumptions`.
     """
     from tega_sim.conditions import SESSION_CONDITIONS
@@ -185,7 +180,6 @@ def made_study(
         settings=settings,
         rules=rules,
         view=view,
-        shear=shear,
         fresh=fresh,
     )
     ensure_plan(plan, folder, assumption_files(stated, content))

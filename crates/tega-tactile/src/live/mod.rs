@@ -5,7 +5,6 @@
 //! 3. Depth comes from shading ([`depth`], [`light`]), and the dent from depth and colour together ([`dent`], [`shape`], [`middle`]); [`law`] has
 //!    what both say of how deep it is.
 //! 4. [`still`] does this without memory; [`tracker`] knows its sensor's noise, follows drift and stays silent on leftovers.
-//! 5. [`shear`] follows what is printed on the gel ([`grain`]): how far it is pulled sideways, and how much of the contact has slid.
 //!
 //! Arithmetic runs on integers, or on floats in one fixed order: the result is the same on every processor. Sums over a pixel's bytes take the
 //! first and the last before the middle, so that blue or red first gives the same bits.
@@ -16,7 +15,6 @@ mod course;
 mod dent;
 mod depth;
 mod fading;
-mod grain;
 mod law;
 mod light;
 mod mains;
@@ -24,7 +22,6 @@ mod middle;
 mod noise;
 mod peak;
 mod shape;
-mod shear;
 mod still;
 mod thumbnail;
 mod touch;
@@ -36,7 +33,6 @@ pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 pub use dent::Outline;
 pub use light::{GelLight, LIGHT_TERMS};
 pub use noise::SensorNoise;
-pub use shear::{ShearOptions, ShearReader, Sheared};
 pub use still::{LiveReader, LiveScratch, read_live};
 pub use touch::{Touch, TrackerOptions};
 pub use tracker::TouchTracker;

@@ -10,6 +10,6 @@
 from __future__ import annotations
 
 from tega.stages.events.detector import DetectedEvent, Detector, EventKind
-from tega.stages.events.tracks import ShearFrame, TouchFrame
+from tega.stages.events.tracks import TouchFrame
 
-__all__ = ["DetectedEvent", "Detector", "EventKind", "ShearFrame", "TouchFrame"]
+__all__ = ["DetectedEvent", "Detector", "EventKind", "TouchFrame"]

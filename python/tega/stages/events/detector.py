@@ -14,15 +14,10 @@ from tega.stages.events.settings import SETTINGS, DetectorSettings, Rule
 from tega.stages.events.tracks import (
     FingerTrack,
     Low,
-    ShearFrame,
-    ShearTrack,
     SinkTrack,
     TouchFrame,
     TwoMeans,
 )
-
-_SHORT_MM, _FAINT = 0.05, 3.0
-"""A pull that is no more than noise, millimetres, and a peak likewise, grey values."""
 
 EventKind = Literal["contact", "release", "slip", "lift_off"]
 
@@ -107,7 +102,6 @@ class Detector:
         self._s, self._ahead_s = settings, look_ahead_s
         self._quick: dict[str, FingerTrack] = {}
         self._trend: dict[str, FingerTrack] = {}
-        self._shear: dict[str, ShearTrack] = {}
         self._sinking: dict[str, SinkTrack] = {}
         self._told: dict[str, bool] = {}
         self._grasp_s: float | None = None
@@ -121,7 +115,7 @@ class Detector:
         self._grip, self._pressed = Low(settings.before_s), Low(settings.before_s)
         self._rises = {
             rule: Rise("slip", rule, settings.rest_s, look_ahead_s)
-            for rule in (settings.touch, settings.shear, settings.hand, settings.sink)
+            for rule in (settings.touch, settings.hand, settings.sink)
         }
 
     def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
@@ -155,18 +149,6 @@ class Detector:
             self._next_s = t_s + s.step_s
             found += self._slip(t_s)
         return found
-
-    def shear(self, t_s: float, finger: str, shear: ShearFrame) -> None:
-        """Take in the shear of a frame of a fingertip, before that frame itself is taken in.
-
-        Args:
-            t_s: When it was taken, seconds.
-            finger: Whose it is.
-            shear: What it says; zeros without contact.
-        """
-        if finger not in self._shear:
-            self._shear[finger] = ShearTrack(*self._s.shear_s)
-        self._shear[finger].add(t_s, shear)
 
     def hand(
         self,
@@ -218,7 +200,7 @@ class Detector:
         """Return the features that a slip is seen by.
 
         :data:`SINK_FEATURES` where hand, arm and fingertips' places are measured, :data:`HAND_FEATURES` where hand and
-        arm are, else :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
+        arm are, else :data:`FEATURES`.
         """
         if self._rule() is self._s.sink:
             return (*self._held_features(t_s), *self._sink_features())
@@ -245,9 +227,7 @@ class Detector:
         )
         if self._level is not None and self._measured:
             return (*touch, *self._held_features(t_s))
-        if not self._shear:
-            return touch
-        return (*touch, *self._shear_features(mass_change=touch[2]))
+        return touch
 
     def _held_features(self, t_s: float) -> tuple[float, ...]:
         return (
@@ -274,31 +254,6 @@ class Detector:
         each = [sink.speed_mm_s(self._s.sink_s[1]) for sink, _ in on]
         return (*means, max(each), min(each))
 
-    def _shear_features(self, *, mass_change: float) -> tuple[float, ...]:
-        pairs = [
-            (self._shear[finger], one)
-            for finger, one in self._quick.items()
-            if one.touching and finger in self._shear
-        ]
-        sound = [(shear, one) for shear, one in pairs if shear.sure.quick >= self._s.least_sure]
-        moved = sorted((shear.moved_mm for shear, _ in sound), reverse=True)
-        mean = math.log1p(20 * sum(moved) / max(len(moved), 1))
-        pulls = [shear.pull_mm for shear, _ in sound]
-        # Short pulls say little of what has slid: a short one more weighs them down.
-        pull = sum(pulls) + _SHORT_MM
-        slants = [mm / max(one.peak.quick, _FAINT) for mm, (_, one) in zip(pulls, sound, strict=True)]
-        return (
-            math.log1p(20 * max(moved, default=0.0)),
-            mean,
-            sum(mm * shear.incipient.quick for mm, (shear, _) in zip(pulls, sound, strict=True)) / pull,
-            sum(mm * shear.incipient.change for mm, (shear, _) in zip(pulls, sound, strict=True)) / pull,
-            math.log1p(max((shear.slip.quick for shear, _ in sound), default=0.0)),
-            math.log1p(20 * moved[1]) if len(moved) > 1 else 0.0,
-            mean * _logistic(-20 * mass_change),
-            math.log1p(10 * sum(slants) / max(len(slants), 1)),
-            len(sound) / 4,
-        )
-
     @property
     def _measured(self) -> bool:
         """Whether closure and height are measured."""
@@ -308,7 +263,7 @@ class Detector:
         """Return the rule of a slip for what is measured."""
         if self._level is not None and self._measured:
             return self._s.sink if self._sinking else self._s.hand
-        return self._s.shear if self._shear else self._s.touch
+        return self._s.touch
 
     @property
     def _holds(self) -> bool:

@@ -1,8 +1,8 @@
 """Define the detector's numbers, all of them, and say why they are what they are.
 
 They were fixed before they were compared with anything. The slip's rules were fitted on simulated people 1000 to 1022
-(``tega_figures.check_events --fit 1000:1023`` of commit 2b4cc804, the one by shear with ``--shear texture``), the one
-by joints on 5000 to 5074 as well, and are reported on others.
+(``tega_figures.check_events --fit 1000:1023`` of commit 2b4cc804), the one by joints on 5000 to 5074 as well, and are
+reported on others.
 """
 
 from __future__ import annotations
@@ -53,30 +53,6 @@ sink against the palm, millimetres a second,
 - the one that sinks fastest, and the one that sinks least, over 40 ms.
 """
 
-SHEAR_FEATURES: Final = (
-    *FEATURES,
-    "pulled",
-    "mean_pulled",
-    "slid",
-    "slid_change",
-    "sliding",
-    "second_pulled",
-    "slack_pulled",
-    "slant",
-    "sound",
-)
-"""What a slip is seen by in fingertips whose metric reads shear; those of :data:`FEATURES` and, over the fingers in
-contact whose grain is found again:
-
-- how far the gel's pull has changed over 0.2 s (log of 1 + 20 times the millimetres): the furthest, and the mean;
-- the share of a contact that has slid, the mean by pull, and its change over 0.2 s;
-- the highest speed of that (log of 1 + millimetres a second);
-- the pull's change on the finger where it is second, since an object that slides pulls at more than one; and the mean
-  where the fingers do not press firmer meanwhile: a grip that closes changes the pull, too;
-- the pull over the peak, which goes with friction's limit (log of 1 + 10 times the millimetres a grey value);
-- share of the fingers that are looked at.
-"""
-
 
 class Rule(NamedTuple):
     """A logistic rule, and when it makes an event.
@@ -103,9 +79,6 @@ class DetectorSettings(NamedTuple):
         quick_s: Time constant of the quick means: five frames at 60 Hz, in which noise of single frames averages out.
         slow_s: Of the slow ones: a slip of 5 mm/s moves a contact by a few pixels in that time.
         trend_s: Time constants of the pair that sees slow changes.
-        shear_s: And of the pair that sees changes of shear, which are quick.
-        least_sure: Fingers whose grain is found again with less than this correlation are not asked for their shear: a
-            texture of a recorded DIGIT's strength is found with 0.15 to 0.3, a lost one with 0.03.
         step_s: Between two looks at the slip; frames come at 60 Hz, or 30 Hz in a study's tables.
         touch_s: A contact has to last so long, as three frames do: single frames flicker at the threshold.
         release_s: And its end likewise; longer, since a light contact flickers more.
@@ -123,16 +96,13 @@ class DetectorSettings(NamedTuple):
         sink_s: Times over which fingertips sink, seconds; the joints are known to 0.3 mm/s over 33 ms.
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
-        shear: The slip by fingertips alone where shear is read.
-        hand: The slip where closure and height are measured as well. All three look at products of two features, too.
+        hand: The slip where closure and height are measured as well. Both look at products of two features, too.
         sink: The slip where the fingertips' places are, besides.
     """
 
     quick_s: float = 0.08
     slow_s: float = 0.35
     trend_s: tuple[float, float] = (0.2, 1.0)
-    shear_s: tuple[float, float] = (0.04, 0.2)
-    least_sure: float = 0.08
     step_s: float = 0.025
     touch_s: float = 0.05
     release_s: float = 0.1
@@ -179,48 +149,6 @@ class DetectorSettings(NamedTuple):
             (2, 7, -9.9082),  # mass_change, peak
             (1, 3, 2.0532),  # mass, mass_trend
             (0, 0, -0.2841),  # fingers, fingers
-        ),
-    )
-    shear: Rule = Rule(
-        -6.9193,
-        (
-            0.4046,  # fingers
-            -2.1343,  # mass
-            7.3216,  # mass_change
-            2.2895,  # mass_trend
-            0.2183,  # flow
-            2.2841,  # flow_trend
-            -0.0023,  # mean_flow
-            -0.8901,  # peak
-            0.8306,  # peak_change
-            4.0568,  # edge_change
-            -0.416,  # lost
-            4.7408,  # gained
-            7.8381,  # pulled
-            2.127,  # mean_pulled
-            9.5066,  # slid
-            2.0404,  # slid_change
-            0.0867,  # sliding
-            0.195,  # second_pulled
-            -13.25,  # slack_pulled
-            -0.464,  # slant
-            2.9699,  # sound
-        ),
-        0.5,
-        0.15,
-        (
-            (5, 5, -0.4418),  # flow_trend, flow_trend
-            (2, 5, -2.8699),  # mass_change, flow_trend
-            (7, 9, -2.6386),  # peak, edge_change
-            (14, 20, -6.0807),  # slid, sound
-            (3, 20, -4.1496),  # mass_trend, sound
-            (9, 10, -9.7276),  # edge_change, lost
-            (14, 14, -7.152),  # slid, slid
-            (0, 18, 3.8916),  # fingers, slack_pulled
-            (11, 13, -13.4853),  # gained, mean_pulled
-            (0, 12, -1.8288),  # fingers, pulled
-            (3, 14, 3.9395),  # mass_trend, slid
-            (1, 1, 0.2214),  # mass, mass
         ),
     )
     hand: Rule = Rule(

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 
 class TouchFrame(NamedTuple):
@@ -30,42 +29,6 @@ class TouchFrame(NamedTuple):
     peak: float
     x: float
     y: float
-
-
-class ShearFrame(NamedTuple):
-    """Shear in one frame of a fingertip, where its metric reads it.
-
-    Attributes:
-        x_mm: How far the gel is pulled to the right in the picture, millimetres.
-        y_mm: And down.
-        incipient: Share of the contact that has slid against the rest, 0 to 1.
-        slip_mm_s: How fast it does, millimetres a second.
-        sure: How well the grain was found again, -1 to 1.
-    """
-
-    x_mm: float
-    y_mm: float
-    incipient: float
-    slip_mm_s: float
-    sure: float = 1.0
-
-    @classmethod
-    def of(cls, values: Mapping[str, float]) -> Self | None:
-        """Return the shear among a contact's named values; ``None`` where it has none.
-
-        Version 1 of the metric ``shear`` did not say how sure it was: its recordings have no shear here, so that their
-        slips are told as they were then, by touch.
-        """
-        if "shear_sure" not in values:
-            return None
-        length_mm, angle_rad = values["shear_mm"], values["shear_direction_rad"]
-        return cls(
-            length_mm * math.cos(angle_rad),
-            length_mm * math.sin(angle_rad),
-            values["incipient"],
-            values["slip_mm_s"],
-            values["shear_sure"],
-        )
 
 
 class TwoMeans:
@@ -211,38 +174,3 @@ class FingerTrack:
     def flow_px(self) -> float:
         """Distance that the contact's middle has moved lately, pixels."""
         return math.hypot(self.x.change, self.y.change)
-
-
-class ShearTrack:
-    """One fingertip's shear.
-
-    Args:
-        quick_s: See :class:`TwoMeans`.
-        slow_s: Likewise.
-
-    Attributes:
-        x: Pull to the right, millimetres.
-        y: And down.
-        incipient: Share that has slid.
-        slip: Speed of that, millimetres a second.
-        sure: How well the grain is found again.
-    """
-
-    def __init__(self, quick_s: float, slow_s: float) -> None:
-        self.x, self.y, self.incipient, self.slip, self.sure = (TwoMeans(quick_s, slow_s) for _ in range(5))
-
-    def add(self, t_s: float, shear: ShearFrame) -> None:
-        """Take in a frame."""
-        courses = (self.x, self.y, self.incipient, self.slip, self.sure)
-        for course, value in zip(courses, shear, strict=True):
-            course.add(t_s, value)
-
-    @property
-    def moved_mm(self) -> float:
-        """Distance that the pull has changed by lately, millimetres."""
-        return math.hypot(self.x.change, self.y.change)
-
-    @property
-    def pull_mm(self) -> float:
-        """Length of the pull, millimetres."""
-        return math.hypot(self.x.quick, self.y.quick)

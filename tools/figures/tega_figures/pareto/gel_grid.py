@@ -100,14 +100,12 @@ def _built(name: str, size: GridSize, steps: str | None, *, whole: bool = False)
         )
     files[f"{src}/membrane.rs"] = membrane
     if size != SHIPPED:
-        # Painting and shear have grids of their own that go with cells of 4 pixels; neither is asked for here.
+        # Painting has a grid of its own that goes with cells of 4 pixels; it is not asked for here.
         shares = "const SHARES: [[i16; 2]; CELL_PX]"
         lit = 'const _: () = assert!(LIT_ROWS + MARGIN_ROWS < ROWS, "every lit row has rows around it");\n'
-        lanes = "const _: () = assert!(WIDE_COLS.is_multiple_of(LANES));\n"
         files[f"{src}/paint.rs"] = _replaced(
             files[f"{src}/paint.rs"], (shares, "const SHARES: [[i16; 2]; 4]"), (lit, "")
         )
-        files[f"{src}/shear.rs"] = _replaced(files[f"{src}/shear.rs"], (lanes, ""))
     files["crates/press/Cargo.toml"] = MANIFEST
     files["crates/press/src/main.rs"] = Path(__file__).with_name("gel_press.rs").read_text(encoding="utf-8")
     for file, text in files.items():
