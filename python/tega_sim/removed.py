@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
-from tega.runtime.removed import Removed
+from tega.runtime.removed import Removed, without_removed
 
 _NEW: Final = "plan anew without it; the version that wrote the file reads it"
 
@@ -15,3 +15,15 @@ REMOVED_FIELDS: Final[Mapping[str, Removed]] = {
     "relief_mm": Removed("0.3", "simulated objects have no relief", _NEW, 0.6),
 }
 """Fields by name."""
+
+
+def trial_fields(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a trial, and of its object, without those that were taken out and not in use.
+
+    Raises:
+        ConfigError: A field that was taken out was in use.
+    """
+    fields = without_removed(table, REMOVED_FIELDS)
+    if isinstance(spec := fields.get("spec"), dict):
+        fields["spec"] = without_removed(spec, REMOVED_FIELDS)
+    return fields

@@ -17,8 +17,7 @@ import msgspec
 from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
-from tega.runtime.removed import without_removed
-from tega_sim.removed import REMOVED_FIELDS
+from tega_sim.removed import trial_fields
 from tega_sim.trial import TrialPlan, TrialResult, run_trial
 from tega_sim.workers import over_cores
 from tega_sim.world.objects import ObjectSpec
@@ -127,9 +126,7 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
         if not line:
             continue
         try:
-            result = msgspec.convert(
-                without_removed(parse_json(line, dict[str, Any]), REMOVED_FIELDS), TrialResult
-            )
+            result = msgspec.convert(trial_fields(parse_json(line, dict[str, Any])), TrialResult)
         except (msgspec.DecodeError, ConfigError) as error:
             if number == len(lines):  # no newline behind it: the run that wrote it was ended there
                 break

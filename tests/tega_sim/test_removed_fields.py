@@ -61,7 +61,10 @@ def test_older_results_are_read_as_before(tmp_path: Path) -> None:
     )
     path = tmp_path / "results.jsonl"
     tree = msgspec.to_builtins(result)
-    path.write_bytes(msgspec.json.encode(tree | {"shear": "off"}) + b"\n")
+    spec = msgspec.to_builtins(OBJECTS["bag"])
+    older = tree | {"shear": "off", "spec": spec | {"relief_counts": 0.0, "relief_mm": 0.6}}
+    result = msgspec.structs.replace(result, spec=OBJECTS["bag"])
+    path.write_bytes(msgspec.json.encode(older) + b"\n")
     assert read_results(path) == {result.plan: result}
     path.write_bytes(msgspec.json.encode(tree | {"shear": "dots"}) + b"\n")
     with pytest.raises(RecordingError, match=r"shear was taken out in 0\.3"):

@@ -46,21 +46,17 @@ def refuse_removed(name: str, removed: Mapping[str, Removed] = REMOVED) -> None:
         raise ConfigError(f"{name} was taken out in {gone.since}: {gone.reason}", gone.hint)
 
 
-def without_removed(tree: Any, removed: Mapping[str, Removed]) -> Any:
-    """Return a file's tree without the fields that were taken out and that it made no use of.
+def without_removed(table: Mapping[str, Any], removed: Mapping[str, Removed]) -> dict[str, Any]:
+    """Return a file's table without the fields that were taken out and that it made no use of.
 
     Args:
-        tree: Tables, lists and values as read from TOML or JSON.
-        removed: Registry of fields, by name at any depth.
+        table: Fields as read from TOML or JSON; tables inside it are left as they are.
+        removed: Registry of fields, by name.
 
     Raises:
         ConfigError: A field that was taken out was in use.
     """
-    if isinstance(tree, list):
-        return [without_removed(one, removed) for one in tree]
-    if not isinstance(tree, dict):
-        return tree
-    for name, value in tree.items():
+    for name, value in table.items():
         if name in removed and value != removed[name].unused:
             refuse_removed(name, removed)
-    return {name: without_removed(value, removed) for name, value in tree.items() if name not in removed}
+    return {name: value for name, value in table.items() if name not in removed}

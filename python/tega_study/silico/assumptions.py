@@ -81,8 +81,8 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         from tega_sim.world import ObjectSpec
 
         try:
-            return msgspec.convert(self.objects[name], ObjectSpec)
-        except (KeyError, msgspec.ValidationError) as error:
+            return msgspec.convert(without_removed(self.objects[name], REMOVED_FIELDS), ObjectSpec)
+        except (KeyError, ConfigError, msgspec.ValidationError) as error:
             raise RecordingError(
                 f"{SIMULATION}: object {name!r}: {error}", "restore the folder from a copy"
             ) from error
