@@ -11,7 +11,7 @@ from tega.errors import ConfigError, TegaError
 from tega.haptics.motor_layout import find_layout
 from tega.recording.copies import note_copy
 from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
-from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.origin import LEAD_IN
 from tega.runtime.files.foreign_file import tells_damage
 from tega.runtime.files.plain_name import plain_name
@@ -20,7 +20,12 @@ from tega.runtime.lifecycle import require
 
 @tells_damage
 def export_file(
-    path: Path, folder: Path, *, kind: Literal["csv", "parquet"] = "csv", pictures: bool = False
+    path: Path,
+    folder: Path,
+    *,
+    kind: Literal["csv", "parquet"] = "csv",
+    pictures: bool = False,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Write one table per topic, and the attached files as they are.
 
@@ -34,6 +39,7 @@ def export_file(
         folder: Where to; new or empty.
         kind: ``csv``, or ``parquet`` (extra ``parquet``).
         pictures: Also write every picture, as PNG or the JPEG that it is, in a folder per finger named by its number.
+        progress: Called as the file is read.
 
     Returns:
         The tables.
@@ -51,6 +57,7 @@ def export_file(
     folder.mkdir(parents=True, exist_ok=True)
     note_copy(path, folder)
     reader = McapReader(path)
+    reader.progress = progress or reader.progress
     tables: dict[str, GrowingTable] = {}
     growing = GrowingCsv if kind == "csv" else GrowingParquet
     waiting: dict[str, Message] = {}

@@ -20,6 +20,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how many units of it are done, and how many there are."""
+
+
+def _no_progress(_what: str, _done: int, _total: int) -> None:
+    """Show nothing."""
+
+
 # A day of four cameras without loss is less; a record of TEGA's is at most one chunk of 4 MiB and one picture.
 _MOST_MIB = 1024 * 1024
 MOST_RECORD = 256 * MIB
@@ -68,6 +76,7 @@ class McapReader:
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
         files: Attachments, likewise.
+        progress: Called with the file's name, the MiB that were read, and all MiB; replace it to display them.
         cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
     """
 
@@ -84,6 +93,7 @@ class McapReader:
         self.cut = ""
         self.late_ns = 0
         self._own = False
+        self.progress: Progress = _no_progress
 
     def messages(
         self, wanted: Callable[[str], bool] = lambda _topic: True, *, since_ns: int = 0
@@ -115,8 +125,11 @@ class McapReader:
                     record_size_limit=MOST_RECORD,
                 ).records
             )
+            mib = file.seek(0, io.SEEK_END) // MIB
+            file.seek(begins)
             while True:
                 begins = file.tell()
+                self.progress(self.path.name, begins // MIB, mib)
                 try:
                     record = next(source, None)
                     inside = [record]

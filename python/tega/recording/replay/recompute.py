@@ -28,6 +28,7 @@ from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
 from tega.loop.touch_loop import touch_loop
 from tega.loop.vest_output import VestOutput
+from tega.recording.mcap_reader import Progress
 from tega.recording.replay.arm import compare_arm
 from tega.recording.replay.beside import compare_beside
 from tega.recording.replay.compare import Comparison, compare
@@ -106,7 +107,12 @@ class Replay(msgspec.Struct, frozen=True):
 
 @tells_damage
 def replay_file(
-    path: Path, *, config: Path | None = None, sets: Sequence[str] = (), bus: Bus | None = None
+    path: Path,
+    *,
+    config: Path | None = None,
+    sets: Sequence[str] = (),
+    bus: Bus | None = None,
+    progress: Progress | None = None,
 ) -> Replay:
     """Compute a recorded run again and compare.
 
@@ -115,6 +121,7 @@ def replay_file(
         config: Other settings to run it through: preset, vest, calibration, kind of EMG; its devices are not used.
         sets: Single settings to run it through, as ``key=value``.
         bus: Told of all that is computed, for whoever wants to look on.
+        progress: Called as the file is read.
 
     Returns:
         What was found.
@@ -125,7 +132,9 @@ def replay_file(
     """
     bus = Bus() if bus is None else bus
     measured = Measured(config, sets, bus)
-    recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
+    recorded = read_recorded(
+        path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk, progress=progress
+    )
     again = _run(recorded, measured, bus)
     cut_ns = None if recorded.end is not None else recorded.last_tick_ns
     streams = _compare_pixels(measured) if recorded.head.lossless else []

@@ -16,7 +16,7 @@ from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
 from tega.hand import joined_level
 from tega.recording.decode_ahead import decode_ahead
-from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.mcap_schemas import PACKAGE, VERSIONS
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.replay.players import Player, players
@@ -177,6 +177,7 @@ def read_recorded(
     frame: Callable[[str, TactileFrame, Any], None] = lambda _finger, _frame, _told: None,
     chunk: Callable[[EmgChunk], None] = lambda _chunk: None,
     pictures_wanted: Callable[[Head], bool] = lambda _head: True,
+    progress: Progress | None = None,
 ) -> Recorded:
     """Read a recording.
 
@@ -187,12 +188,14 @@ def read_recorded(
             message: the checksum that its pixels had when they were taken, and whether another finger was loaded.
         chunk: Given the EMG samples as they came.
         pictures_wanted: Asked after ``begin`` whether ``frame`` is to be given them; else they are passed over.
+        progress: Called as the file is read.
 
     Raises:
         RecordingError: It is no recording of a session, or cut before anything was known.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     reader = McapReader(path)
+    reader.progress = progress or reader.progress
     pictures: dict[str, Decoding] = {}
     recorded: Recorded | None = None
     passed_over: set[str] = set()

@@ -102,8 +102,11 @@ def export(
 def _tables(files: Sequence[Path], out: Path, *, kind: Any, pictures: bool, folders: bool) -> list[Path]:
     """Write the tables of each recording, in a folder of its own where there are several."""
     from tega.recording.export import export_file
+    from tega.ui.cli.options import progress_bar
 
     made: list[Path] = []
     for path in files:
-        made += export_file(path, out / path.stem if folders else out, kind=kind, pictures=pictures)
+        target = out / path.stem if folders else out
+        with progress_bar() as progress:
+            made += export_file(path, target, kind=kind, pictures=pictures, progress=progress)
     return made

@@ -68,7 +68,7 @@ def replay_session(
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
     from tega.ui.cli.findings import Findings
-    from tega.ui.cli.options import echo_json
+    from tega.ui.cli.options import echo_json, progress_bar
 
     replays, files = [], session_files(session)
     for path in files:
@@ -76,7 +76,8 @@ def replay_session(
         if picture is not None and len(files) > 1:
             drawn = picture.with_name(f"{picture.stem}-{path.stem}{picture.suffix}")
         findings = Findings(bus, drawn, required=True)
-        replays.append(replay_file(path, config=config, sets=sets, bus=bus))
+        with progress_bar(enabled=not as_json) as progress:
+            replays.append(replay_file(path, config=config, sets=sets, bus=bus, progress=progress))
         if not as_json:
             _show(replays[-1])
         findings.tell(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
