@@ -39,7 +39,7 @@ class ArmRecords:
     """Publishes every turn of what leads an arm.
 
     Args:
-        bus: Told.
+        bus: Bus to publish on.
         start_ns: Start of the session on the monotonic clock.
         mapping: How the tracker's axes become the base's.
     """
@@ -119,7 +119,7 @@ class ArmRecords:
             )
 
     def _axes(self, t_ns: int) -> None:
-        """Tell viewers how the tracker's axes lie; a mapping that mirrors is no turn, and is left out."""
+        """Publish the orientation of the tracker's axes, unless the mapping mirrors and so is no rotation."""
         matrix = ToBase(self._mapping).matrix
         if np.linalg.det(matrix) > 0:
             turned = tuple(from_matrix(matrix).tolist())

@@ -27,8 +27,8 @@ LOOK_NS: Final = 3 * HAND_TICK_NS
 class HandLooks:
     """Looks at hand and arm every 9 ms.
 
-    A look is whole or empty: where hand or arm tells nothing that is fresh, or a number is not finite, the detector is
-    told neither, and goes by touch alone.
+    A look is complete or empty: if hand or arm reports nothing fresh, or a number is not finite, the look is empty,
+    and the detector uses touch alone.
 
     Args:
         angles_rad: Returns the measured joint angles, float64 (16,), rad; ``None`` where none are fresh.
@@ -55,7 +55,7 @@ class HandLooks:
 
         Args:
             t_ns: The tick.
-            level: Closure level that the hand is asked for, with what a reflex adds.
+            level: Closure level of the command, including the reflex.
         """
         now_ns = self._now_ns()
         if now_ns < self._due_ns:

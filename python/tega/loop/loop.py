@@ -1,11 +1,11 @@
 """Run the dual loop: touch back to the wearer, intent forward to the hand, on one clock.
 
-The hand has a tick of 3 ms. The vest has one too, 30 times a second; where ``by_frame`` is set, a picture that comes
-between wakes the loop, and what it changes goes out at once.
+The hand has a tick of 3 ms. The vest has one too, 30 times a second; if ``by_frame`` is set, a frame between two
+ticks wakes the loop, and its change is sent at once.
 
-It knows no device by name. Inputs are streams of stamped items, outputs are sinks, time comes from a pacer, and
-ticks are taken in the order of their deadlines; what is stamped at or before a tick is taken in before it. With
-recorded input and a manual clock it is therefore a function: the same input gives the same output.
+The loop knows no device by name. Inputs are streams of timestamped items, outputs are sinks, time comes from a pacer,
+and ticks are processed in the order of their deadlines; items stamped at or before a tick are read before it. With
+recorded input and a manual clock the loop is therefore a function: the same input gives the same output.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ class DualLoop:
     On every way out, an exception included, each vest is sent a frame of zeros and each hand zero torque and
     SERVO OFF.
 
-    What is not there costs nothing: without EMG there are no ticks of the hand, without tactile sources none of the
-    vest, unless a display has subscribed to them.
+    Missing parts cost nothing: without EMG there are no ticks of the hand, without tactile sources none of the vest,
+    unless a display has subscribed to them.
 
     Args:
         pacer: Deadlines on the session's clock.
-        touch: Turns contacts into what the vest shows and into events.
+        touch: Turns contacts into vest frames and events.
         contacts: Stream of measured frames, by finger, thumb first.
         levels: Stream of intents; ``None`` without EMG.
         hand: Output to the hand, with the reflex.

@@ -1,6 +1,6 @@
-"""Derive maxima from the recording itself: what a run falls back on where no calibration is given.
+"""Derive maxima from the recording itself, the fallback of a run without a calibration.
 
-They know the whole recording before its first moment, so a self-calibrated run is not causal and says so.
+The maxima use the whole recording, so a self-calibrated run is not causal; this is noted in its results.
 """
 
 from __future__ import annotations

@@ -48,8 +48,8 @@ def lit_frame(silence: MotorLevels, motor: int, percent: int) -> MotorLevels:
 class MotorTests:
     """Wishes to feel a motor, one at a time.
 
-    A wish is heard while the run is armed alone, and ends with that state. The frame goes the way of every frame:
-    through the driver's limits and into the day's dose of the person.
+    Requests are accepted only while the run is armed, and end with that state. The frame takes the way of every
+    frame: through the driver's limits and into the wearer's daily dose.
     """
 
     def __init__(self) -> None:
@@ -121,7 +121,7 @@ class MotorTests:
         return frame if self._running is None else lit_frame(frame, self._running[0], TEST_PERCENT)
 
     def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
-        """Answer by what the vest was really sent; ``None`` where there is none."""
+        """Confirm by the frame that the vest really sent; ``None`` without a vest."""
         if self._running is None or self._answered.is_set():
             return
         motor = self._running[0]

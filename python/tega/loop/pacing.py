@@ -17,7 +17,7 @@ CATCH_UP_NS = 100_000_000
 
 
 LATE_EDGES_NS: Final = tuple(round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 20, 50, 100))
-"""Upper bounds of the bins in which late ticks are counted, nanoseconds; one bin more has what is later still."""
+"""Upper bounds of the bins in which late ticks are counted, nanoseconds; one more bin counts later ones."""
 
 
 class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,7 +25,7 @@ class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         n_ticks: Deadlines waited for.
-        n_overruns: Of those, how many came later than one hand tick (3 ms).
+        n_overruns: Deadlines that were more than one hand tick (3 ms) late.
         n_skipped: Deadlines left out because the loop was more than 100 ms late.
         worst_late_ms: The latest one, in milliseconds.
         n_late: How many came how late, by the bins of :data:`LATE_EDGES_NS`.

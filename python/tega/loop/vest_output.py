@@ -32,7 +32,7 @@ class MotorTrials(Protocol):
         ...
 
     def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
-        """Note what a real vest was sent; ``None`` where there is none."""
+        """Note the frame that a real vest sent; ``None`` without a vest."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Read the operator's input devices in a run: their state now, and what was pressed."""
+"""Read the operator's input devices in a run: their current state, and their button events."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Inputs:
     """Looks at all input devices of a run; no look ever waits for a device.
 
     Args:
-        seats: The devices, by what they are for.
+        seats: The devices, by seat.
 
     Attributes:
         seen: What each said at the last look.
@@ -70,14 +70,14 @@ class Inputs:
 
     @property
     def seats(self) -> Mapping[str, Seat]:
-        """The devices, by what they are for."""
+        """The devices, by seat."""
         return self._seats
 
     def look(self, bus: Bus, pacer: Pacer) -> None:
         """Look at every device.
 
         Args:
-            bus: Told of what a device says whenever that changes, and of every event of a button that is meant.
+            bus: Every change of a device's state and every event of an assigned button is published here.
             pacer: Knows the session's time.
         """
         if not self._seats:
@@ -130,5 +130,5 @@ class Inputs:
         }
 
     def notes(self) -> list[str]:
-        """Return what a reader of the results must know."""
+        """Return notes for readers of the results."""
         return [f"{name}: {note}" for name, seat in self._seats.items() for note in seat.source.info.notes]

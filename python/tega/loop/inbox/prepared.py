@@ -26,7 +26,7 @@ class Finger(NamedTuple):
         baseline_origin: Where that came from.
         report: What becomes of the frames.
         measured: All frames, where they had to be measured beforehand.
-        stream: What is known of the finger from somewhere else; its source is then not read.
+        stream: Contacts of the finger from elsewhere; its source is then not read.
     """
 
     source: TactileSource
@@ -62,8 +62,9 @@ class Prepared(NamedTuple):
         fingers: By name, thumb first.
         muscles: The EMG side; ``None`` without EMG.
         calibration: The maxima.
-        calibration_name: Base name of their file, or whose they are; ``""`` when they came from the recording.
-        warnings: What is to be known of them.
+        calibration_name: Base name of their file, or the person they belong to; ``""`` when they came from the
+            recording.
+        warnings: Warnings about the maxima.
         look: Gives at a tick, by the level asked for, the look at hand and arm where those are known from somewhere
             else; hand and arm of the run are then not looked at.
     """
