@@ -1,11 +1,11 @@
 """Write a recording's bytes to disk by way of memory that outlives a killed program.
 
-A disk stands still at times: while it brings an earlier part of the file down, or since another program keeps it busy,
-a write may take seconds, whatever thread does it. What waits meanwhile in a program's own memory is lost when that is
-killed. So it waits in a folder in the machine's memory, which a kill does not reach; beside the unfinished file, in one
-called ``….mcap.part.tail``, stands which, and whoever finishes the file takes it from there. The folder says which file
-it belongs to and is locked while that is written, so that a copy of the file takes nothing from it. What was never
-taken goes to its file when the next recording begins.
+A disk stalls at times: while it writes an earlier part of the file, or while another program keeps it busy, a write
+may take seconds in any thread. Bytes that wait in a program's own memory are lost when it is killed. They therefore
+wait in a folder in the machine's memory, which survives a kill. A file called ``….mcap.part.tail`` beside the
+unfinished file names this folder, and the program that finishes the file takes the bytes from there. The folder names
+the file that it belongs to and is locked while the file is written, so a copy of the file takes nothing from it.
+Bytes that were never taken go to their file when the next recording begins.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | Spo
 class DirectFile:
     """A file that is written at once. After the first error it takes everything and keeps nothing.
 
-    The writer of the SDK would otherwise try again with every message; whoever owns this looks at :attr:`error`.
+    The writer of the SDK would otherwise retry with every message; the owner checks :attr:`error`.
 
     Args:
         raw: The file, opened for writing without a buffer.
@@ -146,7 +146,7 @@ class SpooledFile:
         return _place(self.n_bytes, offset, whence)
 
     def flush(self) -> None:
-        """Bring what was taken to where it outlives this process; waits only where memory is full."""
+        """Move the buffered bytes to where they outlive this process; waits only if memory is full."""
         data = bytes(self._buffer)
         self._buffer.clear()
         if not data or self.error is not None:
@@ -161,7 +161,7 @@ class SpooledFile:
             self._change.wait_for(lambda: self._waiting_bytes <= most or self.error is not None)
 
     def close(self) -> None:
-        """Wait until all of it is written, and forget what was kept."""
+        """Wait until everything is written, and discard the buffer."""
         self.flush()
         with self._change:
             self._closing = True
@@ -213,7 +213,7 @@ def take_tail(part: Path) -> None:
     A copy of the file gets nothing, and takes nothing away from the file that it was copied from.
 
     Args:
-        part: The file; nobody else may be writing it.
+        part: The file; no other program may be writing it.
     """
     note = part.with_name(part.name + _TAIL)
     if not note.exists():
@@ -240,7 +240,7 @@ def rescue_tails() -> None:
 
 
 def _bring(folder: Path, part: Path) -> None:
-    """Bring what waits in a folder to its file, unless somebody still fills it, or it is another file's."""
+    """Move the bytes in a folder to their file, unless they are still being written or belong to another file."""
     own = part.stat()
     if _owner(folder).get("file") != [own.st_dev, own.st_ino] or not _abandoned(folder):
         return

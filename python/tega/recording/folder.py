@@ -31,10 +31,10 @@ class _RunSummary(msgspec.Struct):
 def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
     """Make a folder ready for a run's outputs, and keep those of an earlier run in a folder below it.
 
-    It may be new, empty, or hold an earlier run (recognised by its ``summary.json``); an earlier run's own files
-    are then moved to ``earlier-1``, ``earlier-2``, …, anything else in the folder is left alone. A ``summary.json``
-    that says that the run has not ended is written at once: of a run that is killed it stays, and the next run knows
-    the folder by it.
+    The folder may be new, empty, or hold an earlier run (recognised by its ``summary.json``). An earlier run's own
+    files are then moved to ``earlier-1``, ``earlier-2``, …; other files in the folder are unchanged. A
+    ``summary.json`` that marks the run as unfinished is written at once: it stays if the run is killed, and the next
+    run recognises the folder by it.
 
     Args:
         folder: The folder.

@@ -29,7 +29,8 @@ class StreamFacts(msgspec.Struct, frozen=True):
         topic: Its name.
         schema: Name of its messages' schema.
         messages: How many.
-        rate_hz: Of messages between the first and the last stamp; of EMG, of samples; ``None`` where there are too few.
+        rate_hz: Rate of the messages between the first and the last stamp; for EMG, of the samples; ``None`` if there
+            are too few.
         median_ms: The usual distance of two stamps.
         longest_ms: The longest.
         gaps: Distances longer than two and a half times the usual one.
@@ -82,9 +83,9 @@ class Inspection(msgspec.Struct, frozen=True):
         duration_s: From there to the newest stamp.
         ended: How the run ended; ``""`` where that was not recorded.
         mib: Size of the file.
-        config_sha256: Of the settings' text.
-        versions: Of the recording itself, and of everything the results may depend on.
-        sources: What the inputs called themselves.
+        config_sha256: Checksum of the settings' text.
+        versions: Versions of the recording itself, and of everything the results may depend on.
+        sources: Names of the inputs, as their drivers report them.
         streams: By topic.
         latency: By stage; empty where the run's time was not the world's, and without stages that a
             recorded source does not have.
@@ -167,7 +168,7 @@ def inspect_file(path: Path) -> Inspection:
 
 
 class _Messages:
-    """Collects what the messages tell: topics, stages, drops, markers, states."""
+    """Collects facts from the messages: topics, stages, drops, markers, states."""
 
     def __init__(self) -> None:
         self.topics: dict[str, _Topic] = {}

@@ -98,7 +98,7 @@ class McapFile(RecordChannels):
         """Encode a record and add it.
 
         Args:
-            record: What is to be written.
+            record: The record to write.
             t_ns: When it came, nanoseconds since the start of the session.
         """
         self.n_items += 1

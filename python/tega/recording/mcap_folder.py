@@ -67,7 +67,7 @@ class SessionFolder:
         ConfigError: It is a file, or holds something that is not a session.
 
     Attributes:
-        recovered: What was finished on opening.
+        recovered: Files that were finished on opening.
         unfinished: Files that could not be finished, for lack of room or of the right to write.
     """
 
@@ -97,7 +97,7 @@ class SessionFolder:
         return self.path / f"trial-{max(taken, default=0) + 1:03d}.mcap"
 
     def note(self, name: str, facts: dict[str, Any]) -> None:
-        """Write into the index what is known of a trial; the index is replaced as a whole or not at all.
+        """Write facts about a trial into the index, which is replaced as a whole or not at all.
 
         Raises:
             RecordingError: The index is damaged; it stays as it is.
@@ -109,7 +109,7 @@ class SessionFolder:
         self._write(index)
 
     def discard(self, name: str) -> None:
-        """Delete a trial's file, finished or not, and what the index says of it; what is not there is passed over.
+        """Delete a trial's file, finished or not, and its entry in the index; missing ones are ignored.
 
         Raises:
             RecordingError: It is no name of a trial, or the index is damaged.
@@ -125,7 +125,7 @@ class SessionFolder:
             file.unlink(missing_ok=True)
 
     def finished(self, name: str) -> bool:
-        """Tell whether a trial's file is there; one that was left unfinished is recovered first."""
+        """Return whether a trial's file exists; an unfinished one is recovered first."""
         if (self.path / f"{name}{_PART}").exists():
             self.recovered += self._recover()
         return (self.path / name).is_file()
@@ -135,7 +135,7 @@ class SessionFolder:
         self._write(self.index())
 
     def label(self, task: str, names: Sequence[str] = ()) -> list[str]:
-        """Write into the index what was done in trials; their files stay as they are.
+        """Write the task of trials into the index; their files are unchanged.
 
         Args:
             task: In words.
@@ -186,7 +186,7 @@ class SessionFolder:
         return done
 
     def _recover_one(self, part: Path) -> list[Recovered]:
-        """Finish one file; none where somebody is writing it."""
+        """Finish one file; returns an empty list if it is still being written."""
         with part.open("rb") as file:
             if not _lock_soon(file, part):
                 return []
@@ -222,7 +222,7 @@ def _index(folder: Path) -> dict[str, Any]:
 
 
 def recorded_task(recording: Path) -> str | None:
-    """Return what was done in a recording, as the index beside it says; ``None`` where it does not."""
+    """Return the task of a recording from the index beside it; ``None`` if there is none."""
     with contextlib.suppress(RecordingError):
         for trial in _index(recording.parent)["trials"]:
             if trial["file"] == recording.name:
@@ -241,11 +241,11 @@ def recover_file(source: Path, target: Path) -> Recovered:
     """Copy everything readable of an MCAP file into one with an index; stops at the first damage.
 
     Args:
-        source: A file whose writer was killed, or one that was cut short.
+        source: A file left by a killed writer, or a truncated one.
         target: The new file; it is replaced, and appears only when it is complete.
 
     Returns:
-        What was found.
+        The number and kind of the records found.
 
     Raises:
         RecordingError: The source is no file, or larger than a recording can be.

@@ -26,7 +26,7 @@ class Item(NamedTuple):
     Attributes:
         record: Not yet encoded.
         t_ns: When it came, nanoseconds since the start of the session.
-        n_bytes: What it takes in memory, about.
+        n_bytes: Its approximate size in memory.
     """
 
     record: Record
@@ -42,11 +42,12 @@ class Item(NamedTuple):
 class BoundedQueue:
     """First in, first out, up to so many bytes; given by many threads, taken by one.
 
-    Who takes holds no lock: that thread comes last of all in the program, and whoever gives would wait for it.
+    The consumer holds no lock: its thread has the lowest priority in the program, and the producers would wait for
+    it.
 
     Args:
         most_bytes: Pictures are dropped and counted beyond this, everything else 16 MiB later.
-        wait: Let the giver wait instead, for runs whose time is not the world's.
+        wait: If true, producers wait instead; for runs that are not in real time.
     """
 
     def __init__(self, *, most_bytes: int, wait: bool = False) -> None:
@@ -70,7 +71,7 @@ class BoundedQueue:
         return self._given_bytes - self._done_bytes
 
     def put(self, item: Item) -> bool:
-        """Add an item; returns at once (unless told to wait) whether there was room."""
+        """Add an item; return at once (unless ``wait`` is set) whether there was room."""
         limit = (
             self._most_bytes
             if isinstance(item.record, Picture | VideoPacket)

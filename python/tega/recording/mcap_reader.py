@@ -63,7 +63,7 @@ class McapReader:
     Args:
         path: The file.
         data: Its content, where it is no file of its own; ``path`` is then only its name.
-        check_sums: Take a part whose checksum is wrong for the file's end, like other damage.
+        check_sums: If true, treat a part with a wrong checksum as the end of the file, like other damage.
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
@@ -92,8 +92,8 @@ class McapReader:
 
         Args:
             wanted: Asked per topic whether to decode.
-            since_ns: Leave out parts of the file that are known, by an earlier pass, to end before this log time;
-                what is left may still begin earlier.
+            since_ns: Skip parts of the file that end before this log time, as found in an earlier pass; the first
+                messages may still be earlier.
 
         Raises:
             RecordingError: The file cannot be opened, is no MCAP, or was not recorded by TEGA.
@@ -201,13 +201,13 @@ def decoded_message(
 
 
 def table_ns(table: Mapping[str, str], name: str) -> int | None:
-    """Return a number of nanoseconds that a table of a file tells; ``None`` where that is no such number."""
+    """Return a number of nanoseconds from a table of a file; ``None`` if it is not such a number."""
     text = table.get(name, "")
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 20 else None
 
 
 def read_picture(message: Message) -> NDArray[np.uint8]:
-    """Return the picture of an image message, uint8 (H, W, 3) in BGR; what was JPEG is approximate."""
+    """Return the image of an image message, uint8 (H, W, 3) in BGR; approximate if it was JPEG."""
     import numpy as np
 
     value = message.value

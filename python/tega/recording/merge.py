@@ -51,7 +51,7 @@ class _Part(NamedTuple):
 def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     """Copy all recordings of several sessions into a new one, in order of time, one file each.
 
-    Nothing of them is changed, so that each computes again as before; its metadata tells where it is from.
+    The recordings are unchanged, so each one replays as before; their metadata name their origin.
 
     Args:
         sessions: Recordings, or folders of sessions; at least two recordings in all.

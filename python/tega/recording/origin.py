@@ -1,7 +1,7 @@
 """Note in a recording which others it was made out of, and make the folder that it goes to.
 
-Two tables of names and texts in the file tell it: ``span``, the part of the session that is in it, and ``origin-1``,
-``origin-2`` and so on, one for every step from the run's own file to this one.
+The origin is in tables of names and texts in the file: ``span``, the part of the session in the file, and
+``origin-1``, ``origin-2`` and so on, one for every step from the run's own file to this one.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[s
 
 
 def new_session(folder: Path) -> None:
-    """Make the folder for what is made.
+    """Make the folder of a new session.
 
     Raises:
         ConfigError: There is something already.

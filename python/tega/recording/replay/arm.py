@@ -32,7 +32,7 @@ def compare_arm(recorded: Recorded, settings: ArmSettings) -> list[Comparison]:
 
     Args:
         recorded: The recording.
-        settings: Of the new chain.
+        settings: Settings of the new chain.
     """
     turns = recorded.of(ArmTurn)
     if not turns:

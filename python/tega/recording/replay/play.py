@@ -1,8 +1,8 @@
-"""Play a recorded run: what it took in becomes the input of an ordinary one, on whatever vest and hand there are.
+"""Play a recorded run: its recorded input becomes the input of a new run on any vest and hand.
 
-Everything behind the input is the ordinary run: drivers and their limits, heat and dose, states, guard, one way out.
-Each item comes at the tick at which it came then, so that at the speed of the recording, with its settings, the vest
-is told the same frames.
+After the input everything is an ordinary run: drivers and their limits, heat and dose, states, guard, one way out.
+Each item arrives at the tick at which it arrived in the recording. At recorded speed and with the recorded settings,
+the vest is therefore sent the same frames.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ _SHOWN = (_DRAWN, "sound-vest")
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
-    """Load what a session is played to.
+    """Load the settings to play on.
 
     Args:
-        path: Settings whose vest, hand, inputs, safety and output folder are used; ``None`` for a vest drawn in this
-            terminal.
+        path: Settings file with the vest, hand, inputs, safety and output folder to use; ``None`` draws a vest in
+            this terminal.
         sets: Overrides as ``key=value``.
 
     Raises:
@@ -82,8 +82,8 @@ def play_file(
 ) -> dict[str, Any]:
     """Play a recorded run.
 
-    Of a lossless recording contacts and levels are computed again from the raw streams; else they are those recorded.
-    Where the run had switched its motors off, or set a level against the muscles, that is played too.
+    For a lossless recording contacts and levels are computed again from the raw streams; else the recorded ones are
+    used. Times at which the run had switched its motors off, or set a level against the muscles, are played too.
 
     Args:
         path: The recording.
@@ -104,8 +104,8 @@ def play_file(
 
     Raises:
         RecordingError: The recording cannot be read.
-        InvalidValueError: It ends before what it is to begin with.
-        ConfigError: The speed is not for what it is played to.
+        InvalidValueError: The recording ends before the moment to begin with.
+        ConfigError: The speed is not allowed for the devices to play on.
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
         TegaError: Whatever the run says.
     """
@@ -223,7 +223,7 @@ def _settings(
 ) -> SessionConfig:
     """Put the recording's reading of the input and the sinks of other settings together.
 
-    What the vest needs and what the guard allows is a matter of real time, so it is told in the session's.
+    Vest rates and guard limits are in real time, so they are converted to the session's time.
     """
     safety, vest = to.safety, to.vest
     return msgspec.structs.replace(

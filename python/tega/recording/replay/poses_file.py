@@ -19,8 +19,8 @@ class PosesFileOptions(Options, frozen=True, kw_only=True):
     """Settings of :class:`PosesFile`.
 
     Attributes:
-        file: A CSV with the columns ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and if wanted ``valid``; or a session that was
-            recorded with an arm, or one trial of it (``.mcap``), whose forearm's poses are played as they came.
+        file: A CSV with the columns ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and optionally ``valid``; or a session recorded
+            with an arm, or one trial of it (``.mcap``), to play its forearm poses as they arrived.
         frame: Axes in which it was recorded; a session knows, and has to agree.
         delay_ms: The poses arrive so late.
     """
@@ -93,7 +93,7 @@ class PosesFile(Opened):
         self._poses = None
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
-        """Return the poses whose time has come since the last call.
+        """Return the poses that are due since the last call.
 
         Raises:
             DeviceUnavailableError: It is not open.
