@@ -57,8 +57,8 @@ class ChangesMapping(SlipRowMapping):
 
     ``steady · p + onset · max(e - q, 0) + offset · max(-e - q, 0)``, held within 0 and 100,
 
-    is shown. After a finger has let go its column is silent from ``adapt_s · ln(p / q)`` on. A finger that was not seen
-    before, or not for a while, begins as one that is adapted to: what it shows is no change.
+    is shown. After a finger has let go, its column is silent from ``adapt_s · ln(p / q)`` on. A finger that appears
+    for the first time, or after a while, starts as adapted: its first value is no change.
     """
 
     summary: ClassVar[str] = (
@@ -99,7 +99,7 @@ class ChangesMapping(SlipRowMapping):
         return shown
 
     def _reminded(self) -> NDArray[np.bool_]:
-        """Tell of each value whether its steady level is shown now."""
+        """Return for each value whether its steady level is shown now."""
         o = self._change
         if not o.remind_every_s:
             return np.ones(len(self._level), bool)

@@ -50,10 +50,10 @@ class ColumnsOptions(StageOptions, frozen=True):
         front_max: What counts as full on the front, in the value's unit; none means the calibration's (cci, eda).
         back_max: What counts as full on the back, likewise.
         law: ``logistic`` is Eq 7 as printed; ``linear`` is in proportion; ``power`` is the share to the ``exponent``.
-        exponent: Of the law ``power``: below 1 a light touch is shown more strongly than in proportion.
+        exponent: Exponent of the law ``power``: below 1 a light touch is shown more strongly than in proportion.
         end_value: Share of full intensity that the logistic law gives at value 0.
-        back_end_value: Likewise of the back; none means that of the front.
-        at_rest: A finger without contact is ``silent``, or shown what the ``law`` gives at value 0, as printed.
+        back_end_value: The same for the back; none means that of the front.
+        at_rest: Output for a finger without contact: ``silent``, or the ``law`` at value 0, as printed.
         rows: ``alike``: all rows of a column show the same; ``bar``: the rows are lit from below in proportion.
         saturate: Whether a value above its maximum counts as the maximum; as printed the law goes on.
         fingers: Which finger each column shows, from the wearer's left.

@@ -1,8 +1,8 @@
 """Measure fingertip frames by any reading of Eq 1 to 6: every unclear place of the equations is an option.
 
 D1 and D2 are the equations as printed, on the signed and on the rectified difference. D3 to D8 first blur the
-difference (5 × 5 box) and set what is under the noise floor to 0, then differ in the threshold T that the area is
-counted above:
+difference (5 × 5 box) and set values under the noise floor to 0. They differ in the threshold T above which the area
+is counted:
 
 ====  =========================================================================
 D3    I(µ) - factor · σ as printed, σ in pixels, not below the noise floor

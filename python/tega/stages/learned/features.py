@@ -48,8 +48,8 @@ def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
     """Return samples as float64 ``(n, channels)``.
 
     Raises:
-        DtypeError: They are not real numbers.
-        ShapeError: They have another number of channels.
+        DtypeError: The samples are not real numbers.
+        ShapeError: The samples have another number of channels.
     """
     array = np.asarray(samples)
     if array.dtype.kind not in "fiu":

@@ -1,7 +1,8 @@
 """Take the closure from a decoder in another process, through the Lab Streaming Layer: the stage ``lsl``.
 
-The other program hears the run's EMG (``markers.lsl_streams = ["emg"]``), or its own, and sends a closure from 0 to 1.
-The newest one is passed on with each block of the run's EMG, as long as it is young enough by the sender's stamps.
+The other program receives the run's EMG (``markers.lsl_streams = ["emg"]``), or its own, and sends a closure from 0
+to 1. The newest one is passed on with each block of the run's EMG, as long as it is recent enough by the sender's
+stamps.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class OutsideOptions(StageOptions, frozen=True):
 class OutsideDecoder(Decoder):
     """Intents of a decoder that runs in another process.
 
-    What it said cannot be computed again: a replay takes its intents as they were recorded.
+    Its output cannot be computed again: a replay uses the recorded intents.
 
     Raises:
         DeviceUnavailableError: No stream of that name is on the network, or more than one, or it holds texts.

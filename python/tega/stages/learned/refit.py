@@ -25,8 +25,8 @@ STRENGTH: Final = 0.1
 def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -> Model:
     """Return the model with weights and bias moved to new samples.
 
-    Weights and bias move from the old ones by a ridge that prefers not to. A gain is an offset of a logarithm, which
-    goes into the bias. The range of what is known grows by the new samples. The monotone stage stays.
+    Weights and bias move from the old ones by a ridge that penalises change. A gain is an offset of a logarithm,
+    which goes into the bias. The known range grows by the new samples. The monotone stage is unchanged.
 
     Args:
         model: The old one; no kernel.

@@ -30,8 +30,8 @@ class LearnedOptions(StageOptions, frozen=True):
 
     Attributes:
         model: File of the model, as ``tega-teleop emg fit`` writes it; a run is refused without.
-        person: Whose model it has to be; none means whoever's it is.
-        hold_below: Confidence below which the closure is held, besides what the model itself holds.
+        person: Person that the model has to belong to; none means any person.
+        hold_below: Confidence below which the closure is held, in addition to the model's own criteria.
         reject: The largest share of blocks like those of the training that the model holds as unlike them; none means
             as it was fitted: a hundredth, and nothing within three standard deviations of the training data.
     """
