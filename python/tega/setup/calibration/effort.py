@@ -1,7 +1,7 @@
 """Measure muscles at rest and at work: offset, rest and maxima by channel, and each electrode's muscle.
 
-Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so that a maximum means in a
-run what it meant here. Values are in the source's unit.
+Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so a maximum has the same
+meaning here and in a run. Values are in the source's unit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Chain(NamedTuple):
     Attributes:
         rate_hz: Samples per second.
         tau: Samples per block.
-        kind: What the samples are.
+        kind: Kind of the samples.
         channels: Their names.
     """
 
@@ -73,10 +73,10 @@ class Chain(NamedTuple):
 
 
 def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] | None) -> tuple[str, ...]:
-    """Say what is wrong with a stretch of signal, in the words of :mod:`tega.devices.emg.emg_health`.
+    """Return the problems of a stretch of signal, in the words of :mod:`tega.devices.emg.emg_health`.
 
-    A finding is told that is there for two half seconds and half of the time since it was first seen: mains can be
-    seen after two seconds only, and a jerk of the arm is no fault. Lost samples are told above 5 %.
+    A problem is reported if it lasts for two half seconds and for half of the time since it was first detected: mains
+    can be detected after two seconds only, and a jerk of the arm is no fault. Lost samples are reported above 5 %.
     """
     health, seen, n_looks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), _Findings(), 0
     first_seen: dict[str, int] = {}
@@ -122,7 +122,7 @@ def judge_quiet(
     Args:
         chunks: What came while the person rested.
         chain: The conditions.
-        limits: Of the converter.
+        limits: Range of the converter.
 
     Raises:
         CalibrationError: Nothing came.
@@ -137,7 +137,7 @@ def judge_quiet(
 
 
 class Squeezes(NamedTuple):
-    """Maxima of strong contractions, and what is wrong with them.
+    """Maxima of strong contractions, and their problems.
 
     Attributes:
         paper: Largest block mean, (channels,).
@@ -163,9 +163,9 @@ def judge_squeezes(
 
     Args:
         squeezes: What came during each.
-        rest: What the channels have at rest, (channels,).
+        rest: Rest level of the channels, (channels,).
         chain: The conditions.
-        limits: Of the converter.
+        limits: Range of the converter.
 
     Raises:
         CalibrationError: Nothing came during one.
@@ -203,12 +203,12 @@ def judge_muscles(
 
     Args:
         movements: What came while the muscle of each channel worked alone, in the order of the channels.
-        rest: What the channels have at rest, (channels,).
+        rest: Rest level of the channels, (channels,).
         maxima: And in a strong squeeze, (channels,).
         chain: The conditions.
 
     Returns:
-        How much each channel rose, as a share of its range, (muscles, channels), and what is wrong.
+        The rise of each channel, as a share of its range, (muscles, channels), and the problems found.
 
     Raises:
         CalibrationError: Nothing came during one.

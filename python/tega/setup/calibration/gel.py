@@ -113,11 +113,11 @@ def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
 
 
 def dark(picture: NDArray[np.uint8], noise: float) -> str:
-    """Say whether an untouched gel's picture is too dark to tell touch by.
+    """Return a sentence if an untouched gel's image is too dark to detect touch.
 
     Args:
         picture: The mean of some pictures, uint8 (H, W, 3).
-        noise: Of the noisiest colour, counts.
+        noise: Noise of the noisiest colour, counts.
 
     Returns:
         A sentence, or an empty string.
@@ -145,7 +145,7 @@ def suspect_contact(
     Args:
         picture: The mean of now, uint8 (H, W, 3).
         before: The sensor's last baseline, or ``None``.
-        noise: Of its cells; ``None`` takes a DIGIT's.
+        noise: Noise of its cells; ``None`` takes a DIGIT's.
 
     Returns:
         A sentence, or an empty string.
@@ -213,12 +213,12 @@ def compare_gels(
     Args:
         now: The newest, uint8 (H, W, 3).
         then: An earlier one of the same size.
-        noise_now: Noise of the noisiest colour, counts; what is a spot, and what a change of light, is judged in it.
-        noise_then: Likewise, above 0.
+        noise_now: Noise of the noisiest colour, counts; the unit for judging spots and changes of light.
+        noise_then: The same for the earlier one, above 0.
         when: How the earlier one is called in the sentences, such as ``2026-11-02``.
 
     Raises:
-        CalibrationError: They differ in size.
+        CalibrationError: The baselines differ in size.
     """
     if now.shape != then.shape:
         raise CalibrationError(

@@ -55,7 +55,7 @@ def light_motor(
         duration_s: How long.
         clock: Time.
         stop: Asked all the time whether to end early.
-        told: Told what the vest says it sent, of every frame but the silence at the end.
+        told: Called with each frame that the vest reports as sent, except the silence at the end.
 
     Raises:
         InvalidValueError: The layout has no such motor.
@@ -91,9 +91,9 @@ def show_frame(
         frame: What to show.
         duration_s: How long.
         clock: Time.
-        what: What it is, for the error.
+        what: Name of the frame, for the error message.
         stop: Asked all the time whether to end early.
-        told: Told what the vest says it sent, of every frame but the silence at the end.
+        told: Called with each frame that the vest reports as sent, except the silence at the end.
 
     Raises:
         DeviceUnavailableError: The vest did not show it all the time.

@@ -90,7 +90,7 @@ class PressMeter:
         return press
 
     def judge(self, press: Press) -> str:
-        """Say what was wrong with a press; an empty string where it counts."""
+        """Return the problem with a press; an empty string if it counts."""
         share = press.eda_px / self._n_pixels
         if share < LEAST_SHARE:
             return (

@@ -53,7 +53,7 @@ def refresh(
 
     Args:
         config: The settings.
-        person: Whose calibration.
+        person: Name of the person.
         parts: What to refresh; vest, forearm and cameras need none.
         folder: Where it is kept.
         guide: Shows and asks.
@@ -156,7 +156,7 @@ def to_todays_scale(
         quiet: Today's rest.
         maxima: Today's squeeze.
         limits: How many times its old maximum a channel may give, at least and at most.
-        guide: Is told the scale.
+        guide: Shows the scale.
         now: When this is.
 
     Raises:

@@ -61,7 +61,7 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
         wait_s: How long each movement is waited for.
 
     Raises:
-        CalibrationError: It does not, and nobody is there to try again.
+        CalibrationError: It does not, and there is no answer about another attempt.
         KeyboardInterrupt: The person gives up.
     """
 
@@ -99,14 +99,14 @@ def take_base_yaw(
         tracker: It, open.
         guide: Shows and asks.
         yaw_rad: The operator's forward, as :func:`take_heading` found it.
-        told_rad: What the settings say, kept where nobody is there to answer.
+        told_rad: Value of the settings, kept if there is no answer.
         wait_s: How long the movement is waited for.
 
     Returns:
         As in ``arm.mapping.base_yaw_rad``.
 
     Raises:
-        CalibrationError: The movement says nothing, and nobody is there to try again.
+        CalibrationError: The movement is not conclusive, and there is no answer about another attempt.
     """
     try:
         said = guide.ask(

@@ -53,7 +53,7 @@ class TakenBaseline(NamedTuple):
         picture: uint8 (H, W, 3).
         file: Where it is kept.
         made: When it was taken.
-        notes: What it was accepted in spite of, and what has become of the gel.
+        notes: Problems with which it was accepted, and changes of the gel.
         cell_noise: Noise of the sensor's cells, counts; ``None`` where it is not known.
     """
 
@@ -86,7 +86,7 @@ def take_baseline(
         is_free: The person has said already that nothing touches.
 
     Raises:
-        CalibrationError: It cannot be taken, and nobody is there to see to it.
+        CalibrationError: The baseline cannot be used, and there is no answer about it.
         DeviceUnavailableError: The sensor went away.
     """
     device = device_name(source.info)
@@ -203,7 +203,7 @@ def take_presses(
     now: datetime,
     ball: Ball | None = None,
 ) -> TouchRecord:
-    """Have a person press a fingertip with something round, then with something flat, and take what is full on it.
+    """Ask for presses on a fingertip, first round, then flat, and derive its maxima.
 
     Args:
         finger: For the words.
@@ -211,13 +211,13 @@ def take_presses(
         baseline: Its untouched picture.
         guide: Shows and asks.
         times: How long it takes.
-        person: Who presses.
+        person: Name of the person who presses.
         folder: Where the record will be kept.
         now: When this is.
-        ball: A ball and a force that somebody knows, to fit depth and stiffness by; nobody needs one.
+        ball: Known ball and force, to fit depth and stiffness; optional.
 
     Raises:
-        CalibrationError: There were too few presses, and nobody is there to press.
+        CalibrationError: There were too few presses, and there is no answer about it.
         DeviceUnavailableError: The sensor went away.
     """
     height, width = baseline.picture.shape[:2]

@@ -110,7 +110,7 @@ def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, t
     """Show every column once, in an order of chance, and ask where it is felt.
 
     Raises:
-        Undecided: Nobody is there to answer.
+        Undecided: There was no answer, as without a terminal.
         DeviceUnavailableError: The vest went away.
     """
     answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
@@ -144,12 +144,12 @@ def take_thresholds(
     Args:
         pulses: Vibrations.
         sites: Where.
-        done: What is known from before an interruption.
+        done: Results from before an interruption.
         guide: Asks.
         keep: Given each site's result at once.
 
     Raises:
-        Undecided: Nobody is there to answer.
+        Undecided: There was no answer, as without a terminal.
         DeviceUnavailableError: The vest went away.
     """
     _each(
@@ -181,13 +181,13 @@ def take_steps(
         pulses: Vibrations.
         sites: Where; one that is not felt, or hardly below the ceiling, is left out.
         thresholds: By site.
-        done: What is known from before an interruption.
+        done: Results from before an interruption.
         guide: Asks.
         keep: Given each site's result at once.
-        seed: Of which of a pair is the stronger.
+        seed: Seed of the order within a pair.
 
     Raises:
-        Undecided: Nobody is there to answer.
+        Undecided: There was no answer, as without a terminal.
         DeviceUnavailableError: The vest went away.
     """
     chance = random.Random(seed)

@@ -29,7 +29,7 @@ def track(
         config: The settings, with ``calibration.person``.
         guide: Shows.
         duration_s: How long.
-        seed: Of the curve.
+        seed: Seed of the curve.
         settings: How the settings file is named in the commands that are suggested.
 
     Returns:

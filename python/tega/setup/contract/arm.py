@@ -68,7 +68,7 @@ def check_tracker(tracker: Tracker, most_items: int) -> None:
 
 
 def check_arm(arm: ArmDriver) -> None:
-    """Check an arm that nobody has taken hold of: it says where it is, and stays there.
+    """Check an arm without taking control of it: it reports its position, and does not move.
 
     Raises:
         AssertionError: It breaks a rule; the message says which.

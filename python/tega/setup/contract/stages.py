@@ -1,4 +1,4 @@
-"""Check metrics, decoders, mappings, reflexes and layouts, whoever wrote them, against the contracts of their kinds."""
+"""Check metrics, decoders, mappings, reflexes and layouts against the contracts of their kinds."""
 
 from __future__ import annotations
 

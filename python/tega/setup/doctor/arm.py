@@ -88,7 +88,7 @@ def try_tracker(case: DriverCase) -> list[Finding]:
 
 
 def check_arm(config: SessionConfig) -> list[Finding]:
-    """Look at what the settings of an arm need of the others."""
+    """Check that the settings of an arm have the other parts they need."""
     arm = config.arm
     if arm is None:
         return []

@@ -1,4 +1,4 @@
-"""Measure how evenly the hand's loop runs, and what it costs."""
+"""Measure the timing and the cost of the hand's loop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LoopTiming(msgspec.Struct, frozen=True, kw_only=True):
         rate_hz: Sets of positions answered per second.
         period_ms: From one answer to the next, percentiles 50, 99, 99.9 and 100.
         answer_ms: From taking the frames to having sent the torques, the same percentiles.
-        cpu_percent: Of one core, the hand's loop alone.
+        cpu_percent: Load of one core, the hand's loop alone.
         incomplete: Sets in which a finger's frame was missing.
         late: Gaps of more than 9 ms.
         silences: Times the motors went off.

@@ -32,7 +32,7 @@ class FoundCamera(NamedTuple):
         check: Which finger's.
         serial: Its serial number.
         rate_hz: Pictures a second it agreed to.
-        n_pixels: Of one picture.
+        n_pixels: Pixels of one image.
     """
 
     check: str
