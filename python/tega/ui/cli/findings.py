@@ -1,4 +1,4 @@
-"""Tell what a replay found, in words and as a picture."""
+"""Report the findings of a replay, in words and as a figure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Findings:
-    """Looks on while a recording is computed, and tells afterwards what was in it.
+    """Follows the replay of a recording, and reports its findings afterwards.
 
     Args:
         bus: The computation's.

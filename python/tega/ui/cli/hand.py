@@ -159,7 +159,7 @@ def _still_angles(driver: Allegro, seconds: float) -> tuple[NDArray[np.float64],
 @_hand_options
 @json_option
 def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
-    """Run the 333 Hz loop, a new level every second, and say how evenly it runs and what it costs.
+    """Run the 333 Hz loop with a new level every second, and report its timing and CPU load.
 
     A real hand MOVES: keep clear of it.
     """

@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 def tell_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
-    """Tell how a run was, to people or as JSON, and end as it ended.
+    """Report the summary of a run as text or JSON, and end with the run's error, if any.
 
     Args:
         summary: As ``run_session`` returns it.
-        wall_s: How long this run took, seconds; told, and written to no file.
+        wall_s: Duration of this run, seconds; printed, and written to no file.
         as_json: Print the summary as JSON, with a table ``measured`` of ``wall_s`` and ``real_time_factor``.
 
     Raises:

@@ -49,7 +49,7 @@ class TerminalDisplay:
         )
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
-        """Take a moment to be shown, and what else there is to tell of it, by name; returns at once."""
+        """Show a view of the loop and further lines of text, by name; returns at once."""
         self._waiting.put(TerminalDisplay._take, self, (view, rows))
 
     def open(self) -> None:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 def verify(
     *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool
 ) -> int:
-    """Compute a recorded session again, tick by tick as it ran, and compare with what was recorded.
+    """Re-run a recorded session, tick by tick, and check that the output is identical.
 
     SESSION is a recording made with run --record, or a session's folder. The exit code is 1 if anything differs.
     --config and --set run it through other settings, and say what then differs. A summary says what each finger, the
@@ -50,7 +50,7 @@ def replay_session(
     picture: Path | None = None,
     as_json: bool,
 ) -> bool:
-    """Compute every recording of a session again, and tell what differs.
+    """Re-run every recording of a session, and report the differences.
 
     Args:
         session: A recording, or the folder of a session.

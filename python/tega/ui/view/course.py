@@ -50,7 +50,7 @@ class VestCourse(NamedTuple):
 
 
 class RunCourse:
-    """Hears a run's contacts, levels and vest frames and keeps them, in about 50 bytes each.
+    """Subscribes to a run's contacts, levels and vest frames and keeps them, in about 50 bytes each.
 
     Args:
         bus: The run's.

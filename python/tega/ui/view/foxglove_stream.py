@@ -53,7 +53,7 @@ class FoxgloveStream:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Serve, and hear the run from now on.
+        """Start the server and subscribe to the run.
 
         Raises:
             MissingExtraError: A package of the extra ``record`` is not installed.

@@ -1,4 +1,4 @@
-"""Stream a run live to the Rerun viewer: pictures, touch, levels, vest, joints, states and what is logged."""
+"""Stream a run live to the Rerun viewer: pictures, touch, levels, vest, joints, states and log lines."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class RerunStream:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Connect, send the layout, and hear the run from now on.
+        """Connect, send the layout, and subscribe to the run.
 
         Raises:
             MissingExtraError: The package rerun-sdk is not installed.
@@ -109,7 +109,7 @@ class RerunStream:
         self._stream.log(record.where, shown)
 
     def _shown(self, record: Record) -> Any:
-        """Return what the viewer draws of a record; ``None`` for nothing."""
+        """Return the viewer's drawing of a record; ``None`` for none."""
         rr = self._rerun
         shown: Any = None
         match record:

@@ -157,7 +157,7 @@ class SameMachine:
 
 
 def _head(client: socket.socket) -> bytes:
-    """Return what was received up to the end of the request's head; without an end where it is too long."""
+    """Return the bytes received up to the end of the request's head; without an end if it is too long."""
     data = b""
     while b"\r\n\r\n" not in data and len(data) < _MOST_HEAD_BYTES:
         more = client.recv(4096)

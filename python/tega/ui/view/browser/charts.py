@@ -92,7 +92,7 @@ class CourseChart:
 
 
 class MuscleCharts:
-    """The muscle signal, and what it asks for against the levels' thresholds.
+    """Charts of the muscle signal, and of the requested closure against the levels' thresholds.
 
     Args:
         gui: viser's GUI; the charts are added to its main panel with the first signal.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["GHOST_COLOUR", "GhostHand"]
 
 GHOST_COLOUR: Final = "#1f5fbf"
-"""Of the hand as commanded."""
+"""Colour of the hand as commanded."""
 
 _OPACITY = 0.35
 # Wider than the hand as measured by this much, so that two surfaces in one place do not flicker.

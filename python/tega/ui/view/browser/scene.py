@@ -32,8 +32,8 @@ class Scene:
 
     Args:
         server: The viser server.
-        eye_m: Where the camera of whoever opens the page begins, world frame.
-        at_m: What it looks at.
+        eye_m: Initial position of a viewer's camera, world frame.
+        at_m: Point that the camera looks at.
 
     Attributes:
         solids: The shapes.

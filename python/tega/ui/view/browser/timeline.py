@@ -43,7 +43,7 @@ class PastMoment(NamedTuple):
 class Timeline:
     """A slider that looks back, and a switch that plays from there to the moment of looking, over and over.
 
-    The run goes on meanwhile, and what the page says of its state is of now.
+    The run continues meanwhile, and the state shown on the page is the current one.
 
     Args:
         gui: viser's GUI; both are added where it stands.

@@ -23,7 +23,7 @@ def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
     """Draw the vest.
 
     Args:
-        frame: What the motors are told; ``None`` where there is no vest, or it is off.
+        frame: Frame that the motors are sent; ``None`` without a vest, or if it is off.
         can_try: Whether a click on a motor asks the server to have it vibrate.
 
     Returns:
