@@ -226,7 +226,7 @@ def open_arm(
         stack: Closes them.
         config: The settings.
         inputs: The operator's switches.
-        tracker: What sees the forearm instead of the tracker of the settings.
+        tracker: Tracker of the forearm, used instead of that of the settings.
 
     Raises:
         ConfigError: Something that the arm needs is not set, or does not fit.

@@ -17,7 +17,7 @@ class ArmView(NamedTuple):
 
     Attributes:
         state: State of the tracking chain.
-        reason: Why it is so.
+        reason: Reason for the state.
         phase: Phase of the arm itself.
         clutch: Whether the clutch is pressed.
         dead_man: Whether the dead-man switch is held.

@@ -79,7 +79,7 @@ def look_on(
         bus: Bus with frames and samples; the results are published on it.
         baselines: Untouched pictures, by finger.
         touch: Gives the maxima of a finger.
-        muscles: Those of the muscles; ``None`` without EMG.
+        muscles: Maxima of the muscles; ``None`` without EMG.
         live: Whether the samples come from a device that runs on its own clock.
         real: Whether they work in threads of their own.
 

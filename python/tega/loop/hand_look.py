@@ -32,7 +32,7 @@ class HandLooks:
 
     Args:
         angles_rad: Returns the measured joint angles, float64 (16,), rad; ``None`` where none are fresh.
-        height_m: Returns the height of the arm's end, metres; ``None`` likewise.
+        height_m: Returns the height of the arm's end, metres; ``None`` if none is fresh.
         closure: Reads the closure off the angles.
         now_ns: Returns the time since the start of the session, nanoseconds.
     """
@@ -104,7 +104,7 @@ def open_looks(
     Args:
         config: The settings.
         hand: The hand that measures its joints.
-        arm: What leads the arm.
+        arm: Steering of the arm; ``None`` without an arm.
         now_ns: Returns the time since the start of the session, nanoseconds.
 
     Raises:

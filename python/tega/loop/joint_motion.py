@@ -61,7 +61,7 @@ class JointMotion:
 
         Args:
             now_ns: Time since the start of the session.
-            level: What muscles ask of it, 1 to 5; ``None`` where something else does.
+            level: Level that the muscles ask for, 1 to 5; ``None`` if another one is commanded.
             block: Stamps of the newest block of EMG: captured, received, measured.
 
         Returns:

@@ -113,7 +113,7 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
 
     Args:
         source: The open recording.
-        conditions: What :func:`emg_conditions` said of it.
+        conditions: Conditions of the recording, from :func:`emg_conditions`.
         preset: ``paper`` takes the largest block mean, ``live`` the 95th percentile.
 
     Returns:

@@ -40,7 +40,7 @@ class LoopView(NamedTuple):
         alerts: Current problems, one sentence each.
         latency: Latency of touch and motion, in one line; ``""`` if it is not traced.
         arm: State of the arm and its reason, in one line; ``""`` without an arm.
-        seen_arm: More of the same; ``None`` where it is not known.
+        seen_arm: Full view of the arm; ``None`` if it is unknown.
         link: How the link to the other station is, in one line; ``""`` on one machine.
         arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
         event: The newest event of touch; ``None`` before the first.
@@ -48,7 +48,7 @@ class LoopView(NamedTuple):
         vest_condition: Status reported by the vest, such as name, link and battery; ``""`` for none.
         reflex: Addition to the participant's own closure, and its reason; ``""`` without a reflex.
         command: Closure level of the newest command to the hand, including the reflex, 1 to 5; 0 if there is none.
-        devices: Which of ``emg``, ``hand`` and ``vest`` are connected; files and models are not.
+        devices: Connected devices, out of ``emg``, ``hand`` and ``vest``; without files and models.
     """
 
     t_ns: int
@@ -121,7 +121,7 @@ class Moments:
         inputs: The operator's input devices; ``None`` for none.
         guard: Has the run's state; ``None`` for none.
         trace: Latency of touch and motion; ``None`` if it is not traced.
-        devices: Which of ``emg``, ``hand`` and ``vest`` are connected.
+        devices: Connected devices, out of ``emg``, ``hand`` and ``vest``.
         complete: Functions that add to the view, called one after the other.
     """
 

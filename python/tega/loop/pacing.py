@@ -44,10 +44,10 @@ class Pacer:
     Args:
         clock: The clock.
         overrun_ns: From which lateness on a tick counts as an overrun.
-        bell: What may end a wait early; ``None`` where only deadlines count.
+        bell: Ends a wait early when rung; ``None`` if only deadlines count.
 
     Attributes:
-        bell: The same.
+        bell: Ends a wait early when rung; ``None`` if only deadlines count.
         late_ns: How late the newest tick was.
         start_ns: The clock's time at the start.
         tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.

@@ -31,13 +31,13 @@ class RunFacts(NamedTuple):
 
     Attributes:
         rig: Devices, outputs and parts of the run.
-        layout: Which motors the vest has.
+        layout: Layout of the vest's motors.
         pace: Pace of the vest.
         loop: Counts of the loop.
         pacing: How well the clock was kept.
-        trace: What followed frames and blocks through the loop; ``None`` where nothing was live.
+        trace: Latency trace of frames and blocks; ``None`` if no input was live.
         real_time: Whether the loop's thread went ahead of others.
-        reflex: What added to the person's own closure; ``None`` without a reflex.
+        reflex: The reflex of the run; ``None`` without one.
     """
 
     rig: Rig
@@ -55,7 +55,7 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
 
     Args:
         state: Everything it was made of.
-        error: What ended it, if it failed.
+        error: Error that ended the run, if it failed.
 
     Returns:
         A tree of plain values, ready for JSON.

@@ -41,9 +41,9 @@ class TouchLoop:
     finger that is not in contact or has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
 
     Args:
-        maxima: What counts as full, by finger; the fingers in use are its keys.
-        layout: Which motors the vest has.
-        mirror: Which faces have their columns reversed.
+        maxima: Maxima by finger; the keys are the fingers in use.
+        layout: Layout of the vest's motors.
+        mirror: Faces with reversed columns.
         felt: Evens out the perceived intensity; ``None`` sends the law's own intensities.
         mapping: Makes the mapping; ``None`` for that of Eq 7 to 9.
 

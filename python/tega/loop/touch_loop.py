@@ -21,8 +21,8 @@ def touch_loop(
 
     Args:
         config: The settings.
-        calibration: What counts as full.
-        fingers: Those in use.
+        calibration: The maxima.
+        fingers: Fingers in use.
         find_events: Whether to look for events whatever the mapping wants; the run's first tick then need not load what
             finds them.
     """

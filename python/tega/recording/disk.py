@@ -43,7 +43,7 @@ def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | Spo
     Args:
         raw: The file, opened for writing without a buffer.
         path: Where it is.
-        most_bytes: What may wait in memory.
+        most_bytes: Most bytes that may wait in memory.
     """
     if raw.seekable() and _MEMORY.is_dir():
         rescue_tails()
@@ -88,7 +88,7 @@ class DirectFile:
         """Do nothing: everything was written at once."""
 
     def close(self) -> None:
-        """Do nothing, likewise."""
+        """Do nothing: everything was written at once."""
 
 
 class SpooledFile:
@@ -97,7 +97,7 @@ class SpooledFile:
     Args:
         raw: The file, opened for writing without a buffer, empty.
         path: Where it is.
-        most_bytes: What may wait in memory; with more, :meth:`flush` waits.
+        most_bytes: Most bytes that may wait in memory; with more, :meth:`flush` waits.
 
     Attributes:
         n_bytes: Bytes taken.

@@ -31,7 +31,7 @@ def export_file(
 
     Args:
         path: The recording.
-        folder: Where to; new or empty.
+        folder: Output folder; new or empty.
         kind: ``csv``, or ``parquet`` (extra ``parquet``).
         pictures: Also write every picture, as PNG or the JPEG that it is, in a folder per finger named by its number.
 

@@ -38,13 +38,13 @@ def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
 
     Args:
         folder: The folder.
-        also: What an earlier run of this kind left there besides.
+        also: Further files of an earlier run of this kind.
 
     Returns:
         Where the earlier run is kept; ``None`` if there was none, or it left no results.
 
     Raises:
-        ConfigError: It is a file, or holds something that is not an earlier run.
+        ConfigError: The path is a file, or the folder holds something that is not an earlier run.
     """
     check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -58,7 +58,7 @@ def check_folder(folder: Path) -> None:
     """Check that a folder can take a run's outputs, and change nothing.
 
     Raises:
-        ConfigError: It is a file, or holds something that is not an earlier run.
+        ConfigError: The path is a file, or the folder holds something that is not an earlier run.
     """
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"output folder {folder.name!r} is a file", "name a folder")

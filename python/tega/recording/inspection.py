@@ -87,9 +87,9 @@ class Inspection(msgspec.Struct, frozen=True):
         versions: Versions of the recording itself, and of everything the results may depend on.
         sources: Names of the inputs, as their drivers report them.
         streams: By topic.
-        latency: By stage; empty where the run's time was not the world's, and without stages that a
-            recorded source does not have.
-        markers: In order.
+        latency: Latency by stage; empty if the run was not in real time, and without stages that a recorded source
+            does not have.
+        markers: Markers, in order.
         states: Changes of the run's state and alerts, in order.
         log: Lines of the program.
     """
@@ -127,7 +127,7 @@ def inspect_file(path: Path) -> Inspection:
     """Look through a recording; pictures are counted, not decoded.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The file cannot be read.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     reader, seen = McapReader(path), _Messages()

@@ -30,7 +30,7 @@ class McapFile(RecordChannels):
         path: The file; it must not exist.
         lossless: Pictures as they are; else as JPEG.
         jpeg_quality: 1 to 100.
-        most_bytes: What may wait in memory for the disk.
+        most_bytes: Most bytes that may wait in memory for the disk.
         raw: Something else to write to, opened for writing without a buffer; the file at ``path`` when ``None``.
 
     Raises:

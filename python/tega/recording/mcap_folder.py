@@ -64,7 +64,7 @@ class SessionFolder:
         to_read: Whether an unfinished file that cannot be finished may stay as it is.
 
     Raises:
-        ConfigError: It is a file, or holds something that is not a session.
+        ConfigError: The path is a file, or the folder holds something that is not a session.
 
     Attributes:
         recovered: Files that were finished on opening.
@@ -112,7 +112,7 @@ class SessionFolder:
         """Delete a trial's file, finished or not, and its entry in the index; missing ones are ignored.
 
         Raises:
-            RecordingError: It is no name of a trial, or the index is damaged.
+            RecordingError: The name is not that of a trial, or the index is damaged.
         """
         if _NUMBER.fullmatch(name) is None:
             raise RecordingError(
@@ -165,7 +165,7 @@ class SessionFolder:
         """Return the index as it stands.
 
         Raises:
-            RecordingError: It is damaged.
+            RecordingError: The index is damaged.
         """
         return _index(self.path)
 

@@ -48,7 +48,7 @@ def open_recording(path: Path) -> IO[bytes]:
     """Open a recording's file, finished or not.
 
     Raises:
-        RecordingError: It is missing, no file, or larger than a recording can be.
+        RecordingError: The path is missing, not a file, or the file is larger than a recording can be.
     """
     try:
         check_file(path, most_mib=_MOST_MIB)
@@ -67,7 +67,7 @@ class McapReader:
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
-        files: Attachments, likewise.
+        files: Attachments, as far as the pass has come.
         cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
     """
 

@@ -43,12 +43,12 @@ class McapRecorder:
         folder: The session's folder.
         settings: How to record.
         wait: If true, producers wait for room instead of dropping records; for runs that are not in real time.
-        queue_bytes: What may wait to be encoded; that of the settings when ``None``.
+        queue_bytes: Most bytes that may wait to be encoded; the settings' value when ``None``.
         raw: Something else to write to than a file in the folder.
 
     Attributes:
         state: ``recording``, ``stopped`` or ``complete``.
-        reason: Why it stopped.
+        reason: Reason for stopping.
         path: The file, when it is complete.
     """
 

@@ -25,7 +25,7 @@ class _Part(NamedTuple):
 
     Attributes:
         path: Its file.
-        name: What to call it.
+        name: Name for messages.
         from_ns: Time of day at which it begins, nanoseconds since 1970.
         to_ns: Time of day of its newest message.
         tables: Its metadata.

@@ -59,10 +59,10 @@ def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[s
     """Return name and content of the table for one more step.
 
     Args:
-        tables: Those of the file that it is made from.
-        source: That file.
+        tables: Tables of the source file.
+        source: File from which the new one is made.
         made_by: The verb.
-        part: What of it is taken.
+        part: Part of the source that is copied.
     """
     from tega import __version__
 

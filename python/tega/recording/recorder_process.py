@@ -57,7 +57,7 @@ class RecorderProcess:
 
     Attributes:
         state: ``recording``, ``stopped`` or ``complete``.
-        reason: Why it stopped.
+        reason: Reason for stopping.
         path: The file, when it is complete.
     """
 

@@ -52,7 +52,7 @@ class Recording(Part):
 
     Args:
         config: The settings; their ``recording.dir`` is the session's folder.
-        folder: That folder.
+        folder: The session's folder.
         bus: Bus with everything to record.
 
     Raises:
@@ -121,7 +121,7 @@ class Recording(Part):
         Args:
             config: The settings.
             calibration: The maxima.
-            calibration_name: What to call where they came from.
+            calibration_name: Name for the origin of the maxima.
             baselines: Untouched pictures by finger, uint8 (H, W, 3).
             sources: Descriptions of the inputs, by finger; ``emg`` for the muscles.
             facts: ``layout``, ``pace``, and whether the vest is live, the hand steered, and a display connected.

@@ -26,7 +26,7 @@ class RecordTable:
     """Writes the records of one kind into their table, with header and rows from the record's fields.
 
     Args:
-        folder: Where to.
+        folder: Output folder.
         kind: The records.
         names: Columns of a list field with one number per part of a device, by the field.
     """

@@ -53,7 +53,7 @@ class FingerSetup(NamedTuple):
     Attributes:
         finger: ``"thumb"``, ``"index"``, ``"middle"`` or ``"ring"``.
         baseline: Picture of the untouched gel, uint8 (H, W, 3), BGR.
-        maxima: What counts as full, by value: ``cci`` and ``eda`` of the calibration, where they are known already.
+        maxima: Maxima by value: ``cci`` and ``eda`` of the calibration, if they are known already.
         gel: Traits of the gel from the calibration.
     """
 
@@ -89,7 +89,7 @@ class VestSetup(NamedTuple):
     Attributes:
         layout: Where the motors are, mirrored as the settings say.
         fingers: Fingers that have a sensor, thumb first.
-        maxima: What counts as full, by finger and value (``cci``, ``eda``); a value without a maximum is missing.
+        maxima: Maxima by finger and value (``cci``, ``eda``); a value without a maximum is missing.
         felt: Threshold and step of the wearer, where they were measured.
     """
 
@@ -116,7 +116,7 @@ class TouchMap(NamedTuple):
         height: How deep or how strong the contact is, float32 (rows, columns), 0 or more; coarser than the picture
             where the metric has no more.
         unit: Unit of the height, ``"mm"`` or ``"grey"``.
-        mask: Pixels that EDA counts, bool (H, W) as the picture; none of them without contact.
+        mask: Pixels that EDA counts, bool (H, W) as the picture; all false without contact.
     """
 
     height: NDArray[np.float32]

@@ -32,7 +32,7 @@ class ChangesOptions(SlipRowOptions, frozen=True):
         slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
         steady: Share of the columns' level that is shown while nothing changes.
         onset: How strongly a rise is shown, per percent above the level that is adapted to.
-        offset: How strongly a fall is shown, likewise.
+        offset: How strongly a fall is shown, per percent below the level that is adapted to.
         adapt_s: Time constant with which the level that is adapted to follows.
         quiet_percent: A difference up to this counts as no change.
         remind_every_s: While nothing changes the steady level is shown once in so long; 0: all the time.

@@ -46,17 +46,17 @@ class ColumnsOptions(StageOptions, frozen=True):
     Attributes:
         front: Value that the front shows: a number of the contact (cci, eda, peak, mass, depth_mm, force_n and others),
             or a value of the metric's own.
-        back: Value that the back shows, likewise.
-        front_max: What counts as full on the front, in the value's unit; none means the calibration's (cci, eda).
-        back_max: What counts as full on the back, likewise.
+        back: Value that the back shows: a number of the contact or of the metric's own, as for the front.
+        front_max: Full value on the front, in the value's unit; none means the calibration's (cci, eda).
+        back_max: Full value on the back, in the value's unit; none means the calibration's (cci, eda).
         law: ``logistic`` is Eq 7 as printed; ``linear`` is in proportion; ``power`` is the share to the ``exponent``.
         exponent: Exponent of the law ``power``: below 1 a light touch is shown more strongly than in proportion.
         end_value: Share of full intensity that the logistic law gives at value 0.
-        back_end_value: The same for the back; none means that of the front.
+        back_end_value: Share of full intensity on the back at value 0; none means that of the front.
         at_rest: Output for a finger without contact: ``silent``, or the ``law`` at value 0, as printed.
         rows: ``alike``: all rows of a column show the same; ``bar``: the rows are lit from below in proportion.
         saturate: Whether a value above its maximum counts as the maximum; as printed the law goes on.
-        fingers: Which finger each column shows, from the wearer's left.
+        fingers: Finger that each column shows, from the wearer's left.
     """
 
     front: str = "cci"

@@ -77,7 +77,7 @@ class StageRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def stage_names(group: Group) -> list[str]:
-    """Return the names of all installed stages of a group, sorted; imports none of them."""
+    """Return the sorted names of all installed stages of a group, without importing them."""
     return sorted(plugins(GROUPS[group][0]))
 
 
@@ -90,7 +90,7 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
     """Return the class of a metric, decoder, mapping or reflex.
 
     Args:
-        group: Which kind of stage.
+        group: Kind of the stage.
         name: Its name, such as ``"paper"``.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Read a fingertip's pictures and measure them as they come, none of them twice."""
+"""Read a fingertip's pictures and measure each one once, as they arrive."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SEEN_REST_S = 0.001
 
 
 class FrameMeter:
-    """Measures the frames of one finger as they come, none of them twice.
+    """Measures each frame of one finger once, as they arrive.
 
     Args:
         baseline: The finger's untouched picture, uint8 (H, W, 3).

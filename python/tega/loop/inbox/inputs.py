@@ -21,7 +21,7 @@ class Seat(NamedTuple):
 
     Attributes:
         source: The open device.
-        button: Which of its buttons; ``None`` for any.
+        button: Name of the button; ``None`` for any.
     """
 
     source: InputSource
@@ -58,7 +58,7 @@ class Inputs:
         seats: The devices, by seat.
 
     Attributes:
-        seen: What each said at the last look.
+        seen: State of each device at the last look.
     """
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:

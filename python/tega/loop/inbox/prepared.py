@@ -23,8 +23,8 @@ class Finger(NamedTuple):
     Attributes:
         source: Its open source.
         baseline: Its untouched picture.
-        baseline_origin: Where that came from.
-        report: What becomes of the frames.
+        baseline_origin: Origin of the baseline.
+        report: Counts of the frames.
         measured: All frames, where they had to be measured beforehand.
         stream: Contacts of the finger from elsewhere; its source is then not read.
     """
@@ -44,7 +44,7 @@ class Muscles(NamedTuple):
         source: Its open source.
         maxima: Its maxima and the conditions they hold under.
         decoder: Samples to intents; ``None`` where they are made somewhere else.
-        report: What becomes of the samples.
+        report: Counts of the samples.
         stream: The intents, where they are known from somewhere else; its source is then not read.
     """
 

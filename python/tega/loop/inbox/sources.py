@@ -97,10 +97,10 @@ class SourceReport(msgspec.Struct, kw_only=True):
             used.
         n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
         n_rezeroed: New baselines that were asked for and taken.
-        n_rezero_refused: Those that were refused, because another finger bore a load or the picture was dark.
+        n_rezero_refused: New baselines that were refused, because another finger bore a load or the picture was dark.
         lost: Why the source went away; ``""`` while it is there.
         n_lost: How often it went away.
-        last_lost: Why it did last.
+        last_lost: Reason for the last loss; ``""`` for none.
         end_ns: When the source ended, once it has.
         faults: Channels of EMG, or what of a camera, that have no vote now, with the reason.
     """

@@ -170,7 +170,7 @@ class LiveStream(Generic[Item]):
         """Add an item.
 
         Args:
-            item: It, with a time not before that of the item before it.
+            item: The item; its time is not before that of the previous one.
             use_by_ns: Until when it may be taken, on the stream's clock.
             next_ns: The next one's time, or any before it.
         """

@@ -84,7 +84,7 @@ def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
     """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
 
     Raises:
-        RecordingError: It cannot be read, or no forearm was tracked in it.
+        RecordingError: The recording cannot be read, or has no tracked forearm.
     """
     recorded = read_recorded(path, pictures_wanted=lambda _head: False)
     poses = [_pose(pose) for row in recorded.of(ArmTurn) for pose in row.poses]

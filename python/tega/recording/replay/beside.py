@@ -20,7 +20,7 @@ def compare_beside(recorded: Recorded, measured: Measured) -> list[Comparison]:
 
     Args:
         recorded: The recording.
-        measured: What its pictures and samples say now.
+        measured: Its pictures and samples, measured again.
     """
     streams = []
     outside = {one.name for one in measured.config.stages.beside if is_outside(one)}

@@ -17,7 +17,7 @@ class Difference(msgspec.Struct, frozen=True):
 
     Attributes:
         t_s: Time since the start of the session, seconds.
-        field: What differs.
+        field: Name of the field that differs.
         recorded: Its value in the recording, as text; ``absent`` where only the replay has it.
         replayed: Its value in the replay, as text; ``absent`` if only the recording has it.
     """
@@ -69,7 +69,7 @@ def compare(
         stream: Its name.
         recorded: Rows in order of time; several may share one.
         replayed: Rows of the replay, in order of time.
-        until_ns: What only the replay has from here on is no difference: the recording was cut there.
+        until_ns: Rows that only the replay has from here on are no difference: the recording was cut there.
     """
     differ, fields, last_ns = 0, dict[str, int](), -1
     first: list[Difference] = []

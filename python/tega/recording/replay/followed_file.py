@@ -33,7 +33,7 @@ class StreamFollower(Protocol):
     """Takes the messages of some topics, and publishes their content in the run.
 
     Attributes:
-        name: What to call it where its messages cannot be used.
+        name: Name for reports about unusable messages.
         since_ns: Messages that came before are not given to it; set by :meth:`begin` and :meth:`skip`.
         n_told: Number of times that it published something.
     """
@@ -71,7 +71,7 @@ class FollowedFile:
 
     Attributes:
         zero_ns: As given.
-        problems: What cannot be used, by the follower's name.
+        problems: Problems by the follower's name.
     """
 
     def __init__(

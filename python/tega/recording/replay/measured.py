@@ -72,15 +72,15 @@ class Measured:
 
     Attributes:
         config: The settings of the run, as changed.
-        calibration: Its maxima, likewise.
+        calibration: Maxima of the run, as changed.
         contacts: By finger, as a live loop would get them.
         intents: Intents, as a live loop would get them.
         pixels: By finger and picture: stamp, checksum as recorded, checksum now.
-        arm: Settings of the arm's chain, likewise.
-        metric: What measures the pictures.
+        arm: Settings of the arm's chain, as changed.
+        metric: Metric that measures the pictures.
         outside: Whether the levels came from a decoder in another process.
         same_metric: Whether the recording's contacts were measured by this version of it.
-        changed: What of the settings is not the run's own, in words.
+        changed: Settings that differ from the run's own, in words.
         adaptations: Gains and offsets of EMG, as the samples and the recorded switches give them.
         beside: Output of the stages beside the connected ones, by topic.
     """

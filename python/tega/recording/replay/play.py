@@ -87,11 +87,11 @@ def play_file(
 
     Args:
         path: The recording.
-        to: What to play to; its own sources are not used, nor its maxima, and it is not recorded. The vibration counts
-            to the day of the person that it names.
+        to: Settings to play on. Their sources and maxima are not used, and nothing is recorded. The vibration counts
+            towards the daily dose of the person they name.
         speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
         because: Why a real vest or hand is played to at more than the recording's speed.
-        playhead: Where to begin, and takes wishes for another moment meanwhile; ``None`` for all from the beginning.
+        playhead: Position to begin at; also takes requests to seek. ``None`` plays everything from the beginning.
         others: Files of the same time and machine, such as a scene recording, each played by the feature that wants it.
         bus: Bus of the run.
         controls: As of ``run_session``.
@@ -200,7 +200,7 @@ def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None
     """Refuse a speed that is out of range, or not for what may be worn or may hurt.
 
     Raises:
-        ConfigError: It is.
+        ConfigError: The speed is out of range, or not allowed for the devices.
     """
     if speed is not None and not SLOWEST <= speed <= FASTEST:
         raise ConfigError(f"speed = {speed:g} is out of range: {SLOWEST:g} to {FASTEST:g}, or max")

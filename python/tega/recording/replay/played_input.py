@@ -38,7 +38,7 @@ def played_input(
         recorded: The recording.
         measured: The contacts and intents measured again.
         playhead: Says what of it is played.
-        lead_ns: What comes before it.
+        lead_ns: Time before the recording begins.
         note: Note for readers of the results.
     """
     head = recorded.head

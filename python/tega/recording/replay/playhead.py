@@ -21,7 +21,7 @@ class Playhead:
     Clock, budgets and limits of the run stay those of the run: a jump shortens no pause.
 
     Args:
-        from_s: Where to begin, seconds since the beginning of the recording.
+        from_s: Position to begin at, seconds since the beginning of the recording.
 
     Attributes:
         end_ns: Length of the recording; 0 until it is read.
@@ -95,7 +95,7 @@ class PlayedItems(Generic[Item]):
     """Puts the items of a recording into a live stream of the loop, from wherever the playhead is.
 
     Args:
-        items: What came, stamped with the recording's time.
+        items: Items, stamped with the recording's time.
         known: When each was known then, in rising order.
         playhead: Position of the playback; fills the stream at every tick of the run.
         first: Item in force before the first one; at a jump the item in force at the new position is repeated.

@@ -66,8 +66,8 @@ class PosesFile(Opened):
         """Read the file.
 
         Raises:
-            RecordingError: It cannot be read, holds no poses, or is a session in other axes.
-            MissingExtraError: It is a session, and the extra ``record`` is not installed.
+            RecordingError: The file cannot be read, holds no poses, or is a session in other axes.
+            MissingExtraError: The file is a session, and the extra ``record`` is not installed.
         """
         if self._poses is None:
             delay_ns = round(self._options.delay_ms * 1e6)
@@ -96,7 +96,7 @@ class PosesFile(Opened):
         """Return the poses that are due since the last call.
 
         Raises:
-            DeviceUnavailableError: It is not open.
+            DeviceUnavailableError: The file is not open.
         """
         if self._poses is None:
             raise DeviceUnavailableError("poses-file: it is not open", "use it in a with block")

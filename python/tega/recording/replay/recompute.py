@@ -81,7 +81,7 @@ class Replay(msgspec.Struct, frozen=True):
         file: The recording.
         lossless: Whether it was computed from the raw streams.
         complete: Whether the recording was finished by the run that made it.
-        changed: What of the settings is not the run's own, in words.
+        changed: Settings that differ from the run's own, in words.
         from_s: Where in its session the recording begins; what came before was computed too, and not compared.
         duration_s: How long the loop ran from there on.
         streams: Each one compared.

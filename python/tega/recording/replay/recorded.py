@@ -83,7 +83,7 @@ class Head(msgspec.Struct, frozen=True):
 
     Attributes:
         config: The settings of the run, without its devices.
-        tree: The same as it stands in the file, devices and all.
+        tree: Settings as in the file, with the devices.
         calibration: Its maxima.
         baselines: Untouched pictures, by finger, uint8 (H, W, 3).
         sources: Descriptions of the inputs.
@@ -189,7 +189,7 @@ def read_recorded(
         pictures_wanted: Asked after ``begin`` whether ``frame`` is to be given them; else they are passed over.
 
     Raises:
-        RecordingError: It is no recording of a session, or cut before anything was known.
+        RecordingError: The file is no recording of a session, or is cut off before its head.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     reader = McapReader(path)

@@ -31,7 +31,7 @@ class CalibrationLook(NamedTuple):
     Attributes:
         what: The part: a finger, ``EMG``, ``vest``.
         problem: Problem with it; ``""`` for none.
-        command: What to run about that.
+        command: Command to run about it.
         status: ``missing``: there is none; ``wrong``: it is not to be used; ``doubt``: it is, but old or with a note.
     """
 

@@ -106,7 +106,7 @@ class RestEffort(NamedTuple):
     Attributes:
         offset: Mean of the samples, (channels,).
         rest: Middle block mean, (channels,).
-        problems: Why it cannot be used, one sentence each.
+        problems: Reasons why the signal cannot be used, one sentence each.
     """
 
     offset: NDArray[np.float64]
@@ -120,7 +120,7 @@ def judge_quiet(
     """Measure muscles at rest.
 
     Args:
-        chunks: What came while the person rested.
+        chunks: Samples taken while the person rested.
         chain: The conditions.
         limits: Range of the converter.
 
@@ -162,7 +162,7 @@ def judge_squeezes(
     The first half second of each is its rise and is left out. The maxima are those of all of them together.
 
     Args:
-        squeezes: What came during each.
+        squeezes: Samples of each squeeze.
         rest: Rest level of the channels, (channels,).
         chain: The conditions.
         limits: Range of the converter.
@@ -202,9 +202,9 @@ def judge_muscles(
     """Say which channel answered to which muscle.
 
     Args:
-        movements: What came while the muscle of each channel worked alone, in the order of the channels.
+        movements: Samples taken while the muscle of each channel worked alone, in the order of the channels.
         rest: Rest level of the channels, (channels,).
-        maxima: And in a strong squeeze, (channels,).
+        maxima: Maxima in a strong squeeze, (channels,).
         chain: The conditions.
 
     Returns:

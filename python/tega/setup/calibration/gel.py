@@ -51,9 +51,9 @@ class Rest(NamedTuple):
     Attributes:
         picture: Mean of the pictures, uint8 (H, W, 3), blue, green, red.
         noise: Standard deviation of a pixel in time, counts, blue, green, red.
-        cell_noise: Standard deviation of a cell's mean, likewise (:func:`tega.tactile.sensor_noise`).
+        cell_noise: Standard deviation of a cell's mean, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
         n_pictures: How many it is the mean of.
-        problems: Why it is no good baseline, one sentence each; empty where it is one.
+        problems: Reasons why this is no good baseline, one sentence each; empty for a good one.
     """
 
     picture: NDArray[np.uint8]
@@ -188,7 +188,7 @@ class GelChange(NamedTuple):
         dark_xy: The darkest of them, column and row; ``None`` where there are none.
         noise_ratio: Noise now by noise then.
         wear: Share of pixels, 0 to 1, that are another than they were.
-        words: What that means, one sentence each; empty for a healthy gel.
+        words: Consequences, one sentence each; empty for a healthy gel.
     """
 
     shift: tuple[float, float, float]

@@ -50,7 +50,7 @@ def light_motor(
     Args:
         vest: An open vest.
         motor: Index of the motor, as in :attr:`tega.haptics.MotorLevels.motors`.
-        layout: Which motors the vest has.
+        layout: Layout of the vest's motors.
         percent: How hard.
         duration_s: How long.
         clock: Time.
@@ -88,7 +88,7 @@ def show_frame(
 
     Args:
         vest: An open vest.
-        frame: What to show.
+        frame: Frame to show.
         duration_s: How long.
         clock: Time.
         what: Name of the frame, for the error message.

@@ -31,7 +31,7 @@ class MuscleLoop:
     Args:
         config: The settings, with ``calibration.person``.
         settings: How the settings file is named in the commands that are suggested.
-        what: What needs the muscles, for the message where there are none.
+        what: Name of the part that needs the muscles, for the error message.
 
     Attributes:
         chunks: The samples since :meth:`start`, as they came.

@@ -29,7 +29,7 @@ class Curve:
         seed: Seed of the order.
 
     Raises:
-        InvalidValueError: It is too short to be a curve.
+        InvalidValueError: The duration is too short for a curve.
     """
 
     def __init__(self, duration_s: float, *, seed: int) -> None:

@@ -67,7 +67,7 @@ def recalibrate(
         folder: Where it is kept.
         guide: Shows and asks.
         times: How long things take; rest and squeeze are five seconds of their own scale.
-        now: When this is.
+        now: Current time.
         model_out: Where the new model goes; ``None`` for a file beside the old one, with the time in its name.
 
     Raises:

@@ -54,11 +54,11 @@ def refresh(
     Args:
         config: The settings.
         person: Name of the person.
-        parts: What to refresh; vest, forearm and cameras need none.
+        parts: Parts to refresh; vest, forearm and cameras need none.
         folder: Where it is kept.
         guide: Shows and asks.
         times: How long things take.
-        now: When this is.
+        now: Current time.
 
     Returns:
         The files written.
@@ -157,7 +157,7 @@ def to_todays_scale(
         maxima: Today's squeeze.
         limits: How many times its old maximum a channel may give, at least and at most.
         guide: Shows the scale.
-        now: When this is.
+        now: Current time.
 
     Raises:
         CalibrationError: A channel gives too much or too little by far.

@@ -104,7 +104,7 @@ class Ladder:
         """Return the lowest level that is felt.
 
         Raises:
-            InvalidValueError: It has not ended yet.
+            InvalidValueError: The search has not ended yet.
         """
         if self.level is not None:
             raise InvalidValueError("the ladder has not ended")

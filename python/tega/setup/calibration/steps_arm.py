@@ -44,7 +44,7 @@ class TakenHeading(NamedTuple):
     Attributes:
         yaw_rad: As in ``arm.mapping.yaw_rad``.
         check: Whether the second movement came out forward; ``None`` where it did not come to that.
-        problem: What went wrong before; ``""`` for nothing.
+        problem: Problem before the check; ``""`` for none.
     """
 
     yaw_rad: float
@@ -56,12 +56,12 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
     """Lead through both movements, again until the second comes out forward.
 
     Args:
-        tracker: It, open.
+        tracker: The open tracker.
         guide: Shows and asks.
         wait_s: How long each movement is waited for.
 
     Raises:
-        CalibrationError: It does not, and there is no answer about another attempt.
+        CalibrationError: The second does not, and there is no answer about another attempt.
         KeyboardInterrupt: The person gives up.
     """
 
@@ -96,7 +96,7 @@ def take_base_yaw(
     """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
 
     Args:
-        tracker: It, open.
+        tracker: The open tracker.
         guide: Shows and asks.
         yaw_rad: The operator's forward, as :func:`take_heading` found it.
         told_rad: Value of the settings, kept if there is no answer.
@@ -140,9 +140,9 @@ def watch_sweep(
     """Wait for a movement of the forearm that comes to rest.
 
     Args:
-        tracker: It, open.
+        tracker: The open tracker.
         seconds: How long to wait.
-        yaw_rad: Which way is forward, as far as it is known.
+        yaw_rad: Direction of forward, rad; ``None`` if it is unknown.
         shown: Called again and again with the movement so far and the seconds left.
 
     Raises:

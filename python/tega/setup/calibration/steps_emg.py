@@ -105,7 +105,7 @@ def collect(
         guide: Shows.
         prompt: Instruction for the person.
         names: Names of the channels, for the bars.
-        full: What fills a bar, (channels,); ``None`` for the largest so far.
+        full: Value of a full bar, (channels,); ``None`` for the largest so far.
 
     Raises:
         CalibrationError: Less than half of the samples came.

@@ -82,7 +82,7 @@ def take_baseline(
         folder: Where baselines are kept.
         guide: Shows and asks.
         times: How long it takes.
-        now: When this is.
+        now: Current time.
         is_free: The person has said already that nothing touches.
 
     Raises:
@@ -213,7 +213,7 @@ def take_presses(
         times: How long it takes.
         person: Name of the person who presses.
         folder: Where the record will be kept.
-        now: When this is.
+        now: Current time.
         ball: Known ball and force, to fit depth and stiffness; optional.
 
     Raises:

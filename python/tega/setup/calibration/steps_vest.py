@@ -47,7 +47,7 @@ class Pulses:
 
     Args:
         vest: The open vest.
-        layout: Which motors it has.
+        layout: Layout of its motors.
         ceiling: The highest level, 1 to 15; kept, as the layout.
         times: How long a vibration lasts.
         clock: Time.

@@ -55,7 +55,7 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
         most_items: How many items of a live source to look at; a recording is read to its end.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     _check_description(driver, options)
     _check_discover(driver, options)

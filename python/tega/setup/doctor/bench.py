@@ -92,7 +92,7 @@ class DriverLook(NamedTuple):
         kind: The driver's kind.
         found: Devices found.
         could_not: Why looking was not possible; ``""`` where it was.
-        hint: What to do about that.
+        hint: Step to make looking possible.
         lacks_package: Whether it is a package that is not installed.
     """
 
@@ -166,7 +166,7 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     """Try devices through their drivers, side by side.
 
     Args:
-        cases: What to try.
+        cases: Devices to try.
         deadline_s: How long all of them together may take.
 
     Returns:

@@ -67,9 +67,9 @@ def failed(
         case: The driver and settings that were tried.
         error: The driver's error; its hint becomes a step to take.
         device: Name of the device.
-        status: How it is; by the kind of error when ``None``.
+        status: Status of the device; by the kind of error when ``None``.
         why: Further facts about the cause.
-        todo: What to do beyond the hint.
+        todo: Steps to take beyond the hint.
     """
     if status is None:
         # The thing is there, but not the right one, not fast enough, or not for us.

@@ -19,10 +19,10 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         check: Name of the check: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, ``calibration``, or a part
             of the settings such as ``tactile.thumb``.
-        status: How it is.
+        status: Status of the device or part.
         finding: The finding, one sentence.
         why: Why that is so, as far as it is known.
-        todo: What to do, one step each.
+        todo: Steps to take, one sentence each.
         driver: Name of the driver concerned.
         device: Name of the device: serial number, port, bus.
         measured: Numbers that were measured, by a name that ends with the unit.

@@ -139,11 +139,11 @@ def lab_settings(
     """Return the text of a settings file.
 
     Args:
-        looked: What :func:`tega.setup.doctor.look_for` found.
+        looked: Results of :func:`tega.setup.doctor.look_for`.
         name: Name of the file, for the commands in it.
         emulated: The devices are emulators, which the settings then say.
         calibration: A calibration to name, relative to the file.
-        baselines: Pictures of the untouched gels to name, by finger, likewise.
+        baselines: Pictures of the untouched gels to name, by finger, relative to the file.
         arm: Name of an arm's driver to switch on, or its whole table; none leaves the arm's table as a comment.
 
     Returns:

@@ -29,7 +29,7 @@ class FoundCamera(NamedTuple):
     """A camera that works, for the look at the buses.
 
     Attributes:
-        check: Which finger's.
+        check: Name of its check, with the finger.
         serial: Its serial number.
         rate_hz: Pictures a second it agreed to.
         n_pixels: Pixels of one image.
@@ -116,7 +116,7 @@ def crowded(cameras: Sequence[FoundCamera], nodes: Sequence[VideoNode] | None = 
     """Say where more cameras hang on one USB 2 bus than it carries.
 
     Args:
-        cameras: Those that work.
+        cameras: Cameras that work.
         nodes: The machine's cameras; asked of the kernel when ``None``.
     """
     bus_of = {node.serial: node.bus for node in (video_nodes() if nodes is None else nodes) if node.serial}

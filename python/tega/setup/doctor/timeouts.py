@@ -19,7 +19,7 @@ def in_time(
     A job that is not done in time is left to itself: its thread does not keep the program from ending.
 
     Args:
-        jobs: What to do; a job must not raise.
+        jobs: Functions to run; a job must not raise.
         deadline_s: How long all of them together may take.
         late: Given a job's key and the deadline, makes the answer of one that is not done.
 

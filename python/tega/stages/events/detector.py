@@ -23,7 +23,7 @@ from tega.stages.events.tracks import (
 )
 
 _SHORT_MM, _FAINT = 0.05, 3.0
-"""A pull that is no more than noise, millimetres, and a peak likewise, grey values."""
+"""Largest pull that is only noise, millimetres; largest peak that is, grey values."""
 
 EventKind = Literal["contact", "release", "slip", "lift_off"]
 
@@ -39,7 +39,7 @@ class DetectedEvent(NamedTuple):
     """An event of the grasp, with its time and confidence.
 
     Attributes:
-        kind: What.
+        kind: Kind of the event.
         t_s: Estimated beginning, seconds.
         confidence: 0 to 1; half where it is just an event. A slip's is the rule's share, shifted so, and never more
             than :data:`UNSURE` without joints and height; how often it is right on other objects or sensors than those

@@ -40,7 +40,7 @@ below. A hanging object slides when the grip becomes weaker than at any time sin
   longer;
 - change of the closure over 0.35 s, and level less closure (the object stops the fingers: how hard they press), levels;
 - change of the height over 0.35 s, decimetres;
-- how far the closure is below that at lift-off, and below its lowest since, likewise, levels;
+- how far the closure is below that at lift-off, and below its lowest since, 0.4 s ago or longer, levels;
 - exp(-time since lift-off / 1 s).
 """
 
@@ -103,12 +103,12 @@ class DetectorSettings(NamedTuple):
         quick_s: Time constant of the quick means: five frames at 60 Hz, in which noise of single frames averages out.
         slow_s: Time constant of the slow means: a slip of 5 mm/s moves a contact by a few pixels in that time.
         trend_s: Time constants of the pair that sees slow changes.
-        shear_s: And of the pair that sees changes of shear, which are quick.
+        shear_s: Time constants of the pair that sees changes of shear, which are quick.
         least_sure: Smallest correlation of a recognised grain for a finger's shear to be used: a texture of a
             recorded DIGIT's strength is found with 0.15 to 0.3, a lost one with 0.03.
         step_s: Between two looks at the slip; frames come at 60 Hz, or 30 Hz in a study's tables.
         touch_s: A contact has to last so long, as three frames do: single frames flicker at the threshold.
-        release_s: And its end likewise; longer, since a light contact flickers more.
+        release_s: The end of a contact has to last so long; longer, since a light contact flickers more.
         settle_s: After the first contact of a grasp fingers find their place, which looks like slipping.
         before_s: Age from which a value counts as before: a slip's first half second counts as its beginning, and 0.4
             s leave it room.

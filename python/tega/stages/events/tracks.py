@@ -37,12 +37,12 @@ class ShearFrame(NamedTuple):
 
     Attributes:
         x_mm: How far the gel is pulled to the right in the picture, millimetres.
-        y_mm: And down.
+        y_mm: Pull downwards in the picture, millimetres.
         incipient: Share of the contact that has slid against the rest, 0 to 1.
         slip_mm_s: How fast it does, millimetres a second.
         sure: How well the grain was found again, -1 to 1.
         slide_x_mm_s: How fast the object slides over the gel to the right, by its relief, millimetres a second.
-        slide_y_mm_s: And down.
+        slide_y_mm_s: Speed of the object's slide downwards, millimetres a second.
         slide_sure: How sure that is, 0 to 1; 0 where it shows none.
     """
 
@@ -232,7 +232,7 @@ class ShearTrack:
 
     Attributes:
         x: Pull to the right, millimetres.
-        y: And down.
+        y: Pull downwards, millimetres.
         incipient: Share that has slid.
         slip: Speed of that, millimetres a second.
         sure: How well the grain is found again.

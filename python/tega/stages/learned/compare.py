@@ -35,7 +35,7 @@ class Log(NamedTuple):
     """EMG beside the force or closure that was meant.
 
     Attributes:
-        name: What to call it.
+        name: Name of the log.
         samples: ``(n, channels)``.
         target: Force or closure at each sample, ``(n,)``.
         rate_hz: Samples per second.
@@ -130,7 +130,7 @@ def compare(
     """Calibrate decoders on one log and judge them on another.
 
     Args:
-        train: What maxima and models come from.
+        train: Log for the maxima and models.
         judged: Log to judge them on, from a fresh start.
         decoders: Names: those of :data:`LEARNED`; ``rules``, ``rules-paper``; any installed decoder's.
         features: Features of the learned ones; none means the default.

@@ -66,7 +66,7 @@ class FeatureBlock(NamedTuple):
 
     Attributes:
         samples: float64 ``(tau, channels)``, without offset where the kind is raw.
-        bad: Which channels cannot be believed, bool ``(channels,)``.
+        bad: Bad channels, bool ``(channels,)``.
         end: Number of its last sample among those of the call that completed it; negative never.
     """
 

@@ -26,12 +26,12 @@ class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         rank_correlation: Spearman's, of closure with target.
-        level_rank_correlation: The same of the level.
+        level_rank_correlation: Spearman's, of level with target.
         correlation: Pearson's, of closure with target.
         rmse: Root of the mean square of closure less target, both 0 to 1.
         changes_per_s: Changes of the level per second.
         delay_s: How much later than the rules of ``paper`` the closure comes, s.
-        level_delay_s: The same of the level, s.
+        level_delay_s: How much later than the rules of ``paper`` the level comes, s.
         target_delay_s: How much later than the target the closure comes, s.
         at_level: Share of time at the target's level, one of five.
         balanced_accuracy: Mean of the shares of rest (target below a quarter) and effort (above a half) that are
@@ -77,7 +77,7 @@ def judge(
         block_s: Length of a block, s.
         paper: Levels of the rules of ``paper``, for the delay.
         confidence: Confidence of each block, 0 to 1; NaN or ``None`` if the decoder reports none.
-        held: Which blocks were held.
+        held: True for each block that was held.
 
     Raises:
         ShapeError: The series differ in length, or have fewer than three blocks.

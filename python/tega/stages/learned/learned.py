@@ -77,7 +77,7 @@ class LearnedDecoder:
         """Read a model's file.
 
         Raises:
-            CalibrationError: It is missing, damaged, or no model.
+            CalibrationError: The file is missing, damaged, or no model.
         """
         return cls(load_model(path))
 

@@ -46,7 +46,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         lowest: Their smallest in training, in standard deviations.
         highest: Their largest.
         weights: Weights of the features, or of the supports.
-        bias: As above.
+        bias: Bias of the effort.
         support: Supports of a kernel, row by row; empty without one.
         gamma: Width parameter of a kernel; 0 without one.
         knots_effort: Efforts of the monotone stage, rising.
@@ -129,7 +129,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """Return the model that holds this share of blocks like those of its training, 0 to 0.2.
 
         Raises:
-            CalibrationError: It was fitted before models knew how novel their training blocks were to each other.
+            CalibrationError: The model was fitted before models stored the novelty of their training blocks.
         """
         if not self.novelty:
             raise CalibrationError(f"{name}: does not know which share of blocks it would hold", _AGAIN)
@@ -171,7 +171,7 @@ def load_model(path: Path) -> Model:
     """Read a model.
 
     Raises:
-        CalibrationError: It is missing, no such file, damaged, or its numbers do not belong together.
+        CalibrationError: The path is missing, not a file, or the file is damaged or inconsistent.
     """
     try:
         data = read_foreign(path, most_mib=_MOST_MIB, error=CalibrationError)

@@ -38,7 +38,7 @@ class ProportionalDecoder:
         maxima: Mean absolute value at maximum effort, ``(channels,)``.
         tau: Samples per block.
         kind: "raw", "rectified" or "envelope".
-        channels: Which closes, and which opens where two are given; counted from 0.
+        channels: Closing channel, and the opening one if two are given; counted from 0.
         dead_band: Share of the maximum up to which the hand stays open.
         full: Share at which it is closed.
         smoothing_s: Time constant of the causal smoothing, s.

@@ -34,7 +34,7 @@ def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -
         target: Closure meant at each, 0 to 1, ``(n,)``.
 
     Raises:
-        CalibrationError: It is a kernel, or the samples are too short, or lack rest or effort.
+        CalibrationError: The model is a kernel, or the samples are too short, or lack rest or effort.
         ShapeError: There is not a target for every sample.
     """
     goal = np.asarray(target, np.float64)

@@ -46,8 +46,8 @@ class ProportionalOptions(StageOptions, frozen=True):
     """Options of the decoder ``proportional``.
 
     Attributes:
-        channel: Which channel closes the hand, from 1.
-        opening: Which channel opens it, from 1; 0: none.
+        channel: Number of the channel that closes the hand, from 1.
+        opening: Number of the channel that opens it, from 1; 0: none.
         dead_band: Share of the maximum up to which the hand stays open.
         full: Share of the maximum at which it is closed.
         smoothing_s: Time constant of the smoothing.

@@ -36,7 +36,7 @@ class PageGuide(LineGuide):
         title: Heading of the page.
         yes: Do not wait for the button.
         get_ready_s: How long each prompt then stands.
-        host: Where to serve.
+        host: Address to serve on.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         allow_remote: Let ``host`` be an address that others can reach.
 

@@ -151,7 +151,7 @@ def run_viewed(
         playhead: Playhead of the recording that is played; the page's slider moves it.
         annotate: Codes an event by a key of the page, and returns the effect in words.
         opened: Given the page's address before the run begins.
-        options: Further arguments of it.
+        options: Further arguments for ``run``.
 
     Returns:
         The summary.

@@ -139,7 +139,7 @@ def _short(text: str) -> str:
 
 
 def check_flags(context: click.Context, names: Iterable[str]) -> None:
-    """Refuse the flags for loose files beside a session: none of them is silently left out.
+    """Reject the flags for loose files beside a session, so that none is silently ignored.
 
     Raises:
         UsageError: One is given.

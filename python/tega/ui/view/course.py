@@ -26,7 +26,7 @@ class FingerCourse(NamedTuple):
         t_s: Times of its pictures, seconds, float64 (n,).
         in_contact: Whether anything touched, bool (n,).
         cci_norm: CCI as a share of the maximum, 0 to 1, float64 (n,).
-        eda_norm: EDA likewise.
+        eda_norm: EDA as a share of the maximum, 0 to 1, float64 (n,).
     """
 
     t_s: NDArray[np.float64]
@@ -40,7 +40,8 @@ class VestCourse(NamedTuple):
 
     Attributes:
         t_s: Times of the frames, seconds, float64 (n,).
-        intensities: Percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back likewise.
+        intensities: Percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back in the same
+            order.
         motors: Face and column of each motor, such as ``front column 1``, counted from 1.
     """
 

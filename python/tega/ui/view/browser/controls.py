@@ -117,7 +117,7 @@ class Controls:
         """Ask for an object.
 
         Raises:
-            InvalidValueError: It is not one of those offered.
+            InvalidValueError: The name is not one of those offered.
         """
         if name not in self.objects:
             raise InvalidValueError(f"object {name!r} is not one of {', '.join(self.objects) or 'none'}")

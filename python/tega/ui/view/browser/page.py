@@ -265,7 +265,7 @@ class Page:
         Args:
             loop: The newest moment.
             age_s: How old it is.
-            problem: What went wrong with the page.
+            problem: Problem of the page; ``""`` for none.
         """
         self._ended = loop.state == "stopped"
         self._offer_go(ready=loop.state == "armed" and not self._controls.may_go)

@@ -44,7 +44,7 @@ class BrowserView:
 
     Args:
         title: Heading of the page.
-        host: Where to serve: this machine only, unless ``allow_remote``.
+        host: Address to serve on: this machine only, unless ``allow_remote``.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         controls: State of the page's buttons.
         complete: Called by the painting thread with a moment before it is painted; adds what takes time to find,

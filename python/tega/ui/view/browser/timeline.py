@@ -30,7 +30,7 @@ class PastMoment(NamedTuple):
     Attributes:
         state: All of it, without pictures and signal.
         sheet: The fingertips as HTML; ``None`` where there were none.
-        cameras: The scene cameras likewise.
+        cameras: The scene cameras as HTML; ``None`` if there are none.
         emg: The muscle signal, and its newest time, seconds; ``None`` where there was none.
     """
 
@@ -71,7 +71,7 @@ class Timeline:
         Args:
             state: The moment.
             sheet: The fingertips as they are painted, HTML; ``None`` where there are none.
-            cameras: The scene cameras likewise.
+            cameras: The scene cameras as HTML; ``None`` if there are none.
         """
         if self._kept:
             newest = self._kept[-1].state
