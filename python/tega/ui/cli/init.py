@@ -64,7 +64,7 @@ def init(
     play: int | None,
     as_json: bool,
 ) -> None:
-    """Write a settings file: devices that are plugged in filled in, the others as comments that say what to set.
+    """Write a settings file: connected devices are filled in, the others are comments with instructions.
 
     Opens no device. With --emulated, two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
     a baseline and a calibration made for them. Another terminal can then try `doctor` and `run` on the file. With

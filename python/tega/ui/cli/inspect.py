@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def inspect(*, session: Path, as_json: bool) -> None:
     """Print the contents of a recording: streams, true rates, gaps, losses, latency, markers, versions.
 
-    SESSION is a file, or the folder of a session with all its files; a file that was never finished is finished
-    first. With --json: a list of objects, one per file.
+    SESSION is a file, or the folder of a session with all its files. An unfinished file is finished first. With
+    --json: a list of objects, one per file.
     """
     import msgspec
 

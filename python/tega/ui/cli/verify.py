@@ -1,4 +1,4 @@
-"""Compute a recorded session again and compare: ``tega-teleop verify``."""
+"""Re-run a recorded session and compare the output: ``tega-teleop verify``."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def verify(
     """Re-run a recorded session, tick by tick, and check that the output is identical.
 
     SESSION is a recording made with run --record, or a session's folder. The exit code is 1 if anything differs.
-    --config and --set run it through other settings, and say what then differs. A summary says what each finger, the
-    level and the vest did; --picture draws it (of several recordings, each into a file that has its name too). With
+    --config and --set apply other settings, and report the differences that result. A summary of each finger, the
+    level and the vest is printed; --picture draws it (for several recordings, each into a file with its name). With
     --json: a list of objects, one per recording.
     """
     same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
