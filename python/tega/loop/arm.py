@@ -36,7 +36,7 @@ class Steering:
     Args:
         config: The arm's settings.
         arm: The open arm.
-        source: Where poses come from.
+        source: Source of the poses.
         tracker: The same source, if it is a tracker; reports the tracker's problems.
         led_by: Description of the device behind the source.
         seats: The operator's switches: ``dead_man``, and if there are ``clutch`` and ``recover``.
@@ -91,7 +91,7 @@ class Steering:
 
     @property
     def problem(self) -> str:
-        """Trouble with arm, tracker or what leads them; ``""`` for none."""
+        """Problems of the arm, its tracker or another pose source; ``""`` for none."""
         doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
         said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
         if not any(said) and self._command is not None and self._command.state == "stopped":

@@ -21,8 +21,8 @@ class ArmView(NamedTuple):
         phase: Phase of the arm itself.
         clutch: Whether the clutch is pressed.
         dead_man: Whether the dead-man switch is held.
-        hand_m: Where the hand is, base's axes; ``None`` before that is known.
-        behind_mm: How far it is from its target; ``None`` without one.
+        hand_m: Position of the hand, base's axes; ``None`` before it is known.
+        behind_mm: Distance from the target; ``None`` without one.
         health: Health of the arm's loop.
     """
 

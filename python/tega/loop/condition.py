@@ -26,7 +26,7 @@ class MuscleAlert:
     Args:
         maxima: Maxima of the channels, with the kind of the samples.
         bus: Bus with the samples; the condition is published on it.
-        backlog: Where samples wait, so that no spectrum delays a source; ``None`` where nothing is waited for.
+        backlog: Queue for the samples, so that no spectrum delays a source; ``None`` to process them at once.
 
     Attributes:
         said: The current alert; ``""`` for none.

@@ -65,7 +65,7 @@ class Switches(NamedTuple):
     Attributes:
         allowed: Whether anything may change.
         target: Closure that the participant is asked to hold, 0 to 1; ``None`` if no target was announced.
-        n_undone: How often the key that undoes has been pressed.
+        n_undone: Number of presses of the undo key.
     """
 
     allowed: bool = False
@@ -105,7 +105,7 @@ class ChannelAdaptation:
 
     Args:
         maxima: Maxima of the channels, with the kind of the samples.
-        settings: How much may change within a minute.
+        settings: Limits of change per minute.
         switches: Asked at the end of every block for the switches, with the number of samples so far.
         tell: Called with every change of the switches and of gains and offsets.
 

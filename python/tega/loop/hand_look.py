@@ -79,7 +79,7 @@ class HandLooks:
 
 
 def hand_closure(config: SessionConfig) -> ClosureScale:
-    """Return what reads the closure off the joint angles of the settings' hand.
+    """Return the closure scale for the joint angles of the settings' hand.
 
     Raises:
         ConfigError: Its pose file cannot be used.

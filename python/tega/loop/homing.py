@@ -76,7 +76,7 @@ def go_to_start(
         bus: Every turn of the arm is published here.
 
     Returns:
-        How far from its start the arm is, and the hand from its open pose, in words.
+        The distance of the arm from its start, and of the hand from its open pose, in words.
 
     Raises:
         ConfigError: The settings have no arm with a start, or something that the arm needs is missing.
@@ -138,7 +138,7 @@ def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
 
     Args:
         config: The settings, with an arm and its switches.
-        seconds: How long.
+        seconds: Duration.
         bus: Every turn of the arm is published here.
 
     Raises:
@@ -195,7 +195,7 @@ class _Opening:
 
     @property
     def words(self) -> str:
-        """What came of it, by the joint angles that the hand reports."""
+        """Result in words, by the joint angles that the hand reports."""
         if self._hand is None:
             return ""
         off_rad = float(np.abs(self._hand.angles_rad - self._open_rad).max())

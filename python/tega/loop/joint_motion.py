@@ -110,7 +110,7 @@ class JointMotion:
         return None
 
     def _begin(self, level: float) -> None:
-        """Forget what rest was, and look whether the hand stands at a level."""
+        """Reset the rest position, and check whether the hand stands at a level."""
         self._held, self._rest, self._told, self._first = level, None, (), None
         self._seen.clear()
 

@@ -73,7 +73,7 @@ class LatencyTrace:
         bus: Every frame and block that has arrived is published here.
 
     Attributes:
-        warning: The stage over budget now, and where most of the time goes; ``""`` for none.
+        warning: The path that is over budget now, and its slowest stage; ``""`` for none.
         last_warning: The newest that was not ``""``.
         n_replaced: Camera frames that would have changed the vest, but were replaced by a newer one of the finger
             before the vest's link was free; they are in no percentile.
@@ -148,8 +148,8 @@ class LatencyTrace:
 
         Args:
             tick_ns: The time it is written with.
-            began_ns: When its making began.
-            made_ns: When it was made.
+            began_ns: Time at which its computation began.
+            made_ns: Time at which it was complete.
             changed: Whether a vest shows something else with it; camera frames that change nothing do not count.
         """
         fresh = {name: item for name, item in self._fresh.items() if name != "emg"}

@@ -183,7 +183,7 @@ class DualLoop:
         return in_time
 
     def _update_guard(self, t_ns: int) -> None:
-        """Have the guard look at what came in."""
+        """Have the guard check the newest input."""
         guard, late_ns = self._guard, self._pacer.late_ns
         if guard is None or not guard.due(t_ns, late_ns):
             return
@@ -199,7 +199,7 @@ class DualLoop:
         guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, unvoted=unvoted, released=released)
 
     def _drain_final(self, duration_ns: int) -> tuple[int, str]:
-        """Take in what came before a set time was over, and return when and how the run ended."""
+        """Read the input up to a set duration, and return when and how the run ended."""
         if self._due_ns < duration_ns:
             self._take_in(duration_ns - 1)
         if self._end_ns < duration_ns:
@@ -290,7 +290,7 @@ class DualLoop:
         self.report.level_ticks[split_level(self._hand.level)[0]] += 1
 
     def _follow(self, t_ns: int) -> None:
-        """Between two ticks, send the vest what has come, if that changes anything."""
+        """Between two ticks, send the vest the newest frame, if that changes anything."""
         if self._vest.by_frame and self._touch_changed:
             self._touch_changed = False
             if self._vest.follow(t_ns):

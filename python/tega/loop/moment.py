@@ -41,7 +41,7 @@ class LoopView(NamedTuple):
         latency: Latency of touch and motion, in one line; ``""`` if it is not traced.
         arm: State of the arm and its reason, in one line; ``""`` without an arm.
         seen_arm: Full view of the arm; ``None`` if it is unknown.
-        link: How the link to the other station is, in one line; ``""`` on one machine.
+        link: State of the link to the other station, in one line; ``""`` on one machine.
         arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
         event: The newest event of touch; ``None`` before the first.
         target_rad: The 16 joint angles that the hand steers to; ``None`` if it does not report them.
@@ -85,7 +85,7 @@ class LoopView(NamedTuple):
 
     @property
     def picture_to_vest_ms(self) -> dict[str, float]:
-        """How old, on average, the fresh pictures are that this tick's vest frame is made of, by the delay's name.
+        """Mean age of the fresh pictures in this tick's vest frame, by the delay's name.
 
         Milliseconds; empty where no finger has a fresh picture.
         """

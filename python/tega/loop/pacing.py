@@ -28,7 +28,7 @@ class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
         n_overruns: Deadlines that were more than one hand tick (3 ms) late.
         n_skipped: Deadlines left out because the loop was more than 100 ms late.
         worst_late_ms: The latest one, in milliseconds.
-        n_late: How many came how late, by the bins of :data:`LATE_EDGES_NS`.
+        n_late: Number of late deadlines in each bin of :data:`LATE_EDGES_NS`.
     """
 
     n_ticks: int
@@ -48,7 +48,7 @@ class Pacer:
 
     Attributes:
         bell: Ends a wait early when rung; ``None`` if only deadlines count.
-        late_ns: How late the newest tick was.
+        late_ns: Lateness of the newest tick.
         start_ns: The clock's time at the start.
         tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
         n_waits: Deadlines waited for, with those left out.

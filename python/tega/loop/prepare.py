@@ -48,7 +48,7 @@ def prepare(
         emg: The open EMG source, if any.
         progress: Called with the number of frames measured so far.
         stop: Asked whether to give up.
-        settings: How the settings file is named in the commands that are suggested.
+        settings: Name of the settings file in suggested commands.
         origin: Words for the origin of maxima that are elsewhere, so that none are needed here; ``""``: none.
 
     Returns:

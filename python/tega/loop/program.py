@@ -1,4 +1,4 @@
-"""Run a session from a Python program: it receives what happens, and may send to vest and hand.
+"""Run a session from a Python program, which receives moments and may send to vest and hand.
 
 The loop runs in a thread of its own, as ``tega-teleop run`` runs it: with the same limits, guard and watchdogs. The
 program's frames and levels lapse unless it sends new ones. Leaving the ``with`` block, in whatever way, ends the run:

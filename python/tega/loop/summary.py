@@ -34,7 +34,7 @@ class RunFacts(NamedTuple):
         layout: Layout of the vest's motors.
         pace: Pace of the vest.
         loop: Counts of the loop.
-        pacing: How well the clock was kept.
+        pacing: Report of how well the deadlines were kept.
         trace: Latency trace of frames and blocks; ``None`` if no input was live.
         real_time: Whether the loop's thread went ahead of others.
         reflex: The reflex of the run; ``None`` without one.

@@ -106,7 +106,7 @@ class VestOutput:
         return self._make(t_ns, only_news=True)
 
     def silence(self, t_ns: int) -> list[BaseException]:
-        """Let every motor rest, whatever happens; return what went wrong."""
+        """Stop every motor in any case; return the error in words."""
         problems: list[BaseException] = []
         silence = self._touch.silence()
         self.frame = None if self.frame is None else silence

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 NAMELESS: Final = "nameless-vest-dose.json"
-"""File, in the folder of calibrations, of those who wore the vest without being named."""
+"""File, in the folder of calibrations, of wearers without a name."""
 
 
 def dose_file(calibration: CalibrationConfig) -> Path | None:

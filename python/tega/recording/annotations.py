@@ -138,7 +138,7 @@ class AnnotationFile:
         )
 
     def press(self, code: str, t_s: float, *, is_state: bool) -> str:
-        """Add a point event, or begin a state or end the one that has begun; return what happened in words."""
+        """Add a point event, or begin or end a state; return the effect in words."""
         begun = self._open_state(code)
         if is_state and begun is not None and t_s >= begun.t_s:
             self._put(t_s=round(t_s, 6), ends=begun.n)

@@ -42,7 +42,7 @@ def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | Spo
 
     Args:
         raw: The file, opened for writing without a buffer.
-        path: Where it is.
+        path: Path of the file.
         most_bytes: Most bytes that may wait in memory.
     """
     if raw.seekable() and _MEMORY.is_dir():
@@ -62,7 +62,7 @@ class DirectFile:
 
     Attributes:
         n_bytes: Bytes taken.
-        error: Why the file cannot be written any more.
+        error: Reason why the file cannot be written any more.
     """
 
     def __init__(self, raw: BinaryIO) -> None:
@@ -92,16 +92,16 @@ class DirectFile:
 
 
 class SpooledFile:
-    """A file that is written by a thread of its own; what that has not yet written outlives the process.
+    """A file that is written by a thread of its own; bytes not written yet outlive the process.
 
     Args:
         raw: The file, opened for writing without a buffer, empty.
-        path: Where it is.
+        path: Path of the file.
         most_bytes: Most bytes that may wait in memory; with more, :meth:`flush` waits.
 
     Attributes:
         n_bytes: Bytes taken.
-        error: Why the file cannot be written any more; from then on everything is taken and nothing kept.
+        error: Reason why the file cannot be written any more; from then on everything is discarded.
 
     Raises:
         OSError: The folder in memory, or the note beside the file, cannot be made.
@@ -208,7 +208,7 @@ class SpooledFile:
 
 
 def take_tail(part: Path) -> None:
-    """Add to an unfinished file what its writer had not yet brought to the disk when it was killed.
+    """Append to an unfinished file the bytes that its killed writer had not yet brought to the disk.
 
     A copy of the file gets nothing, and takes nothing away from the file that it was copied from.
 
@@ -227,7 +227,7 @@ def take_tail(part: Path) -> None:
 
 
 def rescue_tails() -> None:
-    """Bring to their files what recordings that were killed left in memory, so that it does not stay there."""
+    """Append the bytes that killed recordings left in memory to their files, so that the memory is freed."""
     for folder in _MEMORY.glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError, ValueError):
             part = Path(str(_owner(folder).get("path", "")))

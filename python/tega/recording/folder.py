@@ -41,7 +41,7 @@ def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
         also: Further files of an earlier run of this kind.
 
     Returns:
-        Where the earlier run is kept; ``None`` if there was none, or it left no results.
+        The folder with the earlier run; ``None`` if there was none, or it left no results.
 
     Raises:
         ConfigError: The path is a file, or the folder holds something that is not an earlier run.
@@ -70,7 +70,7 @@ def check_folder(folder: Path) -> None:
 
 
 def _keep_earlier(folder: Path, also: Sequence[Path]) -> Path | None:
-    """Move what an earlier run left into a folder of its own; a mere note that a run has begun is no result."""
+    """Move the results of an earlier run into a folder of its own; a note of a begun run is no result."""
     ours = [folder / name for name in OUTPUT_NAMES if os.path.lexists(folder / name)]
     ours += also
     if not ours or (ours == [folder / "summary.json"] and NOT_ENDED in read_words(ours[0])):

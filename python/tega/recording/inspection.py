@@ -28,7 +28,7 @@ class StreamFacts(msgspec.Struct, frozen=True):
     Attributes:
         topic: Its name.
         schema: Name of its messages' schema.
-        messages: How many.
+        messages: Number of messages.
         rate_hz: Rate of the messages between the first and the last stamp; for EMG, of the samples; ``None`` if there
             are too few.
         median_ms: The usual distance of two stamps.
@@ -75,13 +75,13 @@ class Inspection(msgspec.Struct, frozen=True):
     Attributes:
         file: Its name.
         complete: Whether the run that made it finished it.
-        cut: Why reading ended early, in a word; ``""`` where it did not.
+        cut: Reason for an early end of reading, in a word; ``""`` for none.
         lossless: Whether the pictures are as they were.
         origin: For one made by `trim` or `merge`, the steps from the run's own file to this one.
-        from_s: Where in its session it begins.
+        from_s: Beginning of the recording in its session.
         start: Time of day at the start of the session, nanoseconds since 1970.
         duration_s: From there to the newest stamp.
-        ended: How the run ended; ``""`` where that was not recorded.
+        ended: Way in which the run ended; ``""`` if it was not recorded.
         mib: Size of the file.
         config_sha256: Checksum of the settings' text.
         versions: Versions of the recording itself, and of everything the results may depend on.

@@ -37,7 +37,7 @@ class McapRecords:
         file: Opened for reading; needs no index.
 
     Attributes:
-        problem: Why the rest of it cannot be read; ``""`` while it can.
+        problem: Reason why the rest cannot be read; ``""`` for none.
 
     Raises:
         MissingExtraError: The package ``mcap`` is not installed.

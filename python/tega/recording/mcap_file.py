@@ -77,7 +77,7 @@ class McapFile(RecordChannels):
 
     @property
     def error(self) -> OSError | None:
-        """Why the file cannot be written any more."""
+        """Reason why the file cannot be written any more."""
         return self._disk.error
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -99,7 +99,7 @@ class McapFile(RecordChannels):
 
         Args:
             record: The record to write.
-            t_ns: When it came, nanoseconds since the start of the session.
+            t_ns: Time of arrival, nanoseconds since the start of the session.
         """
         self.n_items += 1
         super().write(record, t_ns)

@@ -33,7 +33,7 @@ class _IndexTrial(msgspec.Struct):
 
 
 class _SessionIndex(msgspec.Struct):
-    """Holds what an index must have."""
+    """Required fields of an index."""
 
     trials: list[_IndexTrial]
 
@@ -45,7 +45,7 @@ class Recovered(NamedTuple):
         path: The finished one.
         n_messages: Messages in it.
         end_ns: Log time of the newest, nanoseconds since 1970; 0 when there is none.
-        problem: Why the rest of it cannot be read.
+        problem: Reason why the rest cannot be read.
     """
 
     path: Path
@@ -57,7 +57,7 @@ class Recovered(NamedTuple):
 class SessionFolder:
     """A folder of trials.
 
-    Opening it finishes what an earlier process left unfinished.
+    Opening a folder finishes the files that an earlier process left unfinished.
 
     Args:
         path: The folder; made if need be.
@@ -245,7 +245,7 @@ def recover_file(source: Path, target: Path) -> Recovered:
         target: The new file; it is replaced, and appears only when it is complete.
 
     Returns:
-        The number and kind of the records found.
+        The finished file, with its number of messages and the problem of the rest.
 
     Raises:
         RecordingError: The source is no file, or larger than a recording can be.
@@ -263,8 +263,7 @@ def recover_file(source: Path, target: Path) -> Recovered:
 def session_files(path: Path) -> list[Path]:
     """Return the recordings that a path names: a file, or all of a session's folder, unfinished ones finished first.
 
-    Where there is no room to finish one, or no right to write, it is returned as it was left: it can be read up to its
-    end.
+    If there is no room or no permission to finish a file, it is returned unfinished: it can be read up to its end.
 
     Raises:
         RecordingError: There are none.

@@ -1,4 +1,4 @@
-"""Queue records from those who record to the thread that writes: bounded; what does not fit is counted."""
+"""Queue records between producers and the writing thread: bounded; records that do not fit are counted."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Item(NamedTuple):
 
     Attributes:
         record: Not yet encoded.
-        t_ns: When it came, nanoseconds since the start of the session.
+        t_ns: Time of arrival, nanoseconds since the start of the session.
         n_bytes: Its approximate size in memory.
     """
 
@@ -100,7 +100,7 @@ class BoundedQueue:
             return None
 
     def done(self, item: Item) -> None:
-        """Give an item's room back; called by the one who takes."""
+        """Free an item's room; called by the consumer."""
         self._done_bytes += item.n_bytes
 
     def problem(self) -> str:
@@ -109,7 +109,7 @@ class BoundedQueue:
         return f"{dropped}: disk or processor does not keep up" if dropped else ""
 
     def close(self) -> None:
-        """Take nothing more; what comes is counted as dropped, what waits can still be taken."""
+        """Accept no more items: new ones count as dropped, waiting ones can still be taken."""
         with self._lock:
             self._closed = True
 

@@ -32,7 +32,7 @@ class Message(NamedTuple):
     Attributes:
         topic: Its channel.
         schema: Name of its schema, such as ``tega.Contact``.
-        log_ns: When it came, nanoseconds since 1970.
+        log_ns: Time of arrival, nanoseconds since 1970.
         n_bytes: Its size in the file before compression.
         value: Decoded; ``None`` where the caller did not want it.
     """
@@ -68,7 +68,7 @@ class McapReader:
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
         files: Attachments, as far as the pass has come.
-        cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
+        cut: Reason for an early end of the file; ``""`` before that, and in a complete one.
     """
 
     def __init__(self, path: Path, *, data: bytes | None = None, check_sums: bool = False) -> None:

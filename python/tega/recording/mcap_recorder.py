@@ -41,7 +41,7 @@ class McapRecorder:
 
     Args:
         folder: The session's folder.
-        settings: How to record.
+        settings: Settings of the recording.
         wait: If true, producers wait for room instead of dropping records; for runs that are not in real time.
         queue_bytes: Most bytes that may wait to be encoded; the settings' value when ``None``.
         raw: Something else to write to than a file in the folder.
@@ -116,7 +116,7 @@ class McapRecorder:
 
         Args:
             record: The record to write; it is not encoded yet.
-            t_ns: When it came, since the start of the session, where its own stamp is on another clock.
+            t_ns: Time of arrival, since the start of the session, if the record's own stamp is on another clock.
         """
         self._queue.put(Item.of(record, t_ns))
 
@@ -136,13 +136,13 @@ class McapRecorder:
         return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
-        """Write what waits, the index and the summary; close the file and give it its name.
+        """Write the waiting records, the index and the summary; close the file and give it its name.
 
         Args:
             summary: The run's summary as JSON.
 
         Returns:
-            What became of the recording, for people and machines.
+            Summary of the recording, for people and machines.
         """
         self._drain()
         if self._thread.is_alive():
@@ -156,7 +156,7 @@ class McapRecorder:
         return {"file": name, **facts}
 
     def leave(self) -> None:
-        """Write what waits and leave the file unfinished, for who opens the folder next to recover."""
+        """Write the waiting records and leave the file unfinished, to be recovered when the folder is next opened."""
         self._drain()
         if self.state == "recording" and not self._thread.is_alive():
             self._file.flush()

@@ -40,7 +40,7 @@ class _Part(NamedTuple):
     calibration: bytes
 
     def setup(self) -> dict[str, str]:
-        """Return what has to be the same in all of them, by name."""
+        """Return the values that have to be the same in all of them, by name."""
         head = self.tables["tega"]
         sources = ", ".join(sorted(self.tables.get("sources", {})))
         known = {"format": head.get("version", ""), "vest": head.get("layout", ""), "inputs": sources}

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from tega.errors import ConfigError
 
 LEAD_IN = "lead-in.mcap"
-"""Name of the attachment with what came before the span, as far as a replay needs it."""
+"""Name of the attachment with the records from before the span that a replay needs."""
 
 SPAN = "span"
 _ORIGIN = "origin-"

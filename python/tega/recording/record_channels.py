@@ -31,7 +31,7 @@ class RecordChannels:
         jpeg_quality: 1 to 100.
 
     Attributes:
-        epoch_ns: Time of day at the start of the session, ns: what viewers show is this plus the session's time.
+        epoch_ns: Time of day at the start of the session, ns; viewers show this plus the session's time.
         context: The SDK's context.
 
     Raises:
@@ -58,7 +58,7 @@ class RecordChannels:
 
         Args:
             record: The record to log.
-            t_ns: When it came, nanoseconds since the start of the session.
+            t_ns: Time of arrival, nanoseconds since the start of the session.
         """
         if not self._heard(record):
             return

@@ -176,7 +176,7 @@ def sample_names(info: DeviceInfo | None, n_channels: int) -> list[str]:
 
 
 def column_names(kind: type[Record]) -> list[str]:
-    """Return the columns of a record type without those of its lists, as for a topic without messages."""
+    """Return the columns of a record type, one per field, as for a topic without messages."""
     return [column for _, column, _ in _names(kind)]
 
 

@@ -48,7 +48,7 @@ class RecorderProcess:
 
     Args:
         folder: The session's folder.
-        settings: How to record.
+        settings: Settings of the recording.
         realtime: Whether the process may ask for real-time priority.
 
     Raises:
@@ -105,7 +105,7 @@ class RecorderProcess:
         self._thread.start()
 
     def put(self, record: Record, *, t_ns: int | None = None) -> None:
-        """Hand a record over; returns at once, and what does not fit is dropped and counted."""
+        """Hand a record over; returns at once. Records that do not fit are dropped and counted."""
         self._queue.put(Item.of(record, t_ns))
 
     def problem(self) -> str:
@@ -115,7 +115,7 @@ class RecorderProcess:
         return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
-        """Have everything written that waits, the index and the summary; end the process, and return what became.
+        """Write the waiting records, the index and the summary; end the process, and return the summary.
 
         Args:
             summary: The run's summary as JSON.
@@ -194,7 +194,7 @@ class RecorderProcess:
 
     @run_realtime("beside")
     def _ship(self) -> None:
-        """Take what waits to the process, until all of it went."""
+        """Send the waiting records to the process, until all are sent."""
         if not self._say("begin", *self._begun):
             return
         while True:

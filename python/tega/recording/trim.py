@@ -89,14 +89,14 @@ def trim_session(
 
 
 class _Look:
-    """First pass over a recording: finds what has to go with the span.
+    """First pass over a recording: finds the records that belong to the span.
 
     Attributes:
         tables: Metadata of the file.
         origin: Name and content of the table with the new file's origin.
         felt: Frames by finger and stamp that had their contact received within the span.
-        lead_in: A file of its own with what came before the span; empty where nothing did, or where the recording
-            has itself been trimmed without.
+        lead_in: A separate file with the records from before the span; empty if there are none, or if the recording
+            has itself been trimmed without them.
     """
 
     def __init__(self, source: Path, part: Span) -> None:
@@ -160,7 +160,7 @@ class _Look:
 
 
 def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
-    """Read again, and copy what belongs to the span."""
+    """Read again, and copy the records of the span."""
     begun = False
     pictures: dict[str, McapItem] = {}
     with open_recording(source) as file:

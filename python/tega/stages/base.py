@@ -87,7 +87,7 @@ class VestSetup(NamedTuple):
     """Setup of a mapping: the vest that it drives.
 
     Attributes:
-        layout: Where the motors are, mirrored as the settings say.
+        layout: Positions of the motors, mirrored as in the settings.
         fingers: Fingers that have a sensor, thumb first.
         maxima: Maxima by finger and value (``cci``, ``eda``); a value without a maximum is missing.
         felt: Threshold and step of the wearer, where they were measured.
@@ -113,8 +113,7 @@ class TouchMap(NamedTuple):
     """A metric's map of a fingertip and the outline of the contact, for drawing.
 
     Attributes:
-        height: How deep or how strong the contact is, float32 (rows, columns), 0 or more; coarser than the picture
-            where the metric has no more.
+        height: Depth or strength of the contact, float32 (rows, columns), 0 or more; may be coarser than the picture.
         unit: Unit of the height, ``"mm"`` or ``"grey"``.
         mask: Pixels that EDA counts, bool (H, W) as the picture; all false without contact.
     """
@@ -217,7 +216,7 @@ class Metric(_Stage, ABC):
 
 
 class MeasuredPicture(msgspec.Struct, frozen=True, kw_only=True):
-    """A fingertip's picture that has just been measured, for those who draw it: no record, and not recorded.
+    """A fingertip's picture that has just been measured, for displays: no record, and not recorded.
 
     Published in the measuring thread, and only if there are subscribers. A subscriber that needs the map requests it
     from the metric before returning, since the metric then goes on to the next frame.
@@ -274,7 +273,7 @@ class Decoder(_Stage, ABC):
 
     @property
     def holds(self) -> str:
-        """Why its newest closure only repeats the one before, in words for display; ``""`` where it does not."""
+        """Reason why its newest closure only repeats the one before, for display; ``""`` if it does not."""
         return ""
 
 

@@ -36,7 +36,7 @@ class ChangesOptions(SlipRowOptions, frozen=True):
         adapt_s: Time constant with which the level that is adapted to follows.
         quiet_percent: A difference up to this counts as no change.
         remind_every_s: While nothing changes the steady level is shown once in so long; 0: all the time.
-        remind_s: How long it is shown then.
+        remind_s: Duration for which it is shown then.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "none"

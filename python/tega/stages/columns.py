@@ -153,7 +153,7 @@ class ColumnsMapping(Mapping):
         values: NDArray[np.float64],
         contacts: AnyMapping[str, Contact],  # noqa: ARG002  # for a mapping that shows where they are
     ) -> NDArray[np.float64]:
-        """Return what every motor shows of the fingers' values."""
+        """Return the level of every motor from the fingers' values."""
         levels = values.take(self._shown)
         if self._options.rows == "bar":
             # A motor is lit by as much of the bar as reaches it.
@@ -208,7 +208,7 @@ def finger_columns(setup: VestSetup, fingers: Sequence[str] = FINGERS) -> dict[i
 
 
 def _full(setup: VestSetup, finger: str, face: str, value: str, given: float | None) -> float | None:
-    """Return what counts as full: given, or the calibration's; ``None`` where that has none of this finger."""
+    """Return the full value: the given one, or the calibration's; ``None`` if there is none for this finger."""
     if given is not None:
         return given
     if value in {"cci", "eda"}:

@@ -28,7 +28,7 @@ class EmgBand:
 
     Args:
         rate_hz: Samples a second.
-        n_channels: How many channels.
+        n_channels: Number of channels.
 
     Raises:
         InvalidValueError: The rate is too low for the band.

@@ -35,7 +35,7 @@ class GripReflexOptions(StageOptions, frozen=True):
         full_slip_mm_s: Speed of a slip at which the grip is to be firmer by all that may be added.
         events: Whether a slip detected from events counts, for fingers with a metric that measures neither of the
             two.
-        keep_s: How long a wish outlasts its cause, seconds.
+        keep_s: Time by which a wish outlasts its cause, seconds.
         most_give_levels: Closure gained since the first touch at which nothing is added any more, levels, as the
             object is giving way. 0 for no such limit.
         most_force_n: Force on a fingertip at which nothing is added any more, newtons; 0 for no such limit.
@@ -128,7 +128,7 @@ class GripReflex(Reflex):
             self._why = f"slip, {finger}"
 
     def _slips(self, contact: Contact) -> float:
-        """How far a finger slips by its metric's own values, 0 to 1."""
+        """Strength of a finger's slip by its metric's own values, 0 to 1."""
         o, most = self._o, 0.0
         for one in contact.more:
             if one.name == "incipient" and math.isfinite(one.value):
@@ -138,7 +138,7 @@ class GripReflex(Reflex):
         return min(most, 1.0)
 
     def _incipient(self, contact: Contact, share: float) -> float:
-        """How much a finger's share that has slid calls for a firmer grip: by itself, or by its rise."""
+        """Wish for a firmer grip from a finger's share that has slid: by itself, or by its rise."""
         o = self._o
         if o.rise_from <= 0:
             return (share - o.incipient_from) / (1 - o.incipient_from)

@@ -34,7 +34,7 @@ class PulsesOptions(StageOptions, frozen=True):
         release: A finger lets go: intensity of its back column, percent; 0 leaves it out.
         slip: The object slips: intensity of the columns of all fingers in use, on both faces, percent; 0 leaves it
             out.
-        duration_s: How long a pulse lasts: a small coin motor needs about 0.18 s to reach its full vibration.
+        duration_s: Duration of a pulse: a small coin motor needs about 0.18 s to reach its full vibration.
         gap_s: Minimum time after a pulse before the same event of the same finger is shown again.
     """
 

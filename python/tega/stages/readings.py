@@ -56,8 +56,8 @@ class ReadingOptions(StageOptions, frozen=True):
     Attributes:
         threshold: Reading of Eq 4 and 5, D1 to D8: see :mod:`tega.stages.readings`.
         weights: ω of Eq 1 for red, green, blue; their sum is 1.
-        difference: How frame and baseline are subtracted; none means signed for D1, rectified for D2, else absolute.
-            D3 to D8 also know ``l2`` (root mean square over the channels) and ``luminance`` (weighted, then absolute).
+        difference: Difference of frame and baseline; none means signed for D1, rectified for D2, else absolute. D3 to
+            D8 also accept ``l2`` (root mean square over the channels) and ``luminance`` (weighted, then absolute).
         spread: σ of D1 and D2: ``spatial`` in pixels as printed, or ``intensity`` of the whole map.
         factor: The 1.28 of Eq 4.
         centroid_value: I(µ): the ``nearest`` pixel, or ``bilinear`` between four; of D3 to D8 also the largest value

@@ -96,7 +96,7 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
     Raises:
         ConfigError: No stage of the group has that name.
         MissingExtraError: Its module needs a package that is not installed.
-        DeviceUnavailableError: Its module does not hold what its entry point says.
+        DeviceUnavailableError: Its module lacks the name in its entry point.
     """
     where, base = GROUPS[group]
     entry = find_plugin(where, group, name)

@@ -32,7 +32,7 @@ class SlipRowOptions(ColumnsOptions, frozen=True):
             slip.
         slip_percent: Intensity of a burst.
         slip_bursts: Number of bursts that show a slip.
-        slip_burst_s: How long each lasts: a small coin motor needs about 0.18 s to reach its full vibration.
+        slip_burst_s: Duration of a burst: a small coin motor needs about 0.18 s to reach its full vibration.
         slip_rest_s: Rest between two bursts.
         slip_again_s: Minimum time after the last burst before the same finger's slip is shown again.
     """

@@ -239,7 +239,7 @@ def measured_contacts(
         The contact in each frame.
 
     Returns:
-        When the source ended, in nanoseconds.
+        The time at which the source ended, in nanoseconds.
 
     Raises:
         RecordingError: A recorded frame is unreadable or not of the baseline's size.

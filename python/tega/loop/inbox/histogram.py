@@ -15,7 +15,7 @@ class Histogram:
     Percentiles are right within 2 %, the worst is exact.
 
     Attributes:
-        n: How many.
+        n: Number of values.
         worst_ns: The largest.
     """
 

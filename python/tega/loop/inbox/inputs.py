@@ -34,7 +34,7 @@ class SeatSeen(NamedTuple):
     Attributes:
         state: Its newest state.
         held: Whether the button that is meant is down.
-        n_presses: How often it has gone down since the start.
+        n_presses: Number of presses since the start.
     """
 
     state: InputReading

@@ -86,7 +86,7 @@ class CameraVote:
     """Vote of one camera, by the faults of its pictures.
 
     Attributes:
-        fault: Why the camera has no vote now, in words; ``""`` while it has.
+        fault: Reason why the camera has no vote now; ``""`` while it has one.
 
     Example:
         >>> vote = CameraVote()

@@ -28,7 +28,7 @@ class _Opens(Protocol):
 
 
 class Reader(Generic[Given]):
-    """A thread that passes on what an iterator yields, until that ends or the reader is closed.
+    """A thread that passes on the items of an iterator, until that ends or the reader is closed.
 
     Args:
         name: For the thread.

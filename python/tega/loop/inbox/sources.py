@@ -1,4 +1,4 @@
-"""Read EMG samples and turn them into levels for the hand, and count what happens to a source's items."""
+"""Read EMG samples, turn them into levels for the hand, and count a source's items."""
 
 from __future__ import annotations
 
@@ -98,11 +98,11 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
         n_rezeroed: New baselines that were asked for and taken.
         n_rezero_refused: New baselines that were refused, because another finger bore a load or the picture was dark.
-        lost: Why the source went away; ``""`` while it is there.
-        n_lost: How often it went away.
+        lost: Reason for the current loss of the source; ``""`` while it is there.
+        n_lost: Number of losses.
         last_lost: Reason for the last loss; ``""`` for none.
-        end_ns: When the source ended, once it has.
-        faults: Channels of EMG, or what of a camera, that have no vote now, with the reason.
+        end_ns: Time at which the source ended; ``None`` before.
+        faults: Channels of EMG, or faults of a camera, without a vote now, with the reason.
     """
 
     n_items: int = 0
@@ -311,7 +311,7 @@ def grasp_blocks(
         The intent of each block.
 
     Returns:
-        When the source ended, in nanoseconds.
+        The time at which the source ended, in nanoseconds.
     """
     live = source.info.live
     meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)

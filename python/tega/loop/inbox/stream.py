@@ -38,7 +38,7 @@ class Stream(Protocol[Item_co]):
 
     @property
     def end_ns(self) -> int:
-        """When the stream ends, as far as is known."""
+        """Time at which the stream ends, if it is known."""
         ...
 
     @property
@@ -61,8 +61,8 @@ class PulledStream(Generic[Item]):
     Args:
         items: The iterator. It may return the time at which the stream ends (the last frame lasts one period);
             otherwise that is the time of its last item.
-        end_ns: When the stream ends, where the iterator does not return it.
-        known: When each item is known; ``None`` for the time it is stamped with.
+        end_ns: Time at which the stream ends, if the iterator does not return it.
+        known: Returns the time at which an item is known; ``None`` for the time it is stamped with.
         over: Whether it is known by now that nothing follows the last item.
     """
 
@@ -189,7 +189,7 @@ class LiveStream(Generic[Item]):
         """Put nothing in any more.
 
         Args:
-            end_ns: When the stream ends; ``None`` for the time of its last item.
+            end_ns: Time at which the stream ends; ``None`` for that of its last item.
             error: Raised to the loop after the items before it.
         """
         with self._lock:

@@ -28,7 +28,7 @@ def arm_settings(head: Head) -> ArmSettings:
 
 
 def compare_arm(recorded: Recorded, settings: ArmSettings) -> list[Comparison]:
-    """Give a new chain what every turn took in, and compare what comes of it; nothing for a run without an arm.
+    """Give a new chain the input of every turn, and compare its commands; empty for a run without an arm.
 
     Args:
         recorded: The recording.

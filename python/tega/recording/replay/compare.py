@@ -36,7 +36,7 @@ class Comparison(msgspec.Struct, frozen=True):
         recorded: Rows in the recording.
         replayed: Rows in the replay.
         differ: Rows that differ or are in one of them only.
-        fields: How many rows differ in each field.
+        fields: Number of differing rows, by field.
         last_t_s: Time of the last row that differs; ``None`` where none does.
         first: The first differences.
     """

@@ -66,8 +66,8 @@ class FollowedFile:
         reader: Has passed over the file once.
         zero_ns: Log time at the beginning of the recording.
         followers: Follower of each topic to read.
-        behind_ns: Reading that is further behind leaves out what lies between, time of the recording.
-        delays_ns: How much later than it was so a topic's messages came; 0 unless given.
+        behind_ns: Reading that is further behind than this skips ahead, time of the recording.
+        delays_ns: Delay of a topic's messages, by topic; 0 unless given.
 
     Attributes:
         zero_ns: As given.

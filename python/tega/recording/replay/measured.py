@@ -68,7 +68,7 @@ class Measured:
     Args:
         other: Settings that replace the run's preset, calibration, kind of EMG, vest and hand.
         sets: Single settings that do, as ``key=value``: preset, stages, vest, hand.
-        lookers: Called with each frame that is measured as in the run.
+        lookers: Bus; each frame that is measured as in the run is published on it.
 
     Attributes:
         config: The settings of the run, as changed.
@@ -182,7 +182,7 @@ class Measured:
         self.beside.setdefault(f"/beside/{said.stage}/{finger}", []).append(said)
 
     def _change(self, head: Head, kind: str) -> Any:
-        """Take over what other settings say of the computation, and note it."""
+        """Apply and note the other settings for the computation."""
         if self._other is None:
             other = without_devices(head.tree, self._sets)
         else:

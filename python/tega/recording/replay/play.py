@@ -90,7 +90,7 @@ def play_file(
         to: Settings to play on. Their sources and maxima are not used, and nothing is recorded. The vibration counts
             towards the daily dose of the person they name.
         speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
-        because: Why a real vest or hand is played to at more than the recording's speed.
+        because: Reason for playing faster than recorded on a real vest or hand.
         playhead: Position to begin at; also takes requests to seek. ``None`` plays everything from the beginning.
         others: Files of the same time and machine, such as a scene recording, each played by the feature that wants it.
         bus: Bus of the run.
@@ -180,7 +180,7 @@ def play_file(
 
 
 def _live(to: SessionConfig) -> tuple[bool, list[str]]:
-    """Return whether anything runs on its own clock, and what of that is no drawing, no sound and no virtual bus."""
+    """Return whether any output runs on its own clock, and those that are neither drawing, sound nor virtual bus."""
     from tega.devices.hand.python_can import may_have_hardware
 
     live, real = False, []
@@ -197,7 +197,7 @@ def _live(to: SessionConfig) -> tuple[bool, list[str]]:
 
 
 def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None:
-    """Refuse a speed that is out of range, or not for what may be worn or may hurt.
+    """Refuse a speed that is out of range, or not allowed for devices that are worn or may hurt.
 
     Raises:
         ConfigError: The speed is out of range, or not allowed for the devices.

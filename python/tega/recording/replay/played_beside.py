@@ -1,4 +1,4 @@
-"""Show while a recording is played what no sink takes: where its arm was and why, and its markers."""
+"""Show, for a recording that is played, the parts without a sink: the arm's state and the markers."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def played_input(
     Args:
         recorded: The recording.
         measured: The contacts and intents measured again.
-        playhead: Says what of it is played.
+        playhead: Position of the playback.
         lead_ns: Time before the recording begins.
         note: Note for readers of the results.
     """
@@ -139,7 +139,7 @@ class PlayedLooks:
 
     Args:
         looks: In the order of their times.
-        playhead: Says what of them is played.
+        playhead: Position of the playback.
     """
 
     def __init__(self, looks: Sequence[HandLook], playhead: Playhead) -> None:

@@ -159,7 +159,7 @@ class PlayedStreams(Part):
     Args:
         path: The recording.
         recorded: The recording's content.
-        measured: How its pictures are measured.
+        measured: Settings and metric for measuring its pictures.
         playhead: Position of the playback.
         bus: The records are published here as they pass.
         others: Further files of the same time, each played by the feature that wants it.
@@ -244,11 +244,11 @@ class PlayedStreams(Part):
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What of the recording cannot be shown, a sentence each."""
+        """Parts of the recording that cannot be shown, a sentence each."""
         return tuple(said for file in self._files for said in tuple(file.problems.values()))
 
     def shown(self, view: LoopView) -> LoopView:
-        """Complete a moment for a display with what cannot be shown."""
+        """Add the parts that cannot be shown to a view of the loop."""
         return view._replace(alerts=(*view.alerts, *problems)) if (problems := self.problems) else view
 
     def n_shown(self) -> dict[str, int]:
@@ -284,7 +284,7 @@ def _topics(
 
 
 def _meter(recorded: Recorded, measured: Measured, finger: str, baseline: Any) -> FrameMeter:
-    """Make what measures a finger, as it was measured then."""
+    """Make a finger's meter, as in the run."""
     head, config = recorded.head, measured.config
     with with_attached(config.stages, head.files) as stages:
         calibration = measured.calibration.touch(finger)

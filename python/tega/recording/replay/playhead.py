@@ -1,4 +1,4 @@
-"""Move to another moment of a recording while it is played: the run's own time goes on, what comes into it changes."""
+"""Move to another moment of a recording while it is played; the run's own time goes on."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Playhead:
         end_ns: Length of the recording; 0 until it is read.
         shift_ns: Time of the run minus time of the recording.
         n_jumps: Wishes taken up so far.
-        fills: Called with every tick of the run, after a requested jump.
+        fills: Functions called with every tick of the run, after a requested jump.
 
     Raises:
         InvalidValueError: ``from_s`` is below 0.
@@ -96,7 +96,7 @@ class PlayedItems(Generic[Item]):
 
     Args:
         items: Items, stamped with the recording's time.
-        known: When each was known then, in rising order.
+        known: Time at which each item was known, in rising order.
         playhead: Position of the playback; fills the stream at every tick of the run.
         first: Item in force before the first one; at a jump the item in force at the new position is repeated.
             ``None`` for items without later effect.

@@ -1,4 +1,4 @@
-"""Compute a recording again: run the loop on it tick by tick as it ran, and compare what comes out.
+"""Re-run a recording: run the loop on it tick by tick as it ran, and compare the output.
 
 The loop receives at each tick the input that it received in the run, so the replay of a live run does not depend on
 how threads were scheduled. For a lossless recording everything is computed from the raw frames and samples. With JPEG
@@ -82,8 +82,8 @@ class Replay(msgspec.Struct, frozen=True):
         lossless: Whether it was computed from the raw streams.
         complete: Whether the recording was finished by the run that made it.
         changed: Settings that differ from the run's own, in words.
-        from_s: Where in its session the recording begins; what came before was computed too, and not compared.
-        duration_s: How long the loop ran from there on.
+        from_s: Beginning of the recording in its session; the time before is computed too, but not compared.
+        duration_s: Duration of the loop from there on.
         streams: Each one compared.
         pictures: Errors of JPEG images.
         dropped: Records lost, by topic; these cannot be computed again.
@@ -243,7 +243,7 @@ class _RecordedTrials:
 def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> PulledStream[Item]:
     """Return a stream with each item at the tick at which the run received it.
 
-    Where every source had ended, it ends with the last tick of the run.
+    If every source had ended, the stream ends with the last tick of the run.
     """
     end = recorded.end or End(end_ns=0, ended="", n_waits=0)
     # The last look of a set time is before its end.

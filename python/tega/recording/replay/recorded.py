@@ -1,4 +1,4 @@
-"""Read a recording as the loop needs it: what came in and when it was taken in, what went out."""
+"""Read a recording as the loop needs it: its input with the times of reading, and its output."""
 
 from __future__ import annotations
 
@@ -226,7 +226,7 @@ def read_recorded(
 
 
 def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[EmgChunk], None]) -> Recorded:
-    """Take in what comes before the first message, and of a trimmed recording its lead-in."""
+    """Read the head before the first message, and the lead-in of a trimmed recording."""
     head = _head(reader)
     recorded = Recorded(
         head,

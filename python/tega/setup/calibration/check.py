@@ -46,7 +46,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
 
     Args:
         config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
-        settings: How their file is named in the commands that are suggested.
+        settings: Name of the settings file in suggested commands.
         now: Current time, for the age of the records.
     """
     person, folder = whose(config.calibration)
@@ -95,7 +95,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
 
 
 def people_with_calibrations(config: SessionConfig, settings: str) -> list[str]:
-    """Return the people who have calibrations in the folder of some settings."""
+    """Return the people with calibrations in the folder of some settings."""
     folder = config.calibration.folder or Path(settings).absolute().parent / "calibrations"
     return sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
 

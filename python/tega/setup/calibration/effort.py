@@ -142,7 +142,7 @@ class Squeezes(NamedTuple):
     Attributes:
         paper: Largest block mean, (channels,).
         live: 95th percentile of the block means, (channels,).
-        problems: Why they cannot be used, one sentence each.
+        problems: Reasons why they cannot be used, one sentence each.
     """
 
     paper: NDArray[np.float64]

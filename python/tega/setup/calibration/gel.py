@@ -52,7 +52,7 @@ class Rest(NamedTuple):
         picture: Mean of the pictures, uint8 (H, W, 3), blue, green, red.
         noise: Standard deviation of a pixel in time, counts, blue, green, red.
         cell_noise: Standard deviation of a cell's mean, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
-        n_pictures: How many it is the mean of.
+        n_pictures: Number of pictures averaged.
         problems: Reasons why this is no good baseline, one sentence each; empty for a good one.
     """
 
@@ -215,7 +215,7 @@ def compare_gels(
         then: An earlier one of the same size.
         noise_now: Noise of the noisiest colour, counts; the unit for judging spots and changes of light.
         noise_then: The same for the earlier one, above 0.
-        when: How the earlier one is called in the sentences, such as ``2026-11-02``.
+        when: Name of the earlier one in the sentences, such as ``2026-11-02``.
 
     Raises:
         CalibrationError: The baselines differ in size.

@@ -51,8 +51,8 @@ def light_motor(
         vest: An open vest.
         motor: Index of the motor, as in :attr:`tega.haptics.MotorLevels.motors`.
         layout: Layout of the vest's motors.
-        percent: How hard.
-        duration_s: How long.
+        percent: Intensity, percent.
+        duration_s: Duration, seconds.
         clock: Time.
         stop: Asked all the time whether to end early.
         told: Called with each frame that the vest reports as sent, except the silence at the end.
@@ -89,7 +89,7 @@ def show_frame(
     Args:
         vest: An open vest.
         frame: Frame to show.
-        duration_s: How long.
+        duration_s: Duration, seconds.
         clock: Time.
         what: Name of the frame, for the error message.
         stop: Asked all the time whether to end early.

@@ -25,7 +25,7 @@ class Curve:
     No level follows itself, and every five holds visit every level.
 
     Args:
-        duration_s: How long; at least 10 s.
+        duration_s: Duration; at least 10 s.
         seed: Seed of the order.
 
     Raises:

@@ -64,11 +64,11 @@ def recalibrate(
     Args:
         config: The settings; their decoder says whether there is a model.
         person: Name of the person.
-        folder: Where it is kept.
+        folder: Folder of the calibration.
         guide: Shows and asks.
-        times: How long things take; rest and squeeze are five seconds of their own scale.
+        times: Durations of the steps; rest and squeeze are five seconds of their own scale.
         now: Current time.
-        model_out: Where the new model goes; ``None`` for a file beside the old one, with the time in its name.
+        model_out: Path of the new model; ``None`` for a file beside the old one, with the time in its name.
 
     Raises:
         ConfigError: The settings have no EMG, or a learned decoder without a model, or there is no model to write.

@@ -55,9 +55,9 @@ def refresh(
         config: The settings.
         person: Name of the person.
         parts: Parts to refresh; vest, forearm and cameras need none.
-        folder: Where it is kept.
+        folder: Folder of the calibration.
         guide: Shows and asks.
-        times: How long things take.
+        times: Durations of the steps.
         now: Current time.
 
     Returns:
@@ -149,13 +149,13 @@ def to_todays_scale(
     guide: Guide,
     now: datetime,
 ) -> EmgRecord:
-    """Return a calibration of muscles with today's rest, and its maxima times what one squeeze gives today.
+    """Return a calibration of muscles with today's rest, and its maxima scaled by one squeeze of today.
 
     Args:
         record: The calibration.
         quiet: Today's rest.
         maxima: Today's squeeze.
-        limits: How many times its old maximum a channel may give, at least and at most.
+        limits: Smallest and largest permitted ratio of a channel to its old maximum.
         guide: Shows the scale.
         now: Current time.
 

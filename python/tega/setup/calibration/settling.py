@@ -1,4 +1,4 @@
-"""Ask what to do where a calibration step finds a fault: repeat the step, keep its result, or give up."""
+"""Ask how to handle a fault in a calibration step: repeat the step, keep its result, or give up."""
 
 from __future__ import annotations
 

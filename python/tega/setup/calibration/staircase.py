@@ -42,7 +42,7 @@ class Limen(NamedTuple):
 
     Attributes:
         level: The lowest level that is felt; ``None`` where none up to the ceiling is.
-        n_false: How often nothing was felt to be something.
+        n_false: Number of questions without vibration that were answered as felt.
         n_trials: Questions asked.
     """
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tega.devices.base import Tracker
 
 WAIT_S: Final = 30.0
-"""How long a movement is waited for."""
+"""Time to wait for a movement."""
 
 _LOOK_S: Final = 0.02
 _FULL_M: Final = 0.2
@@ -39,7 +39,7 @@ _BASE_ANSWERS: Final = {
 
 
 class TakenHeading(NamedTuple):
-    """Heading of the operator's forward, and what its check said.
+    """Heading of the operator's forward, and the result of its check.
 
     Attributes:
         yaw_rad: As in ``arm.mapping.yaw_rad``.
@@ -58,7 +58,7 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
     Args:
         tracker: The open tracker.
         guide: Shows and asks.
-        wait_s: How long each movement is waited for.
+        wait_s: Time to wait for each movement.
 
     Raises:
         CalibrationError: The second does not, and there is no answer about another attempt.
@@ -100,7 +100,7 @@ def take_base_yaw(
         guide: Shows and asks.
         yaw_rad: The operator's forward, as :func:`take_heading` found it.
         told_rad: Value of the settings, kept if there is no answer.
-        wait_s: How long the movement is waited for.
+        wait_s: Time to wait for the movement.
 
     Returns:
         As in ``arm.mapping.base_yaw_rad``.
@@ -141,7 +141,7 @@ def watch_sweep(
 
     Args:
         tracker: The open tracker.
-        seconds: How long to wait.
+        seconds: Time to wait.
         yaw_rad: Direction of forward, rad; ``None`` if it is unknown.
         shown: Called again and again with the movement so far and the seconds left.
 

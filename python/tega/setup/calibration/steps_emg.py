@@ -101,7 +101,7 @@ def collect(
 
     Args:
         source: The open source.
-        seconds: How long.
+        seconds: Duration.
         guide: Shows.
         prompt: Instruction for the person.
         names: Names of the channels, for the bars.
@@ -162,7 +162,7 @@ def take_rest(
         source: The open source.
         chain: The conditions.
         guide: Shows and asks.
-        times: How long things take.
+        times: Durations of the steps.
         heard: Filled with the samples that were judged.
 
     Raises:
@@ -201,8 +201,8 @@ def take_squeezes(
         chain: The conditions.
         quiet: Rest level of the channels.
         guide: Shows and asks.
-        times: How long things take.
-        n: How many.
+        times: Durations of the steps.
+        n: Number of squeezes.
         heard: Filled with the samples that were judged, of all squeezes.
 
     Raises:

@@ -51,8 +51,8 @@ class TakenBaseline(NamedTuple):
 
     Attributes:
         picture: uint8 (H, W, 3).
-        file: Where it is kept.
-        made: When it was taken.
+        file: Path of the baseline.
+        made: Time at which it was taken.
         notes: Problems with which it was accepted, and changes of the gel.
         cell_noise: Noise of the sensor's cells, counts; ``None`` where it is not known.
     """
@@ -79,9 +79,9 @@ def take_baseline(
     Args:
         finger: For the words.
         source: Its open source.
-        folder: Where baselines are kept.
+        folder: Folder of the baselines.
         guide: Shows and asks.
-        times: How long it takes.
+        times: Durations of the steps.
         now: Current time.
         is_free: The person has said already that nothing touches.
 
@@ -210,9 +210,9 @@ def take_presses(
         source: Its open source.
         baseline: Its untouched picture.
         guide: Shows and asks.
-        times: How long it takes.
+        times: Durations of the steps.
         person: Name of the person who presses.
-        folder: Where the record will be kept.
+        folder: Folder for the record.
         now: Current time.
         ball: Known ball and force, to fit depth and stiffness; optional.
 

@@ -49,7 +49,7 @@ class Pulses:
         vest: The open vest.
         layout: Layout of its motors.
         ceiling: The highest level, 1 to 15; kept, as the layout.
-        times: How long a vibration lasts.
+        times: Duration of a vibration.
         clock: Time.
     """
 
@@ -143,7 +143,7 @@ def take_thresholds(
 
     Args:
         pulses: Vibrations.
-        sites: Where.
+        sites: Sites to test.
         done: Results from before an interruption.
         guide: Asks.
         keep: Given each site's result at once.
@@ -179,7 +179,7 @@ def take_steps(
 
     Args:
         pulses: Vibrations.
-        sites: Where; one that is not felt, or hardly below the ceiling, is left out.
+        sites: Sites to test; one that is not felt, or hardly below the ceiling, is skipped.
         thresholds: By site.
         done: Results from before an interruption.
         guide: Asks.
@@ -212,7 +212,7 @@ def show_steps(pulses: Pulses, guide: Guide, felt: FeltMap) -> None:
 
     Args:
         pulses: Vibrations.
-        guide: Says what comes.
+        guide: Announces each vibration.
         felt: Thresholds and steps just measured; with a threshold at the ceiling there is no room for steps.
 
     Raises:

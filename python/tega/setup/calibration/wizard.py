@@ -114,9 +114,9 @@ class Calibrating:
     Args:
         config: The settings.
         person: Name of the person.
-        folder: Where it is kept.
+        folder: Folder of the calibration.
         guide: Shows and asks.
-        times: How long things take.
+        times: Durations of the steps.
         now: Returns the time of day.
         ceiling_percent: Nothing stronger is shown on the vest.
         each_motor: Ask about every motor of the vest, not about its columns.

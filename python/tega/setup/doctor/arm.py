@@ -17,7 +17,7 @@ _STEP_S = 0.01
 
 
 def try_arm(case: DriverCase) -> list[Finding]:
-    """Ask a robot what can be known without moving it; a driver that opens without consequences is opened."""
+    """Query a robot without moving it; a driver that opens without consequences is opened."""
     driver: Any = driver_class(case.driver, "arm")
     if isinstance(driver, PreflightedArm):
         return _preflight(case, driver)
@@ -117,7 +117,7 @@ def check_arm(config: SessionConfig) -> list[Finding]:
 
 
 def _frame(arm: ArmConfig) -> str:
-    """Return the axes of what leads the arm."""
+    """Return the axes of the arm's pose source."""
     if arm.tracker is None:
         return "base"
     try:

@@ -32,7 +32,7 @@ ROLES: Final[Mapping[str, Kind]] = {"digit": "tactile", "emg": "emg", "vest": "v
 
 
 class _Absent(NamedTuple):
-    """Report of a missing kind of device: what each driver did not see, and what to do."""
+    """Report of a missing kind of device: each driver's result, and the steps to take."""
 
     said: str
     unseen: Mapping[str, str]
@@ -91,7 +91,7 @@ class DriverLook(NamedTuple):
     Attributes:
         kind: The driver's kind.
         found: Devices found.
-        could_not: Why looking was not possible; ``""`` where it was.
+        could_not: Reason why looking was not possible; ``""`` if it was.
         hint: Step to make looking possible.
         lacks_package: Whether it is a package that is not installed.
     """
@@ -107,7 +107,7 @@ def look_for(deadline_s: float = LOOK_S) -> dict[str, DriverLook]:
     """Search for devices with every driver that can; opens nothing.
 
     Args:
-        deadline_s: How long all of them may take, side by side.
+        deadline_s: Time limit for all of them together.
 
     Returns:
         The results by the driver's name, in the order of ``tega-teleop devices``, without drivers that cannot search.
@@ -137,7 +137,7 @@ def _look(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverLook:
 
 
 def look_around() -> Examination:
-    """Look for a DIGIT, an EMG amplifier, a vest and an Allegro Hand, and try what may be opened.
+    """Look for a DIGIT, an EMG amplifier, a vest and an Allegro Hand, and try those that may be opened.
 
     Takes at most :data:`LOOK_S` and :data:`TRY_S` seconds, whatever hangs.
     """
@@ -167,7 +167,7 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
 
     Args:
         cases: Devices to try.
-        deadline_s: How long all of them together may take.
+        deadline_s: Time limit for all of them together.
 
     Returns:
         At least one finding for each, in their order, and then those about several together.

@@ -29,7 +29,7 @@ def check_calibration(config: SessionConfig, *, settings: str, now: datetime | N
 
     Args:
         config: The settings.
-        settings: How their file is named in the commands that are suggested.
+        settings: Name of the settings file in suggested commands.
         now: Current time, for the age of the records; the time of day when ``None``.
 
     Returns:

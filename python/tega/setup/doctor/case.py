@@ -95,7 +95,7 @@ def holders(device: str, proc: Path = _PROC) -> list[str]:
 
     Args:
         device: Its file, such as ``/dev/video0``.
-        proc: Where the kernel lists processes.
+        proc: Folder in which the kernel lists processes.
 
     Returns:
         Name and number of each, such as ``cheese (4711)``.

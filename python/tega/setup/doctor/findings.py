@@ -1,4 +1,4 @@
-"""Define what an examination says: one record per finding, in the order of the loop."""
+"""Define the result of an examination: one record per finding, in the order of the loop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
             of the settings such as ``tactile.thumb``.
         status: Status of the device or part.
         finding: The finding, one sentence.
-        why: Why that is so, as far as it is known.
+        why: Cause, as far as it is known.
         todo: Steps to take, one sentence each.
         driver: Name of the driver concerned.
         device: Name of the device: serial number, port, bus.

@@ -19,7 +19,7 @@ class LoopTiming(msgspec.Struct, frozen=True, kw_only=True):
     """Timing of the hand's loop, as measured once.
 
     Attributes:
-        seconds: How long it took.
+        seconds: Duration of the measurement.
         rate_hz: Sets of positions answered per second.
         period_ms: From one answer to the next, percentiles 50, 99, 99.9 and 100.
         answer_ms: From taking the frames to having sent the torques, the same percentiles.
@@ -46,7 +46,7 @@ def time_loop(hand: Allegro, *, seconds: float) -> LoopTiming:
 
     Args:
         hand: The open driver.
-        seconds: How long, up to 45.
+        seconds: Duration, up to 45.
 
     Returns:
         The measurement.

@@ -1,4 +1,4 @@
-"""Write a settings file, filled in for devices that are plugged in, with comments on what else to set."""
+"""Write a settings file with the connected devices filled in, and comments on the other settings."""
 
 from __future__ import annotations
 

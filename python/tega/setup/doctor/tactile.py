@@ -21,7 +21,7 @@ _LOOK_S = 1.5
 _SLOW = 0.9
 """Share of the agreed rate below which pictures are missing."""
 _USB2_MB_S = 35.0
-"""What one USB 2 bus carries in practice; four DIGITs at 60 pictures a second send 37."""
+"""Capacity of one USB 2 bus in practice; four DIGITs at 60 pictures a second send 37."""
 _BYTES_PER_PIXEL = 2
 
 

@@ -20,7 +20,7 @@ def in_time(
 
     Args:
         jobs: Functions to run; a job must not raise.
-        deadline_s: How long all of them together may take.
+        deadline_s: Time limit for all of them together.
         late: Given a job's key and the deadline, makes the answer of one that is not done.
 
     Example:

@@ -1,8 +1,8 @@
 """Detect contact, release, slip and lift-off, as the sensors' numbers come or with a look ahead.
 
 Live and offline use share one implementation. Live, an event is reported as soon as its rule holds. Over a record,
-the rule also gets the next half second, which rejects what turns out to be a release and raises the confidence of a
-lasting event.
+the rule also gets the next half second, which rejects a slip that turns out to be a release and raises the confidence
+of a lasting event.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Rise:
         return told
 
     def _waited(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
-        """Return what has waited long enough for what comes after it."""
+        """Return the event that has waited long enough for later data."""
         if self._open is None:
             return None
         began_s, most = self._open[0], max(self._open[1], share)
@@ -129,7 +129,7 @@ class Detector:
         """Add a frame of a fingertip, and return the events that it shows.
 
         Args:
-            t_s: When it was taken, seconds.
+            t_s: Time of the frame, seconds.
             finger: Name of the finger.
             touch: Contact in the frame.
         """
@@ -161,7 +161,7 @@ class Detector:
         """Take in the shear of a frame of a fingertip, before that frame itself is taken in.
 
         Args:
-            t_s: When it was taken, seconds.
+            t_s: Time of the frame, seconds.
             finger: Name of the finger.
             shear: Shear in the frame; zeros without contact.
         """
@@ -181,7 +181,7 @@ class Detector:
         """Add a look at hand and arm, and return its events; ``None`` for a quantity that is not measured.
 
         Args:
-            t_s: When, seconds.
+            t_s: Time of the look, seconds.
             level: Closure level asked for.
             closure: Closure measured, levels.
             height_m: Height of the arm's end, metres.

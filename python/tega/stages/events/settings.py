@@ -112,7 +112,7 @@ class DetectorSettings(NamedTuple):
         settle_s: After the first contact of a grasp fingers find their place, which looks like slipping.
         before_s: Age from which a value counts as before: a slip's first half second counts as its beginning, and 0.4
             s leave it room.
-        fade_s: How long a finger that has lost or gained contact is remembered: its time constant.
+        fade_s: Time constant with which a lost or gained contact is forgotten.
         stale_s: Gap after which a fingertip is reset, so that the gap itself is no event.
         noise_sum: Sum of a map that is no more than noise; below it nothing is said of how firm a grip is.
         pressed_levels: A closure so far behind its level presses on something, whatever the fingertips see.
@@ -121,7 +121,7 @@ class DetectorSettings(NamedTuple):
         down_m: So close over the height of the grasp it is being put down, and slips are not counted.
         lowered_m: Recent fall of the height (quick mean less slow one) that counts as putting the object down.
         sink_s: Times over which fingertips sink, seconds; the joints are known to 0.3 mm/s over 33 ms.
-        look_ahead_s: How far the detector looks ahead in a record.
+        look_ahead_s: Time that the detector looks ahead in a record.
         touch: The slip by fingertips alone.
         shear: The slip by fingertips alone where shear is read.
         hand: The slip where closure and height are measured as well. All three look at products of two features, too.

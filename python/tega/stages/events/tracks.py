@@ -36,14 +36,14 @@ class ShearFrame(NamedTuple):
     """Shear in one frame of a fingertip, where its metric reads it.
 
     Attributes:
-        x_mm: How far the gel is pulled to the right in the picture, millimetres.
+        x_mm: Pull of the gel to the right in the picture, millimetres.
         y_mm: Pull downwards in the picture, millimetres.
         incipient: Share of the contact that has slid against the rest, 0 to 1.
-        slip_mm_s: How fast it does, millimetres a second.
-        sure: How well the grain was found again, -1 to 1.
-        slide_x_mm_s: How fast the object slides over the gel to the right, by its relief, millimetres a second.
+        slip_mm_s: Speed of that slide, millimetres a second.
+        sure: Correlation of the grain found again, -1 to 1.
+        slide_x_mm_s: Speed of the object's slide over the gel to the right, by its relief, millimetres a second.
         slide_y_mm_s: Speed of the object's slide downwards, millimetres a second.
-        slide_sure: How sure that is, 0 to 1; 0 where it shows none.
+        slide_sure: Certainty of the slide, 0 to 1; 0 if there is none.
     """
 
     x_mm: float
@@ -185,8 +185,8 @@ class FingerTrack:
 
     Attributes:
         touching: Whether something was touched in the newest frame.
-        since_s: When that began, or when it ended; minus infinity before the first frame.
-        seen_s: When the newest frame was taken.
+        since_s: Time at which that began or ended; minus infinity before the first frame.
+        seen_s: Time of the newest frame.
         mass: Logarithm of the pressure map's sum.
         peak: Largest value.
         area: Square root of the contact's area, pixels.
@@ -235,7 +235,7 @@ class ShearTrack:
         y: Pull downwards, millimetres.
         incipient: Share that has slid.
         slip: Speed of that, millimetres a second.
-        sure: How well the grain is found again.
+        sure: Correlation of the grain found again.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:

@@ -74,7 +74,7 @@ class DecoderTold(NamedTuple):
         confidence: ``(k,)``; NaN where it does not say.
         held: ``(k,)``.
         target: Closure meant, by the training part's full, ``(k,)``.
-        figures: How good that is.
+        figures: Figures of its quality.
     """
 
     decoder: str
@@ -111,7 +111,7 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 def shifted_electrode(log: Log, *, seed: int = 1, places: int = 1) -> Log:
     """Return the log as after moving the electrodes: channels rotated, gains drawn at random (0.5 to 2).
 
-    Simulated: a real shift also changes what each electrode picks up of its neighbours.
+    Simulated: a real shift also changes each electrode's crosstalk.
     """
     gains = np.exp2(np.random.default_rng(seed).uniform(-1, 1, log.samples.shape[1]))
     offset = np.median(log.samples, axis=0)

@@ -28,7 +28,7 @@ FEATURES: Final[dict[str, str]] = {
     "LOGVAR": "log variance: ln(mean (x - mean x)^2)",
     "AR": "four autoregressive coefficients, by the Yule-Walker equations",
 }
-"""What each feature is."""
+"""Meaning of each feature."""
 
 AMPLITUDES: Final = ("MAV", "WL", "LOGVAR")
 """Features that grow with the signal; the others do not change with a channel's gain."""

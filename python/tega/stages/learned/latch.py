@@ -16,7 +16,7 @@ DRIFT_LEVELS: Final = 0.7
 POWER: Final = 1.25
 """Exponent of the distance beyond the level, levels: above 1, a large change is accepted before a small one."""
 AREA: Final = 0.13
-"""What that has to sum to, over time in seconds, where the level has been steady."""
+"""Sum that is required, over time in seconds, if the level has been steady."""
 BUSY, BUSY_S = 0.1, 3.0
 """So much more is asked for, for the square of the changes of late; a change is forgotten with that time constant."""
 BACK, BACK_S = 6.0, 1.5

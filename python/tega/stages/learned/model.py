@@ -36,7 +36,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         tau: Samples per block.
         channels: Names of the channels, in order.
         person: Person with these muscles; ``""`` if unknown.
-        made: When it was learned.
+        made: Time of its training.
         model: ``ridge``, ``huber`` or ``kernel``.
         features: Names of the features.
         smoothing_s: Time constants of the causal smoothing, s.
@@ -57,7 +57,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             models before 0.2.
         confidence: Share of training blocks, kept back in turn, that came within one level, by fifths of closure.
         channel_full: Mean absolute value of each channel at strong effort, for display.
-        lag_s: How much later the target was than the muscles.
+        lag_s: Delay of the target behind the muscles.
         full: Value of the target that is full closure.
         data_sha256: Hash of the training data.
         duration_s: Length of the training data.

@@ -35,7 +35,7 @@ class OutsideOptions(StageOptions, frozen=True):
     Attributes:
         stream: Name of the stream: its first channel is the closure, 0 to 1, its second, if any, the confidence.
         age_ms: Older than this by its stamp, a closure is held and no channel is believed: the hand holds.
-        start_s: How long to look for the stream.
+        start_s: Time to look for the stream.
         tau_s: Length of a block: so often the newest closure is passed on.
     """
 
@@ -102,7 +102,7 @@ class OutsideDecoder(Decoder):
 
     @property
     def holds(self) -> str:
-        """Why the newest closure is held, in words; ``""`` where it is not."""
+        """Reason why the newest closure is held; ``""`` if it is not."""
         age_s = self.age_s
         if self._is_other_clock:
             return "stamp: the other process stamps by another clock than lsl_local_clock()"
@@ -129,7 +129,7 @@ class OutsideDecoder(Decoder):
         )
 
     def _hear(self) -> None:
-        """Take what has come; a closure that is no number, or not from 0 to 1, is as none."""
+        """Take the received closures; one that is no number, or not from 0 to 1, is ignored."""
         if self._inlet is None:
             return
         try:

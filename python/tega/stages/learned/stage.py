@@ -126,7 +126,7 @@ class _BlockStage(Decoder):
 
     @property
     def holds(self) -> str:
-        """Why the newest closure is held, in words; ``""`` where it is not."""
+        """Reason why the newest closure is held; ``""`` if it is not."""
         return self._holds
 
 

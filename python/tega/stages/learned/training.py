@@ -192,7 +192,7 @@ def _check_options(  # noqa: PLR0917  # in the order of fit
 def _checked_target(
     samples: NDArray[np.float64], goal: NDArray[np.float64], rate_hz: float, full: float | None
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the target as closure, and what its full is; refuse data from which nothing can be learned."""
+    """Return the target as closure, and its full value; refuse data that cannot be learned from."""
     if goal.ndim != 1 or len(goal) != len(samples):
         raise ShapeError(
             f"target has shape {goal.shape}, samples {samples.shape}: one target a sample is needed",

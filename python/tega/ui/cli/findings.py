@@ -45,7 +45,7 @@ class Findings:
         Args:
             title: Heading of the picture.
             pose_base: Number of the most open level, 0 or 1.
-            words: Whether to print; what could not be drawn is said on stderr in any case.
+            words: Whether to print; a failed drawing is reported on stderr in any case.
         """
         if words:
             for sentence in self._course.words(pose_base=pose_base):

@@ -28,7 +28,7 @@ class LineGuide:
 
     Args:
         yes: Do not wait for Enter.
-        get_ready_s: How long each prompt then stands.
+        get_ready_s: Time for which each prompt is then shown.
     """
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
@@ -77,7 +77,7 @@ class TerminalGuide:
 
     Args:
         yes: Do not wait for Enter.
-        get_ready_s: How long each prompt then stands.
+        get_ready_s: Time for which each prompt is then shown.
     """
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:

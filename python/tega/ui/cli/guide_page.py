@@ -35,7 +35,7 @@ class PageGuide(LineGuide):
     Args:
         title: Heading of the page.
         yes: Do not wait for the button.
-        get_ready_s: How long each prompt then stands.
+        get_ready_s: Time for which each prompt is then shown.
         host: Address to serve on.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         allow_remote: Let ``host`` be an address that others can reach.

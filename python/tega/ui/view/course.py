@@ -1,4 +1,4 @@
-"""Keep the course of a run (each finger's contact, the level, the vest) and say in words what happened."""
+"""Keep the course of a run (each finger's contact, the level, the vest) and describe it in words."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class RunCourse:
         return VestCourse(np.array(self._vest_t_ns) / 1e9, frames[:, order], names)
 
     def words(self, *, pose_base: int = 1) -> list[str]:
-        """Say what happened, a sentence for each finger, the level and the vest.
+        """Describe the run, a sentence for each finger, the level and the vest.
 
         Args:
             pose_base: Number of the most open level, 0 or 1.

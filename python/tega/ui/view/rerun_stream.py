@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["RERUN_PORT", "RerunStream", "save_layout"]
 
 RERUN_PORT: Final = 9876
-"""Where the viewer listens by itself."""
+"""Default port of the viewer."""
 
 _APPLICATION = "tega"
 _TIMELINE = "run"
@@ -39,11 +39,11 @@ class RerunStream:
 
     Args:
         bus: The run's.
-        port: Where the viewer listens.
+        port: Port of the viewer.
         file: An ``.rrd`` file to write to instead.
 
     Attributes:
-        url: Where the records go; empty while closed.
+        url: Address to which the records go; empty while closed.
     """
 
     def __init__(self, bus: Bus, *, port: int = RERUN_PORT, file: Path | None = None) -> None:
@@ -83,7 +83,7 @@ class RerunStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Send what waits, for a second at most, and disconnect."""
+        """Send the waiting records, for a second at most, and disconnect."""
         self._backlog.close()
         stream, self._stream, self.url = self._stream, None, ""
         if stream is not None:

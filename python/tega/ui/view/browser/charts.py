@@ -53,7 +53,7 @@ class CourseChart:
 
     Args:
         gui: viser's GUI; the chart is added where it stands.
-        kept_s: How far back it can be drawn besides, seconds.
+        kept_s: Additional time kept for looking back, seconds.
     """
 
     def __init__(self, gui: viser.GuiApi, kept_s: float = 0.0) -> None:

@@ -28,8 +28,8 @@ _WIDER_M = 0.0015
 class GhostHand:
     """Draws the fingers of an Allegro hand at the joint angles that the hand steers to.
 
-    Where a finger is held up by an object, the commanded finger is drawn inside the object: how far shows how firmly
-    the hand is asked to press. The palm has no command and is left out.
+    If an object stops a finger, the commanded finger is drawn inside the object: the depth shows how firmly the hand
+    is asked to press. The palm has no command and is left out.
 
     Args:
         server: The viser server.

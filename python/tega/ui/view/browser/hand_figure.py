@@ -29,7 +29,7 @@ _DARK = (0.2, 0.2, 0.22, 1.0)
 _STRAIGHT = (1.0, 0.0, 0.0, 0.0)
 # The palm stands with its fingers up, so high over the floor.
 STANDING: Final = (0.0, 0.0, 0.11, *_STRAIGHT)
-"""Where the palm of a figure without a world is: position in metres, quaternion w, x, y, z."""
+"""Pose of the palm of a figure without a world: position in metres, quaternion w, x, y, z."""
 
 
 class _Link(NamedTuple):
@@ -75,7 +75,7 @@ class HandFigure:
 
         Args:
             angles_rad: The 16 joint angles, in the order of :data:`tega.hand.JOINT_NAMES`.
-            palm: Where the palm is, a row like those returned.
+            palm: Pose of the palm, a row like those returned.
         """
         palm_m, palm_turn = np.array(palm[:3]), np.array(palm[3:])
         places: list[NDArray[np.float64]] = []

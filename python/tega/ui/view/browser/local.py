@@ -1,4 +1,4 @@
-"""Serve viser to those who have the address: no public tunnel, no foreign pages, nothing printed."""
+"""Serve viser to clients with the full address: no public tunnel, no foreign pages, nothing printed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _NONSENSE = 1007
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server that only who has its address can talk to, and that cannot be shared.
+    """A viser server that only clients with its full address can use, and that cannot be shared.
 
     The address has a token in its path. Without it any program on this machine could press the buttons, and any site
     that is open in the same browser could, since a browser lets it connect to the loopback address.

@@ -43,10 +43,10 @@ class MuscleRows:
         self._condition = condition
 
     def rows(self, holds: str = "") -> dict[str, str]:
-        """Return a line of text by its name; what nothing is known of has none.
+        """Return a line of text by its name; unknown facts have no line.
 
         Args:
-            holds: Why the decoder holds its closure, in its own words; ``""`` where it does not.
+            holds: Reason why the decoder holds its closure, in its own words; ``""`` if it does not.
         """
         rows = {"decoder": self._decoder(holds), **self._apart.rows()}
         if (change := self._adaptation) is not None:

@@ -53,9 +53,9 @@ class Page:
         server: The viser server.
         title: Heading.
         controls: State of the page's buttons.
-        eye_m: Where the camera begins, world frame.
+        eye_m: Initial position of the camera, world frame.
         at_m: Point that the camera looks at.
-        kept_s: How far back one can look, seconds.
+        kept_s: Time that the page can look back, seconds.
 
     Attributes:
         scene: The 3-D scene.
@@ -264,7 +264,7 @@ class Page:
 
         Args:
             loop: The newest moment.
-            age_s: How old it is.
+            age_s: Age of the moment.
             problem: Problem of the page; ``""`` for none.
         """
         self._ended = loop.state == "stopped"

@@ -65,7 +65,7 @@ class Scene:
 
         Args:
             shapes: Primitives; ``None`` for none.
-            poses: Where they are, float64 (n, 7).
+            poses: Poses of the shapes, float64 (n, 7).
             contact_points: Places and forces, float64 (k, 6).
             commanded: The joint angles that the hand steers to, 16, rad, and where its palm is, float64 (7,);
                 ``None`` for no hand as commanded.

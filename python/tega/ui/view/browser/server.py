@@ -47,12 +47,12 @@ class BrowserView:
         host: Address to serve on: this machine only, unless ``allow_remote``.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         controls: State of the page's buttons.
-        complete: Called by the painting thread with a moment before it is painted; adds what takes time to find,
-            such as pictures that have to be read.
+        complete: Called by the painting thread with a moment before it is painted; adds slow parts, such as pictures
+            that have to be read.
         eye_m: Initial position of a viewer's camera, metres.
         at_m: Point that the camera looks at.
         rate_hz: Most moments painted per second.
-        kept_s: How far back the page can look, seconds.
+        kept_s: Time that the page can look back, seconds.
         allow_remote: If true, ``host`` may be an address that others can reach. Anyone who has the full address can
             press the buttons.
 
@@ -60,7 +60,8 @@ class BrowserView:
         controls: State of the page's buttons.
         n_painted: Moments painted, of those offered.
         page: The page's elements; available from the first time that it is served.
-        problem: How often a moment could not be painted, and why at last; ``""`` for never. The page says it too.
+        problem: Number of moments that could not be painted, and the last reason; ``""`` for none. The page shows it
+            too.
 
     Raises:
         InvalidValueError: ``host`` is not this machine, or the rate or port is out of range.
@@ -168,7 +169,7 @@ class BrowserView:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop serving; what went wrong in painting is in :attr:`problem`."""
+        """Stop serving; painting errors are in :attr:`problem`."""
         self._over.set()
         self._waiting.close()
         if self._server is not None:
@@ -210,7 +211,7 @@ class BrowserView:
         self._over.wait(rest_s)
 
     def _fail(self, error: BaseException) -> None:
-        """Note what went wrong, and show the run's state all the same: it needs none of what can fail."""
+        """Note the error, and still show the run's state, which needs none of the parts that can fail."""
         self._n_failures += 1
         self.problem = (
             f"{self._n_failures} moments could not be shown, at last: {type(error).__name__}: {error}"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["KEPT_S", "PastMoment", "Timeline"]
 
 KEPT_S: Final = 60.0
-"""How far back a live run can be looked at, seconds."""
+"""Time that one can look back in a live run, seconds."""
 
 # Moments closer than this are not kept apart.
 _STEP_NS = 90_000_000
@@ -47,7 +47,7 @@ class Timeline:
 
     Args:
         gui: viser's GUI; both are added where it stands.
-        kept_s: How far back one can look, seconds.
+        kept_s: Time that one can look back, seconds.
         now_s: The monotonic clock.
 
     Attributes:
