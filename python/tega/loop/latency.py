@@ -69,7 +69,7 @@ class LatencyTrace:
         answered_ns: Returns when a hand's torques first left at or after a monotonic time, and when the report that
             they answer arrived; ``None`` without such a hand.
         joints: Watches the hand's reported positions; ``None`` without such a hand.
-        motor: Measured time from the hand-over to the motor; ``None`` if it was not measured.
+        motor: Measured onset of the motor after the hand-over; ``None`` if it was not measured.
         bus: Every frame and block that has arrived is published here.
 
     Attributes:

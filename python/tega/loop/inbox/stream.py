@@ -62,7 +62,7 @@ class PulledStream(Generic[Item]):
         items: The iterator. It may return the time at which the stream ends (the last frame lasts one period);
             otherwise that is the time of its last item.
         end_ns: Time at which the stream ends, if the iterator does not return it.
-        known: Returns the time at which an item is known; ``None`` for the time it is stamped with.
+        known: Times at which the items are known; ``None`` for the times they are stamped with.
         over: Whether it is known by now that nothing follows the last item.
     """
 

@@ -26,7 +26,7 @@ def until_good(
         what: Name of the step.
         attempt: Does it.
         problems: Returns the problems of a result.
-        can_keep: Whether a result may be kept despite its problems.
+        can_keep: Returns whether a result may be kept despite its problems.
 
     Returns:
         The result, and the problems with which it was kept.
