@@ -36,7 +36,7 @@ def export_file(
 
     Args:
         path: The recording.
-        folder: Where to; new or empty.
+        folder: Output folder; new or empty.
         kind: ``csv``, or ``parquet`` (extra ``parquet``).
         pictures: Also write every picture, as PNG or the JPEG that it is, in a folder per finger named by its number.
         progress: Called as the file is read.
@@ -140,7 +140,7 @@ def _named_cells(row: Row, _name: str, content: Any, *, own: set[str]) -> None:
 
 
 def _cells(field: Any) -> Callable[[Row, str, Any], None]:
-    """Return what puts the content of a field into a row."""
+    """Return the function that writes the content of a field into a row."""
     text: Callable[[Any], Any] | None = None
     if field.name.endswith("_ns") and not field.is_repeated:
         return partial(_time_cell, column=f"{field.name.removesuffix('_ns')}_s")

@@ -1,4 +1,4 @@
-"""Track what the fingertips and the hand have done lately, by a few numbers that any rate of frames gives.
+"""Track the recent course of fingertips and hand in a few numbers, at any frame rate.
 
 Each quantity goes through a quick and a slow exponential mean. Their difference is how it has changed over about the
 slow mean's time, without a buffer and whatever the interval between frames.
@@ -21,7 +21,7 @@ class TouchFrame(NamedTuple):
         mass: Sum of the pressure map, grey values.
         peak: Its largest value, grey values.
         x: Centroid, pixels.
-        y: Likewise.
+        y: Centroid, pixels.
     """
 
     in_contact: bool
@@ -36,14 +36,14 @@ class ShearFrame(NamedTuple):
     """Shear in one frame of a fingertip, where its metric reads it.
 
     Attributes:
-        x_mm: How far the gel is pulled to the right in the picture, millimetres.
-        y_mm: And down.
+        x_mm: Pull of the gel to the right in the picture, millimetres.
+        y_mm: Pull downwards in the picture, millimetres.
         incipient: Share of the contact that has slid against the rest, 0 to 1.
-        slip_mm_s: How fast it does, millimetres a second.
-        sure: How well the grain was found again, -1 to 1.
-        slide_x_mm_s: How fast the object slides over the gel to the right, by its relief, millimetres a second.
-        slide_y_mm_s: And down.
-        slide_sure: How sure that is, 0 to 1; 0 where it shows none.
+        slip_mm_s: Speed of that slide, millimetres a second.
+        sure: Correlation of the grain found again, -1 to 1.
+        slide_x_mm_s: Speed of the object's slide over the gel to the right, by its relief, millimetres a second.
+        slide_y_mm_s: Speed of the object's slide downwards, millimetres a second.
+        slide_sure: Certainty of the slide, 0 to 1; 0 if there is none.
     """
 
     x_mm: float
@@ -59,8 +59,8 @@ class ShearFrame(NamedTuple):
     def of(cls, values: Mapping[str, float]) -> Self | None:
         """Return the shear among a contact's named values; ``None`` where it has none.
 
-        Version 1 of the metric ``shear`` did not say how sure it was: its recordings have no shear here, so that their
-        slips are told as they were then, by touch. Version 2 has no slide.
+        Version 1 of the metric ``shear`` did not report its certainty. Recordings with it have no shear here, so
+        their slips are detected by touch, as they were then. Version 2 has no slide.
         """
         if "shear_sure" not in values:
             return None
@@ -83,7 +83,7 @@ class TwoMeans:
 
     Args:
         quick_s: Time constant of the quick one, seconds.
-        slow_s: Of the slow one.
+        slow_s: Time constant of the slow one, seconds.
 
     Attributes:
         quick: The quick mean; NaN before the first value.
@@ -106,7 +106,7 @@ class TwoMeans:
         self._t_s = t_s
 
     def forget(self) -> None:
-        """Start anew with the next value."""
+        """Restart with the next value."""
         self.quick = self.slow = math.nan
 
     @property
@@ -121,7 +121,7 @@ class Low:
     An object that has slid comes to rest in the grip that it has; it slides again where the grip falls lower still.
 
     Args:
-        before_s: What is younger than this is now, seconds; the rest is before.
+        before_s: Age up to which a value counts as now, seconds; older ones count as before.
     """
 
     def __init__(self, before_s: float) -> None:
@@ -181,17 +181,17 @@ class FingerTrack:
 
     Args:
         quick_s: See :class:`TwoMeans`.
-        slow_s: Likewise.
+        slow_s: See :class:`TwoMeans`.
 
     Attributes:
         touching: Whether something was touched in the newest frame.
-        since_s: When that began, or when it ended; minus infinity before the first frame.
-        seen_s: When the newest frame was taken.
+        since_s: Time at which that began or ended; minus infinity before the first frame.
+        seen_s: Time of the newest frame.
         mass: Logarithm of the pressure map's sum.
         peak: Largest value.
         area: Square root of the contact's area, pixels.
         x: Centroid, pixels.
-        y: Likewise.
+        y: Centroid, pixels.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
@@ -213,7 +213,7 @@ class FingerTrack:
             self.y.add(t_s, touch.y)
 
     def forget(self) -> None:
-        """Start the courses anew."""
+        """Restart the means with the next frame."""
         for course in (self.mass, self.peak, self.area, self.x, self.y):
             course.forget()
 
@@ -228,14 +228,14 @@ class ShearTrack:
 
     Args:
         quick_s: See :class:`TwoMeans`.
-        slow_s: Likewise.
+        slow_s: See :class:`TwoMeans`.
 
     Attributes:
         x: Pull to the right, millimetres.
-        y: And down.
+        y: Pull downwards, millimetres.
         incipient: Share that has slid.
         slip: Speed of that, millimetres a second.
-        sure: How well the grain is found again.
+        sure: Correlation of the grain found again.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
