@@ -1,4 +1,4 @@
-"""Let a run adapt its EMG channels: watch what allows it, who is told a target, and the key that undoes it."""
+"""Let a run adapt its EMG channels: track the conditions for it, the announced target and the undo key."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _MAY_CHANGE = frozenset({"armed", "active"})
 
 
 class AdaptationWatch:
-    """Keeps the switches of the adaptation from what the bus tells; safe to ask from any thread.
+    """Derives the switches of the adaptation from the records on the bus; thread-safe.
 
-    Other programs tell a target by a marker, ``target:0.8``, and ``target:`` where it is over.
+    Other programs announce a target with a marker, ``target:0.8``, and end it with ``target:``.
 
     Args:
-        bus: Tells the run's states, contacts, markers and buttons.
+        bus: Bus with the run's states, contacts, markers and buttons.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -66,8 +66,8 @@ def open_adaptation(config: SessionConfig, muscles: Muscles, bus: Bus) -> Channe
 
     Args:
         config: The settings.
-        muscles: What is decoded, and what counts as full.
-        bus: Tells what allows it, and is told of every change.
+        muscles: The EMG side of the run, with its maxima.
+        bus: Bus with the records that allow adaptation; every change is published on it.
     """
     settings = config.stages.adaptation
     if not settings.on or muscles.decoder is None:

@@ -36,9 +36,9 @@ class Steering:
     Args:
         config: The arm's settings.
         arm: The open arm.
-        source: Where poses come from.
-        tracker: The same, if it is a tracker; tells what is wrong with it.
-        led_by: What the device behind it says of itself.
+        source: Source of the poses.
+        tracker: The same source, if it is a tracker; reports the tracker's problems.
+        led_by: Description of the device behind the source.
         seats: The operator's switches: ``dead_man``, and if there are ``clutch`` and ``recover``.
     """
 
@@ -74,7 +74,7 @@ class Steering:
         """Begin to lead the arm.
 
         Args:
-            bus: Told of every turn and the command that came of it, in the arm's thread.
+            bus: Every turn and its command are published here, from the arm's thread.
             start_ns: Start of the session on the monotonic clock.
             may_move: Asked at every turn; the arm holds while it says no.
         """
@@ -91,7 +91,7 @@ class Steering:
 
     @property
     def problem(self) -> str:
-        """Trouble with arm, tracker or what leads them; ``""`` for none."""
+        """Problems of the arm, its tracker or another pose source; ``""`` for none."""
         doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
         said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
         if not any(said) and self._command is not None and self._command.state == "stopped":
@@ -99,7 +99,7 @@ class Steering:
         return "; ".join(s for s in said if s)
 
     def shown(self, view: LoopView) -> LoopView:
-        """Complete a moment for a display with what the arm does."""
+        """Return a view of the loop with the arm's state added."""
         seen = self._view
         height_m = None if seen is None or seen.hand_m is None else seen.hand_m[2]
         words = "not yet" if seen is None else seen.words
@@ -140,7 +140,7 @@ class Steering:
         }
 
     def notes(self) -> list[str]:
-        """Return what a reader of the results must know."""
+        """Return notes for readers of the results."""
         return [*self._arm.info.notes, *(() if self._tracker is None else self._tracker.info.notes)]
 
     def _run(self, may_move: Callable[[], bool]) -> None:
@@ -187,7 +187,7 @@ class Steering:
         )
 
     def _take(self, turn: Turn) -> ArmCommand:
-        """Send the command that comes of a turn, and tell both."""
+        """Send the arm the command of a turn, and publish turn and command."""
         command = lead(self._chain, turn)
         self._arm.follow(command)
         self._command, self._view = command, look(turn, command, self._arm)
@@ -226,7 +226,7 @@ def open_arm(
         stack: Closes them.
         config: The settings.
         inputs: The operator's switches.
-        tracker: What sees the forearm instead of the tracker of the settings.
+        tracker: Tracker of the forearm, used instead of that of the settings.
 
     Raises:
         ConfigError: Something that the arm needs is not set, or does not fit.

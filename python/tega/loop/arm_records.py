@@ -36,12 +36,12 @@ _HEALTH_NS = 1_000_000_000
 
 
 class ArmRecords:
-    """Publishes every turn of what leads an arm.
+    """Publishes every turn of the steering of an arm.
 
     Args:
-        bus: Told.
+        bus: Bus to publish on.
         start_ns: Start of the session on the monotonic clock.
-        mapping: How the tracker's axes become the base's.
+        mapping: Mapping from the tracker's axes to the base's.
     """
 
     def __init__(self, bus: Bus, start_ns: int, mapping: MappingSettings) -> None:
@@ -50,7 +50,7 @@ class ArmRecords:
         self._measured_ns = self._led_ns = self._health_ns = -1
 
     def turn(self, turn: Turn, command: ArmCommand, arm: ArmDriver) -> None:
-        """Publish a turn and what came of it."""
+        """Publish a turn and its command."""
         t_ns = turn.t_ns - self._start_ns
         if not self._begun:
             self._begun = True
@@ -119,7 +119,7 @@ class ArmRecords:
             )
 
     def _axes(self, t_ns: int) -> None:
-        """Tell viewers how the tracker's axes lie; a mapping that mirrors is no turn, and is left out."""
+        """Publish the orientation of the tracker's axes, unless the mapping mirrors and so is no rotation."""
         matrix = ToBase(self._mapping).matrix
         if np.linalg.det(matrix) > 0:
             turned = tuple(from_matrix(matrix).tolist())

@@ -1,4 +1,4 @@
-"""Tell a display what an arm does, where its hand is, and what the operator holds."""
+"""Describe an arm for displays: its state, the position of its hand, and the switches held."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class ArmView(NamedTuple):
     """View of an arm at one moment.
 
     Attributes:
-        state: Of the chain.
-        reason: Why it is so.
-        phase: What the arm itself does.
+        state: State of the tracking chain.
+        reason: Reason for the state.
+        phase: Phase of the arm itself.
         clutch: Whether the clutch is pressed.
         dead_man: Whether the dead-man switch is held.
-        hand_m: Where the hand is, base's axes; ``None`` before that is known.
-        behind_mm: How far it is from its target; ``None`` without one.
-        health: Of the arm's loop.
+        hand_m: Position of the hand, base's axes; ``None`` before it is known.
+        behind_mm: Distance from the target; ``None`` without one.
+        health: Health of the arm's loop.
     """
 
     state: ArmState
@@ -37,7 +37,7 @@ class ArmView(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Words for the arm, in one line: what it does, why, and how its loop runs."""
+        """Summary of the arm in one line: state, reason and timing of its loop."""
         health = self.health
         took = "" if health.success_rate is None else f", robot took {100 * health.success_rate:.0f} %"
         return (

@@ -46,13 +46,14 @@ def check_baseline(baseline: Picture, pictures: Sequence[Picture], *, name: str,
 
     Args:
         baseline: uint8 (H, W, 3), blue, green, red.
-        pictures: Some pictures of the recording, likewise.
+        pictures: Some pictures of the recording, uint8 (H, W, 3), blue, green, red.
         name: Name of the baseline's file.
         label: Name of the recording.
 
     Raises:
-        RecordingError: It has another size.
-        CalibrationError: It has another colour order or orientation, or is unlike all pictures nearly everywhere.
+        RecordingError: The baseline has another size.
+        CalibrationError: The baseline has another colour order or orientation, or differs from all pictures nearly
+            everywhere.
     """
     if not pictures:
         return

@@ -1,7 +1,8 @@
 """Run further metrics and decoders on the pictures and samples of a run, recorded beside the connected ones.
 
-They subscribe to what the sources deliver and publish what they would have said. Nothing of it reaches vest or hand.
-In a run with real time they work in threads of their own; what they are too slow for is dropped and counted.
+The stages subscribe to the frames and samples of the sources and publish their results. Nothing reaches the vest or
+the hand. In a real-time run the stages work in threads of their own; input that they cannot keep up with is dropped
+and counted.
 """
 
 from __future__ import annotations
@@ -41,10 +42,10 @@ def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus
         stack: Ends their threads.
         config: The settings.
         prepared: Baselines, maxima and sources of the run.
-        bus: Tells pictures and samples, and is told what they say.
+        bus: Bus with frames and samples; the results are published on it.
 
     Raises:
-        TegaError: A stage refuses what it is given.
+        TegaError: A stage rejects its arguments.
     """
     maxima = None if prepared.muscles is None else prepared.muscles.maxima
     look_on(
@@ -70,20 +71,20 @@ def look_on(
     live: bool = False,
     real: bool = False,
 ) -> None:
-    """Have stages look on wherever pictures and samples are told.
+    """Run stages on all frames and samples that are published on a bus.
 
     Args:
         stack: Ends their threads.
         config: The settings.
-        bus: Tells pictures and samples, and is told what they say.
+        bus: Bus with frames and samples; the results are published on it.
         baselines: Untouched pictures, by finger.
         touch: Gives the maxima of a finger.
-        muscles: Those of the muscles; ``None`` without EMG.
+        muscles: Maxima of the muscles; ``None`` without EMG.
         live: Whether the samples come from a device that runs on its own clock.
         real: Whether they work in threads of their own.
 
     Raises:
-        TegaError: A stage refuses what it is given.
+        TegaError: A stage rejects its arguments.
     """
     used: dict[str, int] = {}
     for wanted in config.stages.beside:

@@ -1,4 +1,4 @@
-"""Watch muscles and electrodes during a run: record their condition, and tell of fatigue and moved electrodes."""
+"""Watch muscles and electrodes during a run: record their condition; report fatigue and moved electrodes."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _MOST_CHUNKS = 4096
 
 
 class MuscleAlert:
-    """Publishes the condition of the muscles whose samples the bus tells.
+    """Publishes the condition of the muscles from the samples on the bus.
 
     Args:
-        maxima: What counts as full, and what the samples are.
-        bus: Tells samples, and is told the condition.
-        backlog: Where samples wait, so that no spectrum delays a source; ``None`` where nothing is waited for.
+        maxima: Maxima of the channels, with the kind of the samples.
+        bus: Bus with the samples; the condition is published on it.
+        backlog: Queue for the samples, so that no spectrum delays a source; ``None`` to process them at once.
 
     Attributes:
-        said: What is to be told now; ``""`` for nothing.
+        said: The current alert; ``""`` for none.
     """
 
     def __init__(self, maxima: EmgMaxima, bus: Bus, backlog: Backlog | None = None) -> None:
@@ -53,7 +53,7 @@ def open_condition(
         stack: Ends the thread in which that is done where time is real.
         config: The settings.
         prepared: The sources of the run.
-        bus: Tells samples, and is told the condition.
+        bus: Bus with the samples; the condition is published on it.
     """
     muscles = prepared.muscles
     if muscles is None or muscles.decoder is None:

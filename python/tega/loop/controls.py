@@ -1,4 +1,4 @@
-"""Define the controls of a run: a page, a terminal or a program answers what the loop asks at every tick."""
+"""Define the controls of a run: the loop polls them at every tick; a page, terminal or program answers."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Adapt gain and offset of EMG channels online, within limits, while rest or a known target is sure.
 
-Skin dries, sweats and moves under an electrode, so the same effort gives other numbers after ten minutes. What the
-decoder is given follows that slowly: amplitude' = gain x (amplitude - offset), a channel at a time. Raw samples are
-shrunk towards their mean by the offset (none changes its sign); rectified ones and envelopes lose it.
+Skin dries, sweats and moves under an electrode, so the same effort gives other numbers after ten minutes. The
+decoder's input is corrected slowly, one channel at a time: amplitude' = gain x (amplitude - offset). The offset
+shrinks raw samples towards their mean (none changes its sign) and is subtracted from rectified samples and envelopes.
 
 ==================  ==================================================================================================
 offset              brings the amplitude at rest back to that of the run's first sure rest
@@ -15,8 +15,8 @@ in all              gain x 1.5 or / 1.5, offset 0 to 10 % of the maximum
 undone              by one key, at once and exactly; the key pressed again begins anew
 ==================  ==================================================================================================
 
-It is a function of the samples, however they are cut into chunks, and of the switches as they were read at the end of
-each block, which are recorded: a replay gives the same changes, bit for bit.
+The result depends only on the samples, however they are cut into chunks, and on the switches as read at the end of
+each block. The switches are recorded, so a replay gives the same changes, bit for bit.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 MOST_GAIN: Final = 1.5
 MOST_OFFSET: Final = 0.1
-"""Of the calibrated maximum."""
+"""Largest offset, as a share of the calibrated maximum."""
 EVIDENCE_S: Final = 3.0
 REACTION_S: Final = 1.5
 MINUTE_S: Final = 60.0
@@ -64,8 +64,8 @@ class Switches(NamedTuple):
 
     Attributes:
         allowed: Whether anything may change.
-        target: Closure that the person is told to hold, 0 to 1; ``None`` where nobody said.
-        n_undone: How often the key that undoes has been pressed.
+        target: Closure that the participant is asked to hold, 0 to 1; ``None`` if no target was announced.
+        n_undone: Number of presses of the undo key.
     """
 
     allowed: bool = False
@@ -104,14 +104,14 @@ class ChannelAdaptation:
     """Adapts the channels of one source as their samples come.
 
     Args:
-        maxima: What counts as full, and what the samples are.
-        settings: How much may change within a minute.
+        maxima: Maxima of the channels, with the kind of the samples.
+        settings: Limits of change per minute.
         switches: Asked at the end of every block for the switches, with the number of samples so far.
-        tell: Told of every change of the switches and of gains and offsets.
+        tell: Called with every change of the switches and of gains and offsets.
 
     Attributes:
-        gains: Of each channel, float64 (channels,).
-        offsets: Likewise, in the unit of the samples.
+        gains: Gain of each channel, float64 (channels,).
+        offsets: Offset of each channel, in the unit of the samples, float64 (channels,).
     """
 
     def __init__(
@@ -156,7 +156,8 @@ class ChannelAdaptation:
             samples: float64 (n, channels), NaN where missing, infinite where a channel has no vote.
 
         Returns:
-            The same object where nothing is adapted, else others; what was no number stays what it was.
+            The adapted samples: the same object if nothing is adapted, else a new one; NaN and infinite values are
+            unchanged.
         """
         made = samples
         if self.adapted:
@@ -177,10 +178,10 @@ class ChannelAdaptation:
         return made
 
     def decoded(self, blocks: Sequence[Intent], t_ns: int) -> None:
-        """Note what the decoder made of the samples just adapted, and change what may be changed at a block's end.
+        """Take the decoder's intents for the samples just adapted, and update gains and offsets at a block's end.
 
         Args:
-            blocks: What it made of them.
+            blocks: The decoder's intents.
             t_ns: Time of the newest of the samples.
         """
         if blocks:
@@ -200,7 +201,7 @@ class ChannelAdaptation:
         self._look(np.add.reduce(away) / len(away), t_ns)
 
     def _read(self, t_ns: int) -> None:
-        """Read the switches, and undo what is to be undone."""
+        """Read the switches, and undo the adaptation if requested."""
         seen = self._switches(self._n_samples)
         if seen == self._seen:
             return
@@ -241,7 +242,7 @@ class ChannelAdaptation:
             self._told(kind[0], t_ns)
 
     def _sure_of(self, amplitude: NDArray[np.float64]) -> tuple[str, float]:
-        """Return what the person is surely doing: ``rest``, or ``target`` and which; else nothing."""
+        """Return the detected activity: ``rest``, or ``target`` with its closure; empty if neither is certain."""
         nothing, said, seen = ("", 0.0), self._said, self._seen
         if not seen.allowed or seen.n_undone % 2 or said is None or not all(said.channels):
             return nothing

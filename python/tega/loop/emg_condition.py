@@ -1,9 +1,10 @@
 """Watch the condition of muscles and electrodes: fatigue by the median frequency, moved electrodes by their pattern.
 
-Both are looked at once a second, from the seconds in which a muscle works. A tired muscle's spectrum moves down: told
-where the median frequency of a channel has fallen and still falls. An electrode that has moved measures another muscle,
-so the channels share the effort otherwise than at the run's beginning. Nothing is changed by it: it is told and
-recorded, and a person decides. It is a function of the samples, however they are cut into chunks.
+Both are evaluated once a second, on the seconds in which a muscle works. A tired muscle's spectrum moves down:
+fatigue is reported if the median frequency of a channel has fallen and is still falling. An electrode that has moved
+measures another muscle, so the effort is distributed over the channels differently than at the beginning of the run.
+The findings are reported and recorded only, and a person decides what to do. They depend only on the samples, however
+these are cut into chunks.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ if TYPE_CHECKING:
     from tega.devices.base import EmgChunk
 
 FELL_SHARE: Final = 0.15
-"""By so much a median frequency has to have fallen to be told, of its value in the run's first 20 s of effort."""
+"""Drop of a median frequency that is reported, as a share of its value in the run's first 20 s of effort."""
 SLOPE_PERCENT_PER_MIN: Final = -1.0
 """And it has to fall by more than this."""
 MOVED: Final = 0.35
-"""From so large a change of pattern on electrodes are told to have moved."""
+"""Change of pattern from which electrodes are reported as moved."""
 LOWEST_RATE_HZ: Final = 400.0
-"""Below it the spectrum of EMG is cut off where it falls, and no median frequency is told."""
+"""Lowest sample rate for fatigue: below it the spectrum of EMG is cut off, so no median frequency is reported."""
 _EFFORT = 0.15
 _BAND_HZ = (20.0, 450.0)
 _FIRST_S = 20
@@ -71,7 +72,7 @@ class ConditionWatch:
     """Watches one source as its samples come.
 
     Args:
-        maxima: What counts as full, and what the samples are.
+        maxima: Maxima of the channels, with the kind of the samples.
     """
 
     def __init__(self, maxima: EmgMaxima) -> None:

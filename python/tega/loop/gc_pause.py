@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 
 def settle() -> None:
-    """Leave what exists now out of collections from now on."""
+    """Exclude all current objects from garbage collection from now on."""
     gc.freeze()
     # Of next to nothing; the collector counts from here on, so that its full rounds are many and short.
     gc.collect()
@@ -20,7 +20,7 @@ def settle() -> None:
 
 @contextmanager
 def settled() -> Iterator[None]:
-    """Leave what exists now, and what :func:`settle` is called for, out of collections within this block."""
+    """Exclude current objects, and those at each :func:`settle`, from garbage collection within this block."""
     settle()
     try:
         yield

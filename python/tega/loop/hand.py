@@ -28,11 +28,11 @@ class Hand(Protocol):
         ...
 
     def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
-        """Go on by one tick of 3 ms and return what is to be sent.
+        """Advance by one tick of 3 ms and return the frames to send.
 
         Args:
             level: Closure level, 1 to 5 with fractions.
-            added: What a reflex adds to it, levels, 0 to 1: taken back as soon as it is 0 again.
+            added: Addition of the reflex, levels, 0 to 1; removed as soon as it is 0 again.
         """
         ...
 
@@ -43,7 +43,7 @@ class Hand(Protocol):
 
 @runtime_checkable
 class CommandedHand(Hand, Protocol):
-    """A hand that tells which joint angles it steers to; the page draws them beside the measured ones."""
+    """A hand that reports its target joint angles; the page draws them beside the measured ones."""
 
     @property
     def target_rad(self) -> NDArray[np.float64] | None:
@@ -54,8 +54,8 @@ class CommandedHand(Hand, Protocol):
 class ModelledAllegro:
     """The frames that would go to an Allegro Hand v4 if its joints moved as an ideal model's do.
 
-    The hand takes torques only, so something has to say where the joints are. With no hand attached that is a
-    model without load, contact or friction: the frames show what would be sent, not what a hand would do.
+    The hand accepts torques only, so the joint angles have to be known. Without a hand they come from a model without
+    load, contact or friction: the frames are those that would be sent, not the response of a real hand.
 
     Args:
         device_id: The hand's number on its bus, 0 to 3.
@@ -83,7 +83,7 @@ class ModelledAllegro:
 
         Args:
             level: Closure level, 1 to 5 with fractions between two poses.
-            added: What a reflex adds to it, levels.
+            added: Addition of the reflex, levels.
 
         Returns:
             The four SET TORQUE frames of this tick.

@@ -27,12 +27,12 @@ LOOK_NS: Final = 3 * HAND_TICK_NS
 class HandLooks:
     """Looks at hand and arm every 9 ms.
 
-    A look is whole or empty: where hand or arm tells nothing that is fresh, or a number is not finite, the detector is
-    told neither, and goes by touch alone.
+    A look is complete or empty: if hand or arm reports nothing fresh, or a number is not finite, the look is empty,
+    and the detector uses touch alone.
 
     Args:
         angles_rad: Returns the measured joint angles, float64 (16,), rad; ``None`` where none are fresh.
-        height_m: Returns the height of the arm's end, metres; ``None`` likewise.
+        height_m: Returns the height of the arm's end, metres; ``None`` if none is fresh.
         closure: Reads the closure off the angles.
         now_ns: Returns the time since the start of the session, nanoseconds.
     """
@@ -55,7 +55,7 @@ class HandLooks:
 
         Args:
             t_ns: The tick.
-            level: Closure level that the hand is asked for, with what a reflex adds.
+            level: Closure level of the command, including the reflex.
         """
         now_ns = self._now_ns()
         if now_ns < self._due_ns:
@@ -79,7 +79,7 @@ class HandLooks:
 
 
 def hand_closure(config: SessionConfig) -> ClosureScale:
-    """Return what reads the closure off the joint angles of the settings' hand.
+    """Return the closure scale for the joint angles of the settings' hand.
 
     Raises:
         ConfigError: Its pose file cannot be used.
@@ -104,7 +104,7 @@ def open_looks(
     Args:
         config: The settings.
         hand: The hand that measures its joints.
-        arm: What leads the arm.
+        arm: Steering of the arm; ``None`` without an arm.
         now_ns: Returns the time since the start of the session, nanoseconds.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Steer the hand: from a level to frames for every bus, with what a reflex adds, and without force at the end."""
+"""Steer the hand: turn a level and the reflex's addition into frames for every bus; end without force."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class HandOutput:
         trace: Follows blocks of EMG to the hand.
 
     Attributes:
-        level: Closure level of the newest command, with what the reflex added; 0 before the first and after the last.
+        level: Closure level of the newest command, including the reflex; 0 before the first and after the last.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class HandOutput:
         Args:
             t_ns: The tick.
             level: Closure level without the reflex, 1 to 5 with fractions.
-            contacts: Returns the newest contact of every finger whose frame is fresh.
+            contacts: Returns the newest contact of each finger with a fresh frame.
             imposed: Whether the level is not the muscles' own.
         """
         added = 0.0 if self._reflex is None else self._reflex.step(t_ns, level, contacts)

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from tega.runtime.guide import Shows
 
 TOLD_S: Final = 3.0
-"""So long it is told before anything may move."""
+"""Time for which a motion is announced before anything may move."""
 PATIENCE_S: Final = 30.0
 """So long the dead-man is waited for."""
 OPEN_RAD: Final = 0.2
-"""A hand none of whose joints is farther from the open pose is called open."""
+"""Largest distance of any joint from the open pose for a hand to count as open."""
 _LEVELS_PER_S = 2.0
 _LOOK_S = 0.02
 # The arm itself comes after its target: it rests once its place has changed by no more for so long, or after a while.
@@ -42,14 +42,14 @@ _FRESH_S = 0.2
 
 
 class Settling:
-    """Tells when an arm has come to rest, which lags behind its target as far as its spring or its machine lets it."""
+    """Detects when an arm has come to rest, allowing for its steady lag behind the target."""
 
     def __init__(self) -> None:
         self._there_s: float | None = None
         self._still_s = self._off_m = 0.0
 
     def rests(self, now_s: float, *, there: bool, off_m: float) -> bool:
-        """Take in whether the target is at its goal, and how far the arm is from it, metres; tell whether it rests."""
+        """Update with whether the target is at its goal and the arm's distance from it, metres; true at rest."""
         if not there:
             self._there_s = None
             return False
@@ -65,23 +65,23 @@ def go_to_start(
 ) -> str:
     """Move the arm to ``arm.start_m`` and open the hand, then let go of both.
 
-    People are told first. Nothing moves before ``told_s`` are over, nor while the dead-man, and the clutch where there
-    is one, is not held, nor while no process guards the hand; the arm is bound by its workspace, clip, limits and
-    watchdogs, and goes at 0.1 m/s at most.
+    The motion is announced first. Nothing moves before ``told_s`` are over, while the dead-man (and the clutch, if
+    there is one) is not held, or while no process guards the hand. The arm is bound by its workspace, clip, limits
+    and watchdogs, and moves at 0.1 m/s at most.
 
     Args:
         config: The settings, with an arm that has a start.
-        shows: Told what goes on; whatever it raises ends the motion.
-        told_s: How long people are told before anything may move.
-        bus: Told of every turn of the arm.
+        shows: Shows the progress; an exception that it raises ends the motion.
+        told_s: Time for which the motion is announced before anything may move, seconds.
+        bus: Every turn of the arm is published here.
 
     Returns:
-        How far from its start the arm is, and the hand from its open pose, in words.
+        The distance of the arm from its start, and of the hand from its open pose, in words.
 
     Raises:
         ConfigError: The settings have no arm with a start, or something that the arm needs is missing.
         DeviceUnavailableError: A device is missing, went away or is at fault.
-        TimeoutError: Nobody held the dead-man for :data:`PATIENCE_S`.
+        TimeoutError: The dead-man was not held for :data:`PATIENCE_S`.
     """
     arm = config.arm
     if arm is None or (start := arm.start) is None:
@@ -138,8 +138,8 @@ def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
 
     Args:
         config: The settings, with an arm and its switches.
-        seconds: How long.
-        bus: Told of every turn of the arm.
+        seconds: Duration.
+        bus: Every turn of the arm is published here.
 
     Raises:
         ConfigError: The settings have no arm, or something that it needs is missing.
@@ -185,17 +185,17 @@ class _Opening:
 
     @property
     def is_open(self) -> bool:
-        """Whether it was told its most open pose, or there is none."""
+        """Whether the hand was sent its most open pose, or there is no hand."""
         return self._hand is None or self._level == 1.0
 
     @property
     def unguarded(self) -> str:
-        """Why nobody would let go of the hand if this program were killed now; ``""`` if somebody would."""
+        """Reason why the hand would not be released if this program were killed now; ``""`` if it would be."""
         return "" if self._hand is None else str(optional(self._hand, "guard_problem"))
 
     @property
     def words(self) -> str:
-        """What came of it, by the joint angles that the hand reports."""
+        """Result in words, by the joint angles that the hand reports."""
         if self._hand is None:
             return ""
         off_rad = float(np.abs(self._hand.angles_rad - self._open_rad).max())

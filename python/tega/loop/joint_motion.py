@@ -33,10 +33,10 @@ class _Rest(NamedTuple):
 class JointMotion:
     """Watches a hand at every tick: at rest it learns each joint's noise, after a new closure it waits for motion.
 
-    A motion counts where the closure was held and the joints stood for 0.3 s before, and where two reports that differ
-    show a joint beyond its threshold. It has the time at which the first of them was seen, up to a tick of 3 ms after
-    the report was in. What is imposed by a guard, taken back before anything moved, or moved by somebody else
-    counts as nothing.
+    A motion counts if the closure was held and the joints stood still for 0.3 s before, and if two differing reports
+    show a joint beyond its threshold. Its time is that of the first of these reports as seen, up to a tick of 3 ms
+    after reception. Commands imposed by a guard, closures taken back before anything moved, and motion from outside
+    do not count.
 
     Args:
         angles_rad: Gives the joint angles as last reported, float64 (16,), rad; NaN before the first report.
@@ -57,16 +57,16 @@ class JointMotion:
         self.n_unmoved = 0
 
     def look(self, now_ns: int, level: float | None, block: tuple[int, ...] | None) -> tuple[int, ...] | None:
-        """Look at the hand, once it was told a level.
+        """Check the hand for motion, after the newest level was commanded.
 
         Args:
             now_ns: Time since the start of the session.
-            level: What muscles ask of it, 1 to 5; ``None`` where something else does.
+            level: Level that the muscles ask for, 1 to 5; ``None`` if another one is commanded.
             block: Stamps of the newest block of EMG: captured, received, measured.
 
         Returns:
-            The stamps of the block, when the hand was told, and when a joint was seen to move, once that is
-            confirmed; else ``None``.
+            The stamps of the block, of the command, and of the first motion of a joint, once that is confirmed; else
+            ``None``.
         """
         angles = self._angles_rad()
         if level is None:
@@ -110,12 +110,12 @@ class JointMotion:
         return None
 
     def _begin(self, level: float) -> None:
-        """Forget what rest was, and look whether the hand stands at a level."""
+        """Reset the rest position, and check whether the hand stands at a level."""
         self._held, self._rest, self._told, self._first = level, None, (), None
         self._seen.clear()
 
     def _beyond(self, rest: _Rest, angles: NDArray[np.float64]) -> bool:
-        """Whether a joint has moved; a hand that has told nothing new is not looked at again."""
+        """Whether a joint has moved; checked only if the hand has sent a new report."""
         if rest is not self._looked_at[0] or angles is not self._looked_at[1]:
             self._looked_at = rest, angles
             self._moved = bool((np.abs(angles - rest.mean_rad) > rest.threshold_rad).any())

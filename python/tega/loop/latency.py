@@ -61,23 +61,23 @@ class LatencyTrace:
     Args:
         now_ns: Time since the start of the session.
         start_ns: The monotonic clock's time at that start.
-        budget_ms: What touch may take, 99 frames of 100, within five seconds: ``in-hand``, or ``own`` where the vest
-            is refreshed at a steady pace, whose waits are wanted.
+        budget_ms: Budget for the p99 latency of touch within five seconds: ``in-hand``, or ``own`` if the vest is
+            refreshed at a steady pace with its intended waits.
         joint_budget_ms: Time that the muscles' way to a joint's first motion may take, within five seconds.
-        steady: Whether it is.
-        vests: Those that tell what they hand over.
-        answered_ns: Tells when a hand's torques first left at or after a monotonic time, and first when the report that
-            they answer was in; ``None`` without such a hand.
+        steady: If true, the vest is refreshed at a steady pace.
+        vests: Vests that report the time of each hand-over.
+        answered_ns: Returns when a hand's torques first left at or after a monotonic time, and when the report that
+            they answer arrived; ``None`` without such a hand.
         joints: Watches the hand's reported positions; ``None`` without such a hand.
-        motor: What comes after the hand-over, as it was measured; ``None`` where it was not.
-        bus: Told of every frame and block that has arrived.
+        motor: Measured onset of the motor after the hand-over; ``None`` if it was not measured.
+        bus: Every frame and block that has arrived is published here.
 
     Attributes:
-        warning: What is over the budget now, and in which stage most of it goes; ``""`` for nothing.
+        warning: The path that is over budget now, and its slowest stage; ``""`` for none.
         last_warning: The newest that was not ``""``.
-        n_replaced: Camera frames that would have changed what is felt, but a newer one of the finger came before the
-            vest's link was free; they are in no percentile.
-        line: How it stands in one line, p50 and p99 of the whole run; made anew once a second.
+        n_replaced: Camera frames that would have changed the vest, but were replaced by a newer one of the finger
+            before the vest's link was free; they are in no percentile.
+        line: Latency in one line, p50 and p99 of the whole run; updated once a second.
     """
 
     def __init__(
@@ -144,12 +144,12 @@ class LatencyTrace:
                 return
 
     def vest(self, tick_ns: int, began_ns: int, made_ns: int, *, changed: bool) -> None:
-        """Note that a vest frame was made of what is fresh, and collect what the transports have taken.
+        """Note that a vest frame was made from the fresh contacts, and collect the transports' time stamps.
 
         Args:
             tick_ns: The time it is written with.
-            began_ns: When its making began.
-            made_ns: When it was made.
+            began_ns: Time at which its computation began.
+            made_ns: Time at which it was complete.
             changed: Whether a vest shows something else with it; camera frames that change nothing do not count.
         """
         fresh = {name: item for name, item in self._fresh.items() if name != "emg"}
@@ -185,10 +185,10 @@ class LatencyTrace:
         return 0 if self._joints is None else self._joints.n_unmoved
 
     def commanded(self, level: float | None) -> None:
-        """Note that the hand is told the newest level, and look whether it has sent what it was told before, and moved.
+        """Note that the newest level was commanded, and check whether the hand has sent the one before and moved.
 
         Args:
-            level: What the muscles ask, 1 to 5; ``None`` where something else was told, as by a guard.
+            level: Level that the muscles ask for, 1 to 5; ``None`` if another one was commanded, as by a guard.
         """
         if self._joints is not None:
             moved = self._joints.look(self.now_ns(), level, self._asking)
@@ -291,7 +291,7 @@ class LatencyTrace:
 
 
 def _figure(spread: Histogram) -> str:
-    """Return the name of the figure that stands for nearly all: of few samples it is the worst."""
+    """Return the p99 with its number of samples; of few samples, the name of the maximum instead."""
     return f"p99 of {spread.n}" if spread.n >= LEAST_SAMPLES else f"worst of {spread.n}"
 
 

@@ -1,11 +1,11 @@
 """Run the dual loop: touch back to the wearer, intent forward to the hand, on one clock.
 
-The hand has a tick of 3 ms. The vest has one too, 30 times a second; where ``by_frame`` is set, a picture that comes
-between wakes the loop, and what it changes goes out at once.
+The hand has a tick of 3 ms. The vest has one too, 30 times a second; if ``by_frame`` is set, a frame between two
+ticks wakes the loop, and its change is sent at once.
 
-It knows no device by name. Inputs are streams of stamped items, outputs are sinks, time comes from a pacer, and
-ticks are taken in the order of their deadlines; what is stamped at or before a tick is taken in before it. With
-recorded input and a manual clock it is therefore a function: the same input gives the same output.
+The loop knows no device by name. Inputs are streams of timestamped items, outputs are sinks, time comes from a pacer,
+and ticks are processed in the order of their deadlines; items stamped at or before a tick are read before it. With
+recorded input and a manual clock the loop is therefore a function: the same input gives the same output.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ class DualLoop:
     On every way out, an exception included, each vest is sent a frame of zeros and each hand zero torque and
     SERVO OFF.
 
-    What is not there costs nothing: without EMG there are no ticks of the hand, without tactile sources none of the
-    vest, unless a display has subscribed to them.
+    Missing parts cost nothing: without EMG there are no ticks of the hand, without tactile sources none of the vest,
+    unless a display has subscribed to them.
 
     Args:
         pacer: Deadlines on the session's clock.
-        touch: Turns contacts into what the vest shows and into events.
+        touch: Turns contacts into vest frames and events.
         contacts: Stream of measured frames, by finger, thumb first.
         levels: Stream of intents; ``None`` without EMG.
         hand: Output to the hand, with the reflex.
@@ -183,7 +183,7 @@ class DualLoop:
         return in_time
 
     def _update_guard(self, t_ns: int) -> None:
-        """Have the guard look at what came in."""
+        """Have the guard check the newest input."""
         guard, late_ns = self._guard, self._pacer.late_ns
         if guard is None or not guard.due(t_ns, late_ns):
             return
@@ -199,7 +199,7 @@ class DualLoop:
         guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, unvoted=unvoted, released=released)
 
     def _drain_final(self, duration_ns: int) -> tuple[int, str]:
-        """Take in what came before a set time was over, and return when and how the run ended."""
+        """Read the input up to a set duration, and return when and how the run ended."""
         if self._due_ns < duration_ns:
             self._take_in(duration_ns - 1)
         if self._end_ns < duration_ns:
@@ -290,7 +290,7 @@ class DualLoop:
         self.report.level_ticks[split_level(self._hand.level)[0]] += 1
 
     def _follow(self, t_ns: int) -> None:
-        """Between two ticks, send the vest what has come, if that changes anything."""
+        """Between two ticks, send the vest the newest frame, if that changes anything."""
         if self._vest.by_frame and self._touch_changed:
             self._touch_changed = False
             if self._vest.follow(t_ns):

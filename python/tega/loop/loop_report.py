@@ -1,4 +1,4 @@
-"""Report what the loop did, in numbers."""
+"""Report counts and timing of the loop."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Derive maxima from the recording itself: what a run falls back on where no calibration is given.
+"""Derive maxima from the recording itself, the fallback of a run without a calibration.
 
-They know the whole recording before its first moment, so a self-calibrated run is not causal and says so.
+The maxima use the whole recording, so a self-calibrated run is not causal; this is noted in its results.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
 
     Args:
         source: The open recording.
-        conditions: What :func:`emg_conditions` said of it.
+        conditions: Conditions of the recording, from :func:`emg_conditions`.
         preset: ``paper`` takes the largest block mean, ``live`` the 95th percentile.
 
     Returns:

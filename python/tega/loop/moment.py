@@ -34,21 +34,21 @@ class LoopView(NamedTuple):
             before the first.
         intent: The newest intent; ``None`` before the first.
         angles_rad: The hand's 16 joint angles as reported, modelled where no hand is connected; ``None`` without EMG.
-        counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
-        inputs: What the operator's input devices say, by what they are for.
-        state: Of the run, and why; ``""`` without a guard.
-        alerts: What is wrong, one sentence each.
-        latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
-        arm: What the arm does and why, in one line; ``""`` without an arm.
-        seen_arm: More of the same; ``None`` where it is not known.
-        link: How the link to the other station is, in one line; ``""`` on one machine.
+        counts: Counts since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
+        inputs: State of the operator's input devices, by seat.
+        state: State of the run, with its reason; ``""`` without a guard.
+        alerts: Current problems, one sentence each.
+        latency: Latency of touch and motion, in one line; ``""`` if it is not traced.
+        arm: State of the arm and its reason, in one line; ``""`` without an arm.
+        seen_arm: Full view of the arm; ``None`` if it is unknown.
+        link: State of the link to the other station, in one line; ``""`` on one machine.
         arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
         event: The newest event of touch; ``None`` before the first.
-        target_rad: The 16 joint angles that the hand steers to; ``None`` where it does not tell them.
-        vest_condition: What the vest says of itself, such as name, link and battery; ``""`` where it says nothing.
-        reflex: What the hand is told beyond the person's own closure, and why; ``""`` without a reflex.
-        command: Closure level of the newest command to the hand, with what the reflex added, 1 to 5; 0 if none stands.
-        devices: Which of ``emg``, ``hand`` and ``vest`` are connected; files and models are not.
+        target_rad: The 16 joint angles that the hand steers to; ``None`` if it does not report them.
+        vest_condition: Status reported by the vest, such as name, link and battery; ``""`` for none.
+        reflex: Addition to the participant's own closure, and its reason; ``""`` without a reflex.
+        command: Closure level of the newest command to the hand, including the reflex, 1 to 5; 0 if there is none.
+        devices: Connected devices, out of ``emg``, ``hand`` and ``vest``; without files and models.
     """
 
     t_ns: int
@@ -85,7 +85,7 @@ class LoopView(NamedTuple):
 
     @property
     def picture_to_vest_ms(self) -> dict[str, float]:
-        """How old, on average, the fresh pictures are that this tick's vest frame is made of, by the delay's name.
+        """Mean age of the fresh pictures in this tick's vest frame, by the delay's name.
 
         Milliseconds; empty where no finger has a fresh picture.
         """
@@ -120,9 +120,9 @@ class Moments:
         hand: Has the joints' angles; ``None`` without EMG.
         inputs: The operator's input devices; ``None`` for none.
         guard: Has the run's state; ``None`` for none.
-        trace: Has the ages of what is felt and done; ``None`` where that is not traced.
-        devices: Which of ``emg``, ``hand`` and ``vest`` are connected.
-        complete: Add what the loop does not know, one after the other.
+        trace: Latency of touch and motion; ``None`` if it is not traced.
+        devices: Connected devices, out of ``emg``, ``hand`` and ``vest``.
+        complete: Functions that add to the view, called one after the other.
     """
 
     def __init__(

@@ -13,7 +13,7 @@ from tega.records import TriedMotor
 from tega.records.bus import Bus
 
 TEST_PERCENT: Final = 50
-"""How hard a motor is tried, percent; less where its limits allow less."""
+"""Intensity of a motor test, percent; less if the motor's limits allow less."""
 
 _LASTS_NS: Final = 500_000_000
 _ANSWER_S: Final = 1.0
@@ -24,7 +24,7 @@ class MotorAnswer(NamedTuple):
 
     Attributes:
         done: Whether the motor vibrates.
-        words: How hard, or why not.
+        words: Intensity, or the reason for a refusal.
     """
 
     done: bool
@@ -37,7 +37,7 @@ def lit_frame(silence: MotorLevels, motor: int, percent: int) -> MotorLevels:
     Args:
         silence: The frame in which all rest.
         motor: Its place in the frame.
-        percent: How hard.
+        percent: Intensity, percent.
     """
     lit = np.zeros_like(silence.intensities)
     lit[motor] = percent
@@ -48,8 +48,8 @@ def lit_frame(silence: MotorLevels, motor: int, percent: int) -> MotorLevels:
 class MotorTests:
     """Wishes to feel a motor, one at a time.
 
-    A wish is heard while the run is armed alone, and ends with that state. The frame goes the way of every frame:
-    through the driver's limits and into the day's dose of the person.
+    Requests are accepted only while the run is armed, and end with that state. The frame takes the way of every
+    frame: through the driver's limits and into the wearer's daily dose.
     """
 
     def __init__(self) -> None:
@@ -121,7 +121,7 @@ class MotorTests:
         return frame if self._running is None else lit_frame(frame, self._running[0], TEST_PERCENT)
 
     def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
-        """Answer by what the vest was really sent; ``None`` where there is none."""
+        """Answer the request from the frame that the vest was sent; ``None`` without a vest."""
         if self._running is None or self._answered.is_set():
             return
         motor = self._running[0]

@@ -69,7 +69,7 @@ def latency_trace(
 
 
 def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:
-    """Tell whether a finger's source has a thread of its own in which a metric keeps up; one is made to find out."""
+    """Return whether a finger's source has its own thread in which a metric keeps up; a trial metric is made."""
     source = finger.source
     if not isinstance(source, FeedingSource) or finger.stream is not None or finger.measured is not None:
         return False
@@ -90,20 +90,20 @@ def contact_stream(
     bell: Bell | None,
     bus: Bus,
 ) -> Stream[Contact]:
-    """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come.
+    """Make a finger's stream: contacts measured beforehand, or a thread that measures frames as they arrive.
 
     Args:
         stack: Ends it.
-        name: Of the finger.
+        name: Name of the finger.
         finger: Its open source and baseline.
         metric: Measures its pictures; ``None`` where that is done.
         fed: Whether the source's own thread measures, as :func:`is_fed` says.
         touching: Knows which other live fingers bear a load.
         recorded: Measures the fingers that are recordings.
         start_ns: The clock's time at the start of the session.
-        trace: Follows the pictures; ``None`` for nobody.
+        trace: Follows the frames; ``None`` for no tracing.
         bell: Wakes the loop for a picture; ``None`` where it has its own pace.
-        bus: Told of every picture.
+        bus: Every frame is published here.
     """
     if finger.stream is not None:
         return finger.stream

@@ -1,7 +1,7 @@
 """Open the sources of a run all at the same time, and make its hand ready meanwhile: each takes its time.
 
-A camera settles, an amplifier's true rate is measured, and the hand's process loads what it needs. None of it moves
-anything: what moves or vibrates is opened when every source is there.
+A camera settles, an amplifier's true rate is measured, and the hand's process loads its modules. None of this moves
+anything: outputs that move or vibrate are opened once every source is ready.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _LOG = logging.getLogger("tega.start")
 
 
 def reached(stage: str) -> None:
-    """Note in the log how far a start is, for whoever measures what takes its time."""
+    """Log the progress of a start, to measure the time of its steps."""
     _LOG.debug("%s", stage)
 
 
@@ -33,7 +33,7 @@ class Opening:
     """Opens the EMG of the settings in a thread from now on, since it takes the longest, and the rest when asked to.
 
     Args:
-        stack: Closes what was opened, once all of it is.
+        stack: Closes the opened devices, once all of them are open.
         config: The settings.
         sources: Whether the run opens the sources of the settings.
     """
@@ -93,4 +93,4 @@ class Opening:
 
 
 def _nothing() -> None:
-    """Close nothing: what is open closes itself."""
+    """Do nothing: everything open closes itself."""

@@ -17,7 +17,7 @@ CATCH_UP_NS = 100_000_000
 
 
 LATE_EDGES_NS: Final = tuple(round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 20, 50, 100))
-"""Upper bounds of the bins in which late ticks are counted, nanoseconds; one bin more has what is later still."""
+"""Upper bounds of the bins in which late ticks are counted, nanoseconds; one more bin counts later ones."""
 
 
 class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,10 +25,10 @@ class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         n_ticks: Deadlines waited for.
-        n_overruns: Of those, how many came later than one hand tick (3 ms).
+        n_overruns: Deadlines that were more than one hand tick (3 ms) late.
         n_skipped: Deadlines left out because the loop was more than 100 ms late.
         worst_late_ms: The latest one, in milliseconds.
-        n_late: How many came how late, by the bins of :data:`LATE_EDGES_NS`.
+        n_late: Number of late deadlines in each bin of :data:`LATE_EDGES_NS`.
     """
 
     n_ticks: int
@@ -44,11 +44,11 @@ class Pacer:
     Args:
         clock: The clock.
         overrun_ns: From which lateness on a tick counts as an overrun.
-        bell: What may end a wait early; ``None`` where only deadlines count.
+        bell: Ends a wait early when rung; ``None`` if only deadlines count.
 
     Attributes:
-        bell: The same.
-        late_ns: How late the newest tick was.
+        bell: Ends a wait early when rung; ``None`` if only deadlines count.
+        late_ns: Lateness of the newest tick.
         start_ns: The clock's time at the start.
         tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
         n_waits: Deadlines waited for, with those left out.

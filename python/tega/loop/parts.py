@@ -56,7 +56,7 @@ class RunStart(NamedTuple):
         arm_infos: Descriptions of tracker and arm by name; empty without an arm.
         trial: Name of the trial; ``"start"`` where no part names one.
         layout: Layout of the vest.
-        pace: When the vest is sent a frame.
+        pace: Pace of the vest.
         observed: Whether a display follows the run.
         real: Whether the session's clock is the machine's monotonic clock.
         start_ns: Zero of the session's times on its clock; 0 before the clock starts.

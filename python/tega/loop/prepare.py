@@ -25,7 +25,7 @@ from tega.records import Contact
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how much is done and how much there is (0 where unknown)."""
+"""Called with the name of the current task, the amount done and the total (0 if unknown)."""
 
 
 def prepare(
@@ -40,19 +40,19 @@ def prepare(
 ) -> Prepared:
     """Find baselines and maxima.
 
-    Without a calibration file every frame is measured here, once, and the run uses what was measured.
+    Without a calibration file every frame is measured here, once, and the run uses these measurements.
 
     Args:
         config: The settings.
         sources: The open tactile sources, by finger.
         emg: The open EMG source, if any.
-        progress: Told how many frames are measured.
+        progress: Called with the number of frames measured so far.
         stop: Asked whether to give up.
-        settings: How the settings file is named in the commands that are suggested.
+        settings: Name of the settings file in suggested commands.
         origin: Words for the origin of maxima that are elsewhere, so that none are needed here; ``""``: none.
 
     Returns:
-        What the run starts with.
+        The prepared sources of the run.
 
     Raises:
         RecordingError: A recording cannot be read.
@@ -120,7 +120,7 @@ def _other_metric(config: SessionConfig) -> str:
 def to_be_read(prepared: Prepared) -> Prepared:
     """Return a run's prepared sources, with frames that were measured beforehand to be read and measured again.
 
-    That is for a run whose pictures are wanted: the same frames, the same results.
+    Used for a run that needs the images: the same frames, the same results.
     """
     fingers = dict(prepared.fingers)
     for name, finger in prepared.fingers.items():

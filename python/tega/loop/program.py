@@ -1,4 +1,4 @@
-"""Run a session from a Python program: it receives what happens, and may send to vest and hand.
+"""Run a session from a Python program, which receives moments and may send to vest and hand.
 
 The loop runs in a thread of its own, as ``tega-teleop run`` runs it: with the same limits, guard and watchdogs. The
 program's frames and levels lapse unless it sends new ones. Leaving the ``with`` block, in whatever way, ends the run:
@@ -62,7 +62,7 @@ def session(
     Args:
         settings: Settings file, or settings that are loaded already.
         sets: Settings to override, such as ``"session.pace=fast"``.
-        person: Whose calibration to use.
+        person: Person with the calibration to use.
 
     Raises:
         ConfigError: The settings are wrong.
@@ -184,7 +184,7 @@ class ProgramHand:
 
 
 class _NoMuscles(Opened):
-    """EMG of a session whose hand a program steers: it has no samples."""
+    """EMG of a session with a hand that a program steers: it has no samples."""
 
     ended = True
 
@@ -228,8 +228,8 @@ class _ProgramPart(Part):
 class ProgramSession:
     """Session that a program follows and may send to; use it in a ``with`` statement, once.
 
-    It is an iterator of moments, :class:`tega.loop.LoopView`: at real pace the newest one that the program has not had
-    yet, else every one, for which the run waits.
+    Iterating yields moments, :class:`tega.loop.LoopView`: at real pace the newest one that the program has not
+    received yet, else every one, and the run waits for the program.
 
     Args:
         config: The settings.

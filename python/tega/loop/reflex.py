@@ -1,9 +1,9 @@
-"""Say what the reflex adds to the closure that the person asks for, within bounds that no reflex can leave.
+"""Add the reflex to the closure that the participant asks for, within bounds that no reflex can exceed.
 
-The hand is told both, and takes the addition beside its moves from level to level (:class:`tega.hand.HandController`);
-its own limits of torque and speed come after it. The addition is 0 or
-more, so that it never opens a hand that holds; it is 0 as soon as the person opens the hand, and is taken back where
-the person loosens the grip, so that it never keeps hold of what the person lets go of.
+The hand is sent both, and applies the addition beside its moves from level to level
+(:class:`tega.hand.HandController`); its own limits of torque and speed come after it. The addition is 0 or more, so
+it never opens a hand that holds. It is 0 as soon as the participant opens the hand, and is taken back when the
+participant loosens the grip, so it never holds on to an object that the participant releases.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class ReflexMoment(NamedTuple):
 
 
 class ReflexArc:
-    """Asks a reflex at every tick of the hand and adds what it wishes, bounded, to the person's own closure.
+    """Asks a reflex at every tick of the hand and adds its bounded wish to the participant's own closure.
 
     With authority A, bound B (levels) and wish w the addition a goes toward A · B · max(w, 0), up by
     ``rise_levels_per_s`` and down by ``fall_levels_per_s`` at most, or by 5 levels a second where w < 0, authority was
@@ -102,12 +102,12 @@ class ReflexArc:
     Args:
         reflex: The stage.
         settings: Its bounds.
-        moment: Tells the circumstances of a tick, by its time in nanoseconds.
-        tell: Told of every tick at which it was asked or added something.
+        moment: Returns the circumstances of a tick from its time in nanoseconds.
+        tell: Called with every tick at which the reflex was asked or added something.
 
     Attributes:
         authority: Share of the largest addition that it might use at the last tick.
-        added: What is added now, levels.
+        added: Current addition, levels.
         n_added: Ticks at which something was added.
         most_added: The largest addition so far, levels.
     """
@@ -140,7 +140,7 @@ class ReflexArc:
         Args:
             t_ns: The tick.
             own: Closure that the person asks for, levels 1 to 5 with fractions.
-            contacts: Gives the newest contact of every finger whose frame is fresh.
+            contacts: Returns the newest contact of each finger with a fresh frame.
         """
         now = self._moment(t_ns)
         authority = self.authority = now.authority
@@ -181,7 +181,7 @@ class ReflexArc:
         return self.added
 
     def shown(self, view: LoopView) -> LoopView:
-        """Add to a view of the loop what the hand is told beyond the person's own closure, and why."""
+        """Add the reflex's addition and its reason to a view of the loop."""
         said = f"authority {self.authority:.0%}"
         if self.added > 0:
             said = f"+{self.added:.2f} levels told to the hand, {said}"
@@ -189,7 +189,7 @@ class ReflexArc:
         return view._replace(reflex=said)
 
     def _fallen(self, dt_s: float, *, back: bool) -> float:
-        """Return what is left of the addition after a step without a cause."""
+        """Return the remaining addition after a step without a cause."""
         rate = max(_BACK_LEVELS_PER_S, self._s.fall_levels_per_s) if back else self._s.fall_levels_per_s
         return self.added - rate * dt_s
 
@@ -207,11 +207,11 @@ def open_reflex(
 
     Args:
         config: The settings.
-        bus: Tells the button, and is told of every addition.
+        bus: Bus with the button events; every addition is published on it.
         fingers: Fingers that have a sensor.
         active: Asked whether the run is active.
         hand: The hand that measures its joints; ``None`` where there is none.
-        authority: Asked at each tick what a page wants; ``None`` for what settings and button say.
+        authority: Returns the page's choice at each tick; ``None`` for that of settings and button.
     """
     reflex, settings = grip_reflex(config.stages, config.session.preset, fingers), config.stages.reflex
     if reflex is None:

@@ -47,7 +47,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         stack: Holds everything that the rig has open; closed here, so that tables and recordings are complete.
         rig: Devices, outputs and parts of the run.
         clock: The session's clock.
-        controls: Answers at every tick whether to end and what is allowed.
+        controls: Polled at every tick for the end and for permissions.
 
     Returns:
         The summary.
@@ -197,7 +197,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
 
 
 def _displayed(rig: Rig, reflex: ReflexArc | None) -> list[Callable[[LoopView], LoopView]]:
-    """Return what adds to a view of the loop what the loop does not know."""
+    """Return the functions that add to a view of the loop, such as link, arm and reflex."""
     return [
         *([] if reflex is None else [reflex.shown]),
         rig.sinks.shown,
@@ -221,7 +221,7 @@ def _metric(rig: Rig, name: str) -> Metric:
 
 
 def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
-    """Publish the run's states, what is wrong, and how long the vest's motors take to start."""
+    """Publish the run's states, its alerts, and the onset time of the vest's motors."""
 
     def changed(change: Transition) -> None:
         bus.publish(RunState(t_ns=change.t_ns, state=change.state, reason=change.reason))
@@ -244,7 +244,7 @@ def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
 
 
 def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
-    """When the vest is told, and what a camera's frame rings for it."""
+    """Pace of the vest, and the bell that a camera's frame rings for it."""
     pace = rig.config.vest.pace or DEFAULT_PACE[rig.config.session.preset]
     fingers = rig.prepared.fingers.values()
     live = isinstance(clock, SystemClock) and any(finger.source.info.live for finger in fingers)

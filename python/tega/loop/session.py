@@ -1,4 +1,4 @@
-"""Run a session from its settings: make its clock and its folder, open what it is made of, and run it."""
+"""Run a session from its settings: create its clock and folder, open its parts, and run it."""
 
 from __future__ import annotations
 

@@ -11,5 +11,5 @@ class Sink(Protocol[Sent_contra]):
     """Output of the loop: a vest or a hand's bus, real, recorded or simulated."""
 
     def write(self, t_ns: int, sent: Sent_contra, /) -> object:
-        """Write what the loop sends at a time counted from the start of the session."""
+        """Write an output of the loop, with its time since the start of the session."""
         ...

@@ -32,7 +32,7 @@ class Sinks(NamedTuple):
         vests: A vest of the settings that only records, the vest recorder.
         hands: A hand of the settings that only takes frames, the CAN recorder.
         steered: A hand of the settings that closes its own loop.
-        tables: What the tables of the output folder call themselves, vest and hand; empty without one.
+        tables: Descriptions of the tables in the output folder, vest and hand; empty without one.
     """
 
     live_vests: list[VestSink]
@@ -42,7 +42,7 @@ class Sinks(NamedTuple):
     tables: tuple[DeviceInfo, ...] = ()
 
     def shown(self, view: LoopView) -> LoopView:
-        """Add what the real vest says of itself to a view of the loop."""
+        """Add the status that the real vest reports to a view of the loop."""
         said = [optional(vest, "condition") for vest in self.live_vests]
         return view._replace(vest_condition="; ".join(filter(None, said)))
 
@@ -58,7 +58,7 @@ def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
 
 
 def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
-    """Open the vest of the settings; a person's comes with what is left of the day's dose."""
+    """Open the vest of the settings; for a named person, with the remaining daily dose."""
     if config.vest.driver is None:
         return None
     return stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
@@ -95,7 +95,7 @@ def open_sinks(
 
 
 def _listen(hand: Any, bus: Bus) -> None:
-    """Tell the bus of every exchange with a hand; before that is opened, so that none is missed."""
+    """Publish every exchange with a hand; called before the hand is opened, so that none is missed."""
     if not isinstance(hand, TellingHand) or not bus.wants(HandExchange):
         return
 

@@ -30,14 +30,14 @@ class RunFacts(NamedTuple):
     """Facts that a summary is made of.
 
     Attributes:
-        rig: What the run was made of.
-        layout: Which motors the vest has.
-        pace: When the vest was told.
-        loop: What the loop counted.
-        pacing: How well the clock was kept.
-        trace: What followed frames and blocks through the loop; ``None`` where nothing was live.
+        rig: Devices, outputs and parts of the run.
+        layout: Layout of the vest's motors.
+        pace: Pace of the vest.
+        loop: Counts of the loop.
+        pacing: Report of how well the deadlines were kept.
+        trace: Latency trace of frames and blocks; ``None`` if no input was live.
         real_time: Whether the loop's thread went ahead of others.
-        reflex: What added to the person's own closure; ``None`` without a reflex.
+        reflex: The reflex of the run; ``None`` without one.
     """
 
     rig: Rig
@@ -55,7 +55,7 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
 
     Args:
         state: Everything it was made of.
-        error: What ended it, if it failed.
+        error: Error that ended the run, if it failed.
 
     Returns:
         A tree of plain values, ready for JSON.
@@ -181,7 +181,7 @@ def _emg(state: RunFacts) -> dict[str, Any] | None:
 
 
 def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
-    """Name what vests or hands were told, tables last."""
+    """Name the drivers of the vests or hands, tables last."""
     sinks = state.rig.sinks
     if kind == "vest":
         infos = [sink.info for sink in (*sinks.live_vests, *sinks.vests)]
@@ -191,7 +191,7 @@ def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
 
 
 def _notes(state: RunFacts) -> list[str]:
-    """Say in sentences what a reader of the tables has to know."""
+    """Return notes for readers of the tables, one sentence each."""
     notes = []
     end_ns = state.loop.end_ns
     elsewhere = any(part.origin for part in state.rig.parts)

@@ -1,4 +1,4 @@
-"""Turn what the fingertips see into what the wearer feels: the back loop."""
+"""Turn the fingertips' contacts into vest frames: the back loop."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ _MOST_EVENTS = 1024
 class TouchLoop:
     """Turns contacts into vest frames, by a mapping.
 
-    A finger whose newest frame is older than 100 ms is not shown to the mapping. With the columns of Eq 7 to 9, one
-    that is not in contact or that has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
+    A finger with a newest frame older than 100 ms is not shown to the mapping. With the columns of Eq 7 to 9, a
+    finger that is not in contact or has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
 
     Args:
-        maxima: What counts as full, by finger; the fingers in use are its keys.
-        layout: Which motors the vest has.
-        mirror: Which faces have their columns reversed.
-        felt: Evens out what the wearer feels; ``None`` sends the law's own intensities.
+        maxima: Maxima by finger; the keys are the fingers in use.
+        layout: Layout of the vest's motors.
+        mirror: Faces with reversed columns.
+        felt: Evens out the perceived intensity; ``None`` sends the law's own intensities.
         mapping: Makes the mapping; ``None`` for that of Eq 7 to 9.
 
     Attributes:
@@ -130,7 +130,7 @@ class TouchLoop:
         return slips
 
     def fresh_contacts(self, t_ns: int) -> dict[str, Contact]:
-        """Return the newest contact of every finger whose frame is not too old at a time."""
+        """Return the newest contact of every finger, without those too old at a given time."""
         return {name: contact for name, contact in self._newest.items() if t_ns - contact.t_ns <= STALE_NS}
 
     def frame(self, t_ns: int) -> MotorLevels:
@@ -145,7 +145,7 @@ class TouchLoop:
         return self.shown(t_ns, contacts, events)
 
     def shown(self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]) -> MotorLevels:
-        """Return the vest frame of some contacts and events: what the mapping shows, as its wearer feels it evenly.
+        """Return the vest frame of contacts and events: the mapping's output, evened out for the wearer.
 
         Raises:
             InvalidValueError: The mapping gave no finite number for every motor.
@@ -158,7 +158,7 @@ class TouchLoop:
         return self._silence
 
     def _made(self, levels: ArrayLike) -> MotorLevels:
-        """Return the frame of what the mapping gave, which may be anybody's."""
+        """Return the vest frame of a mapping's output, which is checked: any mapping may be installed."""
         numbers = np.asarray(levels, np.float64)
         hint = "it has to return a number of percent for every motor of the layout"
         if numbers.shape != (self._n_motors,):

@@ -21,10 +21,10 @@ def touch_loop(
 
     Args:
         config: The settings.
-        calibration: What counts as full.
-        fingers: Those in use.
-        find_events: Whether to look for events whatever the mapping wants; the run's first tick then need not load what
-            finds them.
+        calibration: The maxima.
+        fingers: Fingers in use.
+        find_events: If true, events are detected whether or not the mapping wants them; the detector is then loaded
+            before the run's first tick.
     """
     vest = config.vest
     maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}

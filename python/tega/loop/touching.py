@@ -1,4 +1,4 @@
-"""Tell each finger's metric whether another finger bears a load: in a live run, and in recordings read side by side."""
+"""Inform each finger's metric of loads on other fingers, in live runs and in recordings read side by side."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Touching:
         self._since_ns: dict[str, int] = {}
 
     def note(self, finger: str, t_ns: int, *, bears_load: bool) -> None:
-        """Take note of what a finger's picture of a time has shown."""
+        """Note whether a finger bears a load, from its frame at a given time."""
         if bears_load:
             self._since_ns[finger] = t_ns
         else:
@@ -55,8 +55,8 @@ class _Found(NamedTuple):
 class RecordedFingers:
     """Measures the recordings of several fingers in the order of their pictures' times.
 
-    Every finger is told what the others bear up to then, as in a live run, so that the same recordings give the same
-    contacts. Each recording is read by a thread of its own, a few pictures ahead.
+    Every finger's metric gets the loads of the others up to that time, as in a live run, so the same recordings give
+    the same contacts. Each recording is read by a thread of its own, a few frames ahead.
     """
 
     def __init__(self) -> None:
@@ -79,12 +79,12 @@ class RecordedFingers:
         """Add a finger, before anything is measured.
 
         Args:
-            name: Of the finger.
+            name: Name of the finger.
             finger: Its open source, which is not live, its baseline and report.
             metric: Measures its pictures.
-            see: Told of each picture and when it was received, before it is measured, when the metric knows whether it
-                is ``loaded``.
-            tell: Called with each picture that was measured and its contact.
+            see: Called with each frame and its time of reception, before it is measured, when the metric knows
+                whether it is ``loaded``.
+            tell: Called with each measured frame and its contact.
         """
 
         def look_beside(frame: TactileFrame) -> None:
@@ -127,7 +127,7 @@ class RecordedFingers:
     def contacts(self, name: str) -> Generator[Contact, None, int]:
         """Yield a finger's contacts; return when its recording ended, nanoseconds.
 
-        Another thread measures ahead of whoever asks. What the other fingers' pictures give meanwhile waits for them.
+        Another thread measures ahead of the consumer. Contacts of the other fingers wait for theirs meanwhile.
 
         Raises:
             RecordingError: As by :meth:`measured`.

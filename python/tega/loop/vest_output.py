@@ -32,7 +32,7 @@ class MotorTrials(Protocol):
         ...
 
     def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
-        """Note what a real vest was sent; ``None`` where there is none."""
+        """Note the frame that a real vest sent; ``None`` without a vest."""
         ...
 
 
@@ -106,7 +106,7 @@ class VestOutput:
         return self._make(t_ns, only_news=True)
 
     def silence(self, t_ns: int) -> list[BaseException]:
-        """Let every motor rest, whatever happens; return what went wrong."""
+        """Stop every motor in any case; return the error in words."""
         problems: list[BaseException] = []
         silence = self._touch.silence()
         self.frame = None if self.frame is None else silence

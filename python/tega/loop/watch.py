@@ -87,7 +87,7 @@ def _first(hands: Sequence[object], name: str) -> str:
 
 
 def _signal(source: EmgSource) -> str:
-    """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
+    """Return the problem in the newest second of a live amplifier's signal, as far as its driver checks."""
     faults = optional(source, "faults")
     return f"emg: {'; '.join(faults)}" if faults else ""
 

@@ -1,4 +1,4 @@
-"""Open a vest with what is left of its wearer's daily dose: every path that makes a motor vibrate goes through here."""
+"""Open a vest with the rest of its wearer's daily dose: every path that makes a motor vibrate goes through here."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 NAMELESS: Final = "nameless-vest-dose.json"
-"""File, in the folder of calibrations, of those who wore the vest without being named."""
+"""File, in the folder of calibrations, of wearers without a name."""
 
 
 def dose_file(calibration: CalibrationConfig) -> Path | None:
-    """Return the dose file of the person that settings name, or of whoever is not named; ``None`` without a folder."""
+    """Return the dose file of the settings' person, or the nameless one; ``None`` without a folder."""
     if calibration.person is None:
         return None if calibration.folder is None else calibration.folder / NAMELESS
     from tega.config.person import whose
@@ -55,14 +55,14 @@ def _alone(file: Path) -> Iterator[None]:
 
 @contextmanager
 def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
-    """Open the vest of some settings, with what is left of its wearer's day.
+    """Open the vest of some settings, limited to the rest of its wearer's daily dose.
 
     Whatever makes a motor vibrate opens the vest here: a run, a played one, a study, calibration, ``identify``, the
     measurement of a motor's onset.
 
     Args:
         section: The settings; a driver is set.
-        file: The wearer's file (:func:`dose_file`); ``None`` for one whose day is kept nowhere.
+        file: The wearer's file (:func:`dose_file`); ``None`` for one with no stored dose.
 
     Raises:
         CalibrationError: The file cannot be read.

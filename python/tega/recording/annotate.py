@@ -20,10 +20,10 @@ def import_annotations(recording: Path, path: Path, rater: str) -> int:
         recording: The recording.
         path: A BORIS project, a tabular or aggregated export, or an ELAN file. Of several observations or raters in it
             the one named like the recording or like the rater counts.
-        rater: Code of the rater, who has not coded this recording.
+        rater: Code of a rater without events in this recording.
 
     Returns:
-        How many events.
+        The number of events.
 
     Raises:
         RecordingError: A file cannot be read, no observation is the recording's, or an event is outside of it.

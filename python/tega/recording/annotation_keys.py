@@ -40,7 +40,7 @@ class AnnotationKeys:
         self._lock = threading.Lock()
 
     def __enter__(self) -> Callable[[str], str]:
-        """Return the function that takes a key and returns what it did in words."""
+        """Return the function that takes a key and returns its effect in words."""
         return self.press
 
     def __exit__(self, *_error: object) -> None:
@@ -49,7 +49,7 @@ class AnnotationKeys:
             self._file.close()
 
     def press(self, key: str) -> str:
-        """Code the behaviour of a key, or undo the last step (``u``); return what it did, ``""`` for nothing."""
+        """Code the behaviour of a key, or undo the last step (``u``); return the effect in words, ``""`` for none."""
         t_s = self._played.at_s
         with self._lock:
             try:

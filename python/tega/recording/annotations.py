@@ -47,7 +47,7 @@ def annotations_path(recording: Path) -> Path:
 
 
 def read_annotations(recording: Path) -> dict[str, list[CodedEvent]]:
-    """Return the events of a recording by rater, in the order of their beginnings; none where nobody has coded it.
+    """Return the coded events of a recording by rater, in the order of their beginnings.
 
     Raises:
         RecordingError: A line of the file is no annotation.
@@ -138,7 +138,7 @@ class AnnotationFile:
         )
 
     def press(self, code: str, t_s: float, *, is_state: bool) -> str:
-        """Add a point event, or begin a state or end the one that has begun; return what happened in words."""
+        """Add a point event, or begin or end a state; return the effect in words."""
         begun = self._open_state(code)
         if is_state and begun is not None and t_s >= begun.t_s:
             self._put(t_s=round(t_s, 6), ends=begun.n)
@@ -147,7 +147,7 @@ class AnnotationFile:
         return f"{code} from {t_s:.2f} s" if is_state else f"{code} at {t_s:.2f} s"
 
     def undo(self) -> str:
-        """Undo this rater's last step that is not undone; return what it was, ``""`` for none."""
+        """Undo this rater's last step that is not undone; return that step in words, ``""`` for none."""
         undone = {line.undoes for line in self._lines}
         for line in reversed(self._lines):
             if line.rater == self._rater and line.undoes is None and line.n not in undone:

@@ -1,11 +1,11 @@
 """Write a recording's bytes to disk by way of memory that outlives a killed program.
 
-A disk stands still at times: while it brings an earlier part of the file down, or since another program keeps it busy,
-a write may take seconds, whatever thread does it. What waits meanwhile in a program's own memory is lost when that is
-killed. So it waits in a folder in the machine's memory, which a kill does not reach; beside the unfinished file, in one
-called ``….mcap.part.tail``, stands which, and whoever finishes the file takes it from there. The folder says which file
-it belongs to and is locked while that is written, so that a copy of the file takes nothing from it. What was never
-taken goes to its file when the next recording begins.
+A disk stalls at times: while it writes an earlier part of the file, or while another program keeps it busy, a write
+may take seconds in any thread. Bytes that wait in a program's own memory are lost when it is killed. They therefore
+wait in a folder in the machine's memory, which survives a kill. A file called ``….mcap.part.tail`` beside the
+unfinished file names this folder, and the program that finishes the file takes the bytes from there. The folder names
+the file that it belongs to and is locked while the file is written, so a copy of the file takes nothing from it.
+Bytes that were never taken go to their file when the next recording begins.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | Spo
 
     Args:
         raw: The file, opened for writing without a buffer.
-        path: Where it is.
-        most_bytes: What may wait in memory.
+        path: Path of the file.
+        most_bytes: Most bytes that may wait in memory.
     """
     if raw.seekable() and _MEMORY.is_dir():
         rescue_tails()
@@ -55,14 +55,14 @@ def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | Spo
 class DirectFile:
     """A file that is written at once. After the first error it takes everything and keeps nothing.
 
-    The writer of the SDK would otherwise try again with every message; whoever owns this looks at :attr:`error`.
+    The writer of the SDK would otherwise retry with every message; the owner checks :attr:`error`.
 
     Args:
         raw: The file, opened for writing without a buffer.
 
     Attributes:
         n_bytes: Bytes taken.
-        error: Why the file cannot be written any more.
+        error: Reason why the file cannot be written any more.
     """
 
     def __init__(self, raw: BinaryIO) -> None:
@@ -88,20 +88,20 @@ class DirectFile:
         """Do nothing: everything was written at once."""
 
     def close(self) -> None:
-        """Do nothing, likewise."""
+        """Do nothing: everything was written at once."""
 
 
 class SpooledFile:
-    """A file that is written by a thread of its own; what that has not yet written outlives the process.
+    """A file that is written by a thread of its own; bytes not written yet outlive the process.
 
     Args:
         raw: The file, opened for writing without a buffer, empty.
-        path: Where it is.
-        most_bytes: What may wait in memory; with more, :meth:`flush` waits.
+        path: Path of the file.
+        most_bytes: Most bytes that may wait in memory; with more, :meth:`flush` waits.
 
     Attributes:
         n_bytes: Bytes taken.
-        error: Why the file cannot be written any more; from then on everything is taken and nothing kept.
+        error: Reason why the file cannot be written any more; from then on everything is discarded.
 
     Raises:
         OSError: The folder in memory, or the note beside the file, cannot be made.
@@ -146,7 +146,7 @@ class SpooledFile:
         return _place(self.n_bytes, offset, whence)
 
     def flush(self) -> None:
-        """Bring what was taken to where it outlives this process; waits only where memory is full."""
+        """Move the buffered bytes to where they outlive this process; waits only if memory is full."""
         data = bytes(self._buffer)
         self._buffer.clear()
         if not data or self.error is not None:
@@ -161,7 +161,7 @@ class SpooledFile:
             self._change.wait_for(lambda: self._waiting_bytes <= most or self.error is not None)
 
     def close(self) -> None:
-        """Wait until all of it is written, and forget what was kept."""
+        """Wait until everything is written, and discard the buffer."""
         self.flush()
         with self._change:
             self._closing = True
@@ -208,12 +208,12 @@ class SpooledFile:
 
 
 def take_tail(part: Path) -> None:
-    """Add to an unfinished file what its writer had not yet brought to the disk when it was killed.
+    """Append to an unfinished file the bytes that its killed writer had not yet brought to the disk.
 
     A copy of the file gets nothing, and takes nothing away from the file that it was copied from.
 
     Args:
-        part: The file; nobody else may be writing it.
+        part: The file; no other program may be writing it.
     """
     note = part.with_name(part.name + _TAIL)
     if not note.exists():
@@ -227,7 +227,7 @@ def take_tail(part: Path) -> None:
 
 
 def rescue_tails() -> None:
-    """Bring to their files what recordings that were killed left in memory, so that it does not stay there."""
+    """Append the bytes that killed recordings left in memory to their files, so that the memory is freed."""
     for folder in _MEMORY.glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError, ValueError):
             part = Path(str(_owner(folder).get("path", "")))
@@ -240,7 +240,7 @@ def rescue_tails() -> None:
 
 
 def _bring(folder: Path, part: Path) -> None:
-    """Bring what waits in a folder to its file, unless somebody still fills it, or it is another file's."""
+    """Move the bytes in a folder to their file, unless they are still being written or belong to another file."""
     own = part.stat()
     if _owner(folder).get("file") != [own.st_dev, own.st_ino] or not _abandoned(folder):
         return

@@ -1,4 +1,4 @@
-"""Encode a recording's pictures anew as JPEG into a copy of it; every other record is copied as it is."""
+"""Re-encode a recording's images as JPEG into a copy of it; every other record is copied unchanged."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
     Args:
         session: A recording, or a session's folder.
         out: Folder of the new session: new or empty.
-        quality: Of the JPEG pictures, 1 to 100.
+        quality: Quality of the JPEG images, 1 to 100.
 
     Returns:
         The new recordings.
@@ -75,7 +75,7 @@ def _tables(source: Path) -> dict[str, dict[str, str]]:
 
 
 class _SmallerPictures:
-    """Encodes what is a picture, and lets everything else pass."""
+    """Encodes the images, and passes on everything else."""
 
     def __init__(self, quality: int) -> None:
         self._cv2 = load_cv2("recording")

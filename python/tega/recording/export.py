@@ -11,7 +11,7 @@ from tega.errors import ConfigError, TegaError
 from tega.haptics.motor_layout import find_layout
 from tega.recording.copies import note_copy
 from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
-from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.origin import LEAD_IN
 from tega.runtime.files.foreign_file import tells_damage
 from tega.runtime.files.plain_name import plain_name
@@ -20,7 +20,12 @@ from tega.runtime.lifecycle import require
 
 @tells_damage
 def export_file(
-    path: Path, folder: Path, *, kind: Literal["csv", "parquet"] = "csv", pictures: bool = False
+    path: Path,
+    folder: Path,
+    *,
+    kind: Literal["csv", "parquet"] = "csv",
+    pictures: bool = False,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Write one table per topic, and the attached files as they are.
 
@@ -31,9 +36,10 @@ def export_file(
 
     Args:
         path: The recording.
-        folder: Where to; new or empty.
+        folder: Output folder; new or empty.
         kind: ``csv``, or ``parquet`` (extra ``parquet``).
         pictures: Also write every picture, as PNG or the JPEG that it is, in a folder per finger named by its number.
+        progress: Called as the file is read.
 
     Returns:
         The tables.
@@ -51,6 +57,7 @@ def export_file(
     folder.mkdir(parents=True, exist_ok=True)
     note_copy(path, folder)
     reader = McapReader(path)
+    reader.progress = progress or reader.progress
     tables: dict[str, GrowingTable] = {}
     growing = GrowingCsv if kind == "csv" else GrowingParquet
     waiting: dict[str, Message] = {}
@@ -133,7 +140,7 @@ def _named_cells(row: Row, _name: str, content: Any, *, own: set[str]) -> None:
 
 
 def _cells(field: Any) -> Callable[[Row, str, Any], None]:
-    """Return what puts the content of a field into a row."""
+    """Return the function that writes the content of a field into a row."""
     text: Callable[[Any], Any] | None = None
     if field.name.endswith("_ns") and not field.is_repeated:
         return partial(_time_cell, column=f"{field.name.removesuffix('_ns')}_s")

@@ -31,20 +31,20 @@ class _RunSummary(msgspec.Struct):
 def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
     """Make a folder ready for a run's outputs, and keep those of an earlier run in a folder below it.
 
-    It may be new, empty, or hold an earlier run (recognised by its ``summary.json``); an earlier run's own files
-    are then moved to ``earlier-1``, ``earlier-2``, …, anything else in the folder is left alone. A ``summary.json``
-    that says that the run has not ended is written at once: of a run that is killed it stays, and the next run knows
-    the folder by it.
+    The folder may be new, empty, or hold an earlier run (recognised by its ``summary.json``). An earlier run's own
+    files are then moved to ``earlier-1``, ``earlier-2``, …; other files in the folder are unchanged. A
+    ``summary.json`` that marks the run as unfinished is written at once: it stays if the run is killed, and the next
+    run recognises the folder by it.
 
     Args:
         folder: The folder.
-        also: What an earlier run of this kind left there besides.
+        also: Further files of an earlier run of this kind.
 
     Returns:
-        Where the earlier run is kept; ``None`` if there was none, or it left no results.
+        The folder with the earlier run; ``None`` if there was none, or it left no results.
 
     Raises:
-        ConfigError: It is a file, or holds something that is not an earlier run.
+        ConfigError: The path is a file, or the folder holds something that is not an earlier run.
     """
     check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -58,7 +58,7 @@ def check_folder(folder: Path) -> None:
     """Check that a folder can take a run's outputs, and change nothing.
 
     Raises:
-        ConfigError: It is a file, or holds something that is not an earlier run.
+        ConfigError: The path is a file, or the folder holds something that is not an earlier run.
     """
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"output folder {folder.name!r} is a file", "name a folder")
@@ -70,7 +70,7 @@ def check_folder(folder: Path) -> None:
 
 
 def _keep_earlier(folder: Path, also: Sequence[Path]) -> Path | None:
-    """Move what an earlier run left into a folder of its own; a mere note that a run has begun is no result."""
+    """Move the results of an earlier run into a folder of its own; a note of a begun run is no result."""
     ours = [folder / name for name in OUTPUT_NAMES if os.path.lexists(folder / name)]
     ours += also
     if not ours or (ours == [folder / "summary.json"] and NOT_ENDED in read_words(ours[0])):

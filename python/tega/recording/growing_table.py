@@ -1,4 +1,4 @@
-"""Write tables whose columns are known only as their rows come, in memory that does not grow with their length."""
+"""Write tables with columns that become known as the rows arrive, in memory that does not grow with their length."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class GrowingTable(ABC):
 
 
 class GrowingCsv(GrowingTable):
-    """A table as CSV; if a column comes late, what is in the file gets it, empty."""
+    """A CSV table; a column that appears late is added to the earlier rows, empty."""
 
     _file: CsvWriter | None = None
 

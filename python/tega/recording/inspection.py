@@ -28,8 +28,9 @@ class StreamFacts(msgspec.Struct, frozen=True):
     Attributes:
         topic: Its name.
         schema: Name of its messages' schema.
-        messages: How many.
-        rate_hz: Of messages between the first and the last stamp; of EMG, of samples; ``None`` where there are too few.
+        messages: Number of messages.
+        rate_hz: Rate of the messages between the first and the last stamp; for EMG, of the samples; ``None`` if there
+            are too few.
         median_ms: The usual distance of two stamps.
         longest_ms: The longest.
         gaps: Distances longer than two and a half times the usual one.
@@ -74,21 +75,21 @@ class Inspection(msgspec.Struct, frozen=True):
     Attributes:
         file: Its name.
         complete: Whether the run that made it finished it.
-        cut: Why reading ended early, in a word; ``""`` where it did not.
+        cut: Reason for an early end of reading, in a word; ``""`` for none.
         lossless: Whether the pictures are as they were.
         origin: For one made by `trim` or `merge`, the steps from the run's own file to this one.
-        from_s: Where in its session it begins.
+        from_s: Beginning of the recording in its session.
         start: Time of day at the start of the session, nanoseconds since 1970.
         duration_s: From there to the newest stamp.
-        ended: How the run ended; ``""`` where that was not recorded.
+        ended: Way in which the run ended; ``""`` if it was not recorded.
         mib: Size of the file.
-        config_sha256: Of the settings' text.
-        versions: Of the recording itself, and of everything the results may depend on.
-        sources: What the inputs called themselves.
+        config_sha256: Checksum of the settings' text.
+        versions: Versions of the recording itself, and of everything the results may depend on.
+        sources: Names of the inputs, as their drivers report them.
         streams: By topic.
-        latency: By stage; empty where the run's time was not the world's, and without stages that a
-            recorded source does not have.
-        markers: In order.
+        latency: Latency by stage; empty if the run was not in real time, and without stages that a recorded source
+            does not have.
+        markers: Markers, in order.
         states: Changes of the run's state and alerts, in order.
         log: Lines of the program.
     """
@@ -126,7 +127,7 @@ def inspect_file(path: Path) -> Inspection:
     """Look through a recording; pictures are counted, not decoded.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The file cannot be read.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     reader, seen = McapReader(path), _Messages()
@@ -167,7 +168,7 @@ def inspect_file(path: Path) -> Inspection:
 
 
 class _Messages:
-    """Collects what the messages tell: topics, stages, drops, markers, states."""
+    """Collects facts from the messages: topics, stages, drops, markers, states."""
 
     def __init__(self) -> None:
         self.topics: dict[str, _Topic] = {}

@@ -16,8 +16,8 @@ class McapItem(NamedTuple):
     Attributes:
         kind: ``Message``, ``Attachment`` or ``Metadata``.
         record: As it was read, not yet decoded.
-        channel: Of a message, its channel.
-        schema: Of a message, its schema; ``None`` where it has none.
+        channel: Channel of a message.
+        schema: Schema of a message; ``None`` if it has none.
     """
 
     kind: str
@@ -37,7 +37,7 @@ class McapRecords:
         file: Opened for reading; needs no index.
 
     Attributes:
-        problem: Why the rest of it cannot be read; ``""`` while it can.
+        problem: Reason why the rest cannot be read; ``""`` for none.
 
     Raises:
         MissingExtraError: The package ``mcap`` is not installed.
@@ -49,7 +49,7 @@ class McapRecords:
         self.problem = ""
 
     def __iter__(self) -> Iterator[McapItem]:
-        """Return what is in it."""
+        """Return an iterator over the messages, attachments and tables."""
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
         source = iter(self._reader.records)

@@ -30,7 +30,7 @@ class McapFile(RecordChannels):
         path: The file; it must not exist.
         lossless: Pictures as they are; else as JPEG.
         jpeg_quality: 1 to 100.
-        most_bytes: What may wait in memory for the disk.
+        most_bytes: Most bytes that may wait in memory for the disk.
         raw: Something else to write to, opened for writing without a buffer; the file at ``path`` when ``None``.
 
     Raises:
@@ -77,7 +77,7 @@ class McapFile(RecordChannels):
 
     @property
     def error(self) -> OSError | None:
-        """Why the file cannot be written any more."""
+        """Reason why the file cannot be written any more."""
         return self._disk.error
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -98,8 +98,8 @@ class McapFile(RecordChannels):
         """Encode a record and add it.
 
         Args:
-            record: What is to be written.
-            t_ns: When it came, nanoseconds since the start of the session.
+            record: The record to write.
+            t_ns: Time of arrival, nanoseconds since the start of the session.
         """
         self.n_items += 1
         super().write(record, t_ns)

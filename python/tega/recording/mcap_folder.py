@@ -33,7 +33,7 @@ class _IndexTrial(msgspec.Struct):
 
 
 class _SessionIndex(msgspec.Struct):
-    """Holds what an index must have."""
+    """Required fields of an index."""
 
     trials: list[_IndexTrial]
 
@@ -45,7 +45,7 @@ class Recovered(NamedTuple):
         path: The finished one.
         n_messages: Messages in it.
         end_ns: Log time of the newest, nanoseconds since 1970; 0 when there is none.
-        problem: Why the rest of it cannot be read.
+        problem: Reason why the rest cannot be read.
     """
 
     path: Path
@@ -57,17 +57,17 @@ class Recovered(NamedTuple):
 class SessionFolder:
     """A folder of trials.
 
-    Opening it finishes what an earlier process left unfinished.
+    Opening a folder finishes the files that an earlier process left unfinished.
 
     Args:
         path: The folder; made if need be.
         to_read: Whether an unfinished file that cannot be finished may stay as it is.
 
     Raises:
-        ConfigError: It is a file, or holds something that is not a session.
+        ConfigError: The path is a file, or the folder holds something that is not a session.
 
     Attributes:
-        recovered: What was finished on opening.
+        recovered: Files that were finished on opening.
         unfinished: Files that could not be finished, for lack of room or of the right to write.
     """
 
@@ -97,7 +97,7 @@ class SessionFolder:
         return self.path / f"trial-{max(taken, default=0) + 1:03d}.mcap"
 
     def note(self, name: str, facts: dict[str, Any]) -> None:
-        """Write into the index what is known of a trial; the index is replaced as a whole or not at all.
+        """Write facts about a trial into the index, which is replaced as a whole or not at all.
 
         Raises:
             RecordingError: The index is damaged; it stays as it is.
@@ -109,10 +109,10 @@ class SessionFolder:
         self._write(index)
 
     def discard(self, name: str) -> None:
-        """Delete a trial's file, finished or not, and what the index says of it; what is not there is passed over.
+        """Delete a trial's file, finished or not, and its entry in the index; missing ones are ignored.
 
         Raises:
-            RecordingError: It is no name of a trial, or the index is damaged.
+            RecordingError: The name is not that of a trial, or the index is damaged.
         """
         if _NUMBER.fullmatch(name) is None:
             raise RecordingError(
@@ -125,7 +125,7 @@ class SessionFolder:
             file.unlink(missing_ok=True)
 
     def finished(self, name: str) -> bool:
-        """Tell whether a trial's file is there; one that was left unfinished is recovered first."""
+        """Return whether a trial's file exists; an unfinished one is recovered first."""
         if (self.path / f"{name}{_PART}").exists():
             self.recovered += self._recover()
         return (self.path / name).is_file()
@@ -135,7 +135,7 @@ class SessionFolder:
         self._write(self.index())
 
     def label(self, task: str, names: Sequence[str] = ()) -> list[str]:
-        """Write into the index what was done in trials; their files stay as they are.
+        """Write the task of trials into the index; their files are unchanged.
 
         Args:
             task: In words.
@@ -165,7 +165,7 @@ class SessionFolder:
         """Return the index as it stands.
 
         Raises:
-            RecordingError: It is damaged.
+            RecordingError: The index is damaged.
         """
         return _index(self.path)
 
@@ -186,7 +186,7 @@ class SessionFolder:
         return done
 
     def _recover_one(self, part: Path) -> list[Recovered]:
-        """Finish one file; none where somebody is writing it."""
+        """Finish one file; returns an empty list if it is still being written."""
         with part.open("rb") as file:
             if not _lock_soon(file, part):
                 return []
@@ -222,7 +222,7 @@ def _index(folder: Path) -> dict[str, Any]:
 
 
 def recorded_task(recording: Path) -> str | None:
-    """Return what was done in a recording, as the index beside it says; ``None`` where it does not."""
+    """Return the task of a recording from the index beside it; ``None`` if there is none."""
     with contextlib.suppress(RecordingError):
         for trial in _index(recording.parent)["trials"]:
             if trial["file"] == recording.name:
@@ -241,11 +241,11 @@ def recover_file(source: Path, target: Path) -> Recovered:
     """Copy everything readable of an MCAP file into one with an index; stops at the first damage.
 
     Args:
-        source: A file whose writer was killed, or one that was cut short.
+        source: A file left by a killed writer, or a truncated one.
         target: The new file; it is replaced, and appears only when it is complete.
 
     Returns:
-        What was found.
+        The finished file, with its number of messages and the problem of the rest.
 
     Raises:
         RecordingError: The source is no file, or larger than a recording can be.
@@ -263,8 +263,7 @@ def recover_file(source: Path, target: Path) -> Recovered:
 def session_files(path: Path) -> list[Path]:
     """Return the recordings that a path names: a file, or all of a session's folder, unfinished ones finished first.
 
-    Where there is no room to finish one, or no right to write, it is returned as it was left: it can be read up to its
-    end.
+    If there is no room or no permission to finish a file, it is returned unfinished: it can be read up to its end.
 
     Raises:
         RecordingError: There are none.

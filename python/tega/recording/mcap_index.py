@@ -41,7 +41,7 @@ def open_indexed(path: Path) -> IndexedReader:
     """Open a recording for access by topic and time; no message is decoded.
 
     Raises:
-        RecordingError: It cannot be read, or is no recording of TEGA's.
+        RecordingError: The file cannot be read, or is no recording of TEGA's.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     return IndexedReader(path)

@@ -1,4 +1,4 @@
-"""Queue records from those who record to the thread that writes: bounded; what does not fit is counted."""
+"""Queue records between producers and the writing thread: bounded; records that do not fit are counted."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Item(NamedTuple):
 
     Attributes:
         record: Not yet encoded.
-        t_ns: When it came, nanoseconds since the start of the session.
-        n_bytes: What it takes in memory, about.
+        t_ns: Time of arrival, nanoseconds since the start of the session.
+        n_bytes: Its approximate size in memory.
     """
 
     record: Record
@@ -42,11 +42,12 @@ class Item(NamedTuple):
 class BoundedQueue:
     """First in, first out, up to so many bytes; given by many threads, taken by one.
 
-    Who takes holds no lock: that thread comes last of all in the program, and whoever gives would wait for it.
+    The consumer holds no lock: its thread has the lowest priority in the program, and the producers would wait for
+    it.
 
     Args:
         most_bytes: Pictures are dropped and counted beyond this, everything else 16 MiB later.
-        wait: Let the giver wait instead, for runs whose time is not the world's.
+        wait: If true, producers wait instead; for runs that are not in real time.
     """
 
     def __init__(self, *, most_bytes: int, wait: bool = False) -> None:
@@ -70,7 +71,7 @@ class BoundedQueue:
         return self._given_bytes - self._done_bytes
 
     def put(self, item: Item) -> bool:
-        """Add an item; returns at once (unless told to wait) whether there was room."""
+        """Add an item; return at once (unless ``wait`` is set) whether there was room."""
         limit = (
             self._most_bytes
             if isinstance(item.record, Picture | VideoPacket)
@@ -99,7 +100,7 @@ class BoundedQueue:
             return None
 
     def done(self, item: Item) -> None:
-        """Give an item's room back; called by the one who takes."""
+        """Free an item's room; called by the consumer."""
         self._done_bytes += item.n_bytes
 
     def problem(self) -> str:
@@ -108,7 +109,7 @@ class BoundedQueue:
         return f"{dropped}: disk or processor does not keep up" if dropped else ""
 
     def close(self) -> None:
-        """Take nothing more; what comes is counted as dropped, what waits can still be taken."""
+        """Accept no more items: new ones count as dropped, waiting ones can still be taken."""
         with self._lock:
             self._closed = True
 

@@ -20,6 +20,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how many units of it are done, and how many there are."""
+
+
+def _no_progress(_what: str, _done: int, _total: int) -> None:
+    """Show nothing."""
+
+
 # A day of four cameras without loss is less; a record of TEGA's is at most one chunk of 4 MiB and one picture.
 _MOST_MIB = 1024 * 1024
 MOST_RECORD = 256 * MIB
@@ -32,7 +40,7 @@ class Message(NamedTuple):
     Attributes:
         topic: Its channel.
         schema: Name of its schema, such as ``tega.Contact``.
-        log_ns: When it came, nanoseconds since 1970.
+        log_ns: Time of arrival, nanoseconds since 1970.
         n_bytes: Its size in the file before compression.
         value: Decoded; ``None`` where the caller did not want it.
     """
@@ -48,7 +56,7 @@ def open_recording(path: Path) -> IO[bytes]:
     """Open a recording's file, finished or not.
 
     Raises:
-        RecordingError: It is missing, no file, or larger than a recording can be.
+        RecordingError: The path is missing, not a file, or the file is larger than a recording can be.
     """
     try:
         check_file(path, most_mib=_MOST_MIB)
@@ -63,12 +71,13 @@ class McapReader:
     Args:
         path: The file.
         data: Its content, where it is no file of its own; ``path`` is then only its name.
-        check_sums: Take a part whose checksum is wrong for the file's end, like other damage.
+        check_sums: If true, treat a part with a wrong checksum as the end of the file, like other damage.
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
-        files: Attachments, likewise.
-        cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
+        files: Attachments, as far as the pass has come.
+        progress: Called with the file's name, the MiB that were read, and all MiB; replace it to display them.
+        cut: Reason for an early end of the file; ``""`` before that, and in a complete one.
     """
 
     def __init__(self, path: Path, *, data: bytes | None = None, check_sums: bool = False) -> None:
@@ -84,6 +93,7 @@ class McapReader:
         self.cut = ""
         self.late_ns = 0
         self._own = False
+        self.progress: Progress = _no_progress
 
     def messages(
         self, wanted: Callable[[str], bool] = lambda _topic: True, *, since_ns: int = 0
@@ -92,8 +102,8 @@ class McapReader:
 
         Args:
             wanted: Asked per topic whether to decode.
-            since_ns: Leave out parts of the file that are known, by an earlier pass, to end before this log time;
-                what is left may still begin earlier.
+            since_ns: Skip parts of the file that end before this log time, as found in an earlier pass; the first
+                messages may still be earlier.
 
         Raises:
             RecordingError: The file cannot be opened, is no MCAP, or was not recorded by TEGA.
@@ -115,8 +125,11 @@ class McapReader:
                     record_size_limit=MOST_RECORD,
                 ).records
             )
+            mib = file.seek(0, io.SEEK_END) // MIB
+            file.seek(begins)
             while True:
                 begins = file.tell()
+                self.progress(self.path.name, begins // MIB, mib)
                 try:
                     record = next(source, None)
                     inside = [record]
@@ -201,13 +214,13 @@ def decoded_message(
 
 
 def table_ns(table: Mapping[str, str], name: str) -> int | None:
-    """Return a number of nanoseconds that a table of a file tells; ``None`` where that is no such number."""
+    """Return a number of nanoseconds from a table of a file; ``None`` if it is not such a number."""
     text = table.get(name, "")
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 20 else None
 
 
 def read_picture(message: Message) -> NDArray[np.uint8]:
-    """Return the picture of an image message, uint8 (H, W, 3) in BGR; what was JPEG is approximate."""
+    """Return the image of an image message, uint8 (H, W, 3) in BGR; approximate if it was JPEG."""
     import numpy as np
 
     value = message.value

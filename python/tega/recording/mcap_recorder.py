@@ -35,20 +35,20 @@ _MIB = 1024 * 1024
 class McapRecorder:
     """Writes one trial of a session.
 
-    Whoever gives it something never waits for the disk (unless ``wait``) and never encodes. What does not fit into
-    the queue is dropped and counted, by topic. When the disk is full, or nearly so, it stops and says so; the run
-    goes on.
+    :meth:`put` never waits for the disk (unless ``wait``) and never encodes. Records that do not fit into the queue
+    are dropped and counted, by topic. When the disk is full, or nearly so, the recording stops and reports it; the
+    run continues.
 
     Args:
         folder: The session's folder.
-        settings: How to record.
-        wait: Let the giver wait for room instead of dropping, for runs whose time is not the world's.
-        queue_bytes: What may wait to be encoded; that of the settings when ``None``.
+        settings: Settings of the recording.
+        wait: If true, producers wait for room instead of dropping records; for runs that are not in real time.
+        queue_bytes: Most bytes that may wait to be encoded; the settings' value when ``None``.
         raw: Something else to write to than a file in the folder.
 
     Attributes:
         state: ``recording``, ``stopped`` or ``complete``.
-        reason: Why it stopped.
+        reason: Reason for stopping.
         path: The file, when it is complete.
     """
 
@@ -84,7 +84,7 @@ class McapRecorder:
         self._thread = threading.Thread(target=self._work, name="tega-recorder", daemon=True)
 
     def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
-        """Write what a reader has to know first; takes its time, so it comes before the session's start.
+        """Write the file's head, which a reader needs first; slow, so it comes before the session's start.
 
         Args:
             facts: Tables of names and texts, by name.
@@ -115,8 +115,8 @@ class McapRecorder:
         """Hand a record over.
 
         Args:
-            record: What is to be written; it is not encoded yet.
-            t_ns: When it came, since the start of the session, where its own stamp is on another clock.
+            record: The record to write; it is not encoded yet.
+            t_ns: Time of arrival, since the start of the session, if the record's own stamp is on another clock.
         """
         self._queue.put(Item.of(record, t_ns))
 
@@ -136,13 +136,13 @@ class McapRecorder:
         return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
-        """Write what waits, the index and the summary; close the file and give it its name.
+        """Write the waiting records, the index and the summary; close the file and give it its name.
 
         Args:
             summary: The run's summary as JSON.
 
         Returns:
-            What became of the recording, for people and machines.
+            Summary of the recording, for people and machines.
         """
         self._drain()
         if self._thread.is_alive():
@@ -156,7 +156,7 @@ class McapRecorder:
         return {"file": name, **facts}
 
     def leave(self) -> None:
-        """Write what waits and leave the file unfinished, for who opens the folder next to recover."""
+        """Write the waiting records and leave the file unfinished, to be recovered when the folder is next opened."""
         self._drain()
         if self.state == "recording" and not self._thread.is_alive():
             self._file.flush()
@@ -197,7 +197,7 @@ class McapRecorder:
 
     @run_realtime("beside")
     def _work(self) -> None:
-        """Write until told to close, then what is left."""
+        """Write until asked to close, then write the rest."""
         now_ns = time.monotonic_ns()
         flush_ns = now_ns
         status_ns = now_ns - STATUS_NS

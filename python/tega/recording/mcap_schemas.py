@@ -1,4 +1,4 @@
-"""Make protobuf messages from :mod:`tega.records`, for what no well-known schema of a recording has.
+"""Make protobuf messages from :mod:`tega.records`, for records without a well-known schema.
 
 Pictures, joint angles, poses and log lines use Foxglove's own schemas. All times here are nanoseconds since the start
 of the session; ``taken_ns`` is the loop's tick at which an item was taken in.

@@ -25,7 +25,7 @@ class _Part(NamedTuple):
 
     Attributes:
         path: Its file.
-        name: What to call it.
+        name: Name for messages.
         from_ns: Time of day at which it begins, nanoseconds since 1970.
         to_ns: Time of day of its newest message.
         tables: Its metadata.
@@ -40,7 +40,7 @@ class _Part(NamedTuple):
     calibration: bytes
 
     def setup(self) -> dict[str, str]:
-        """Return what has to be the same in all of them, by name."""
+        """Return the values that have to be the same in all of them, by name."""
         head = self.tables["tega"]
         sources = ", ".join(sorted(self.tables.get("sources", {})))
         known = {"format": head.get("version", ""), "vest": head.get("layout", ""), "inputs": sources}
@@ -51,7 +51,7 @@ class _Part(NamedTuple):
 def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     """Copy all recordings of several sessions into a new one, in order of time, one file each.
 
-    Nothing of them is changed, so that each computes again as before; its metadata tells where it is from.
+    The recordings are unchanged, so each one replays as before; their metadata name their origin.
 
     Args:
         sessions: Recordings, or folders of sessions; at least two recordings in all.

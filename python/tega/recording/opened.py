@@ -58,7 +58,7 @@ _NEVER_NS: Final = 2**63 - 1
 
 
 class _File(NamedTuple):
-    """File of a recording, and its times: of its zero on the wall clock and the machine's, and after the first file."""
+    """File of a recording, with its zero on the wall clock and on the machine's, and after the first file."""
 
     reader: IndexedReader
     zero_ns: int
@@ -104,7 +104,7 @@ class RecordedTopics(Mapping[str, "Topic"]):
     """Topics of a recording, or of several that are read as one.
 
     Times are seconds since the start of the first file. A slice of seconds, such as ``recording[10.0:20.0]``, has the
-    same topics with the messages of that time: of their log time, at which the loop knew the fact.
+    same topics with the messages of that time by their log time, when the loop received the record.
 
     Attributes:
         clock: Clock of the times, in words.
@@ -305,7 +305,7 @@ class Topic(Sequence[Any]):
         return first | ({"file": number} if len(self._files) > 1 else {}) | row
 
     def _sample_columns(self) -> dict[str, NDArray[Any]]:
-        """Return a row a sample; what is before the last of a chunk was complete earlier by the source's period."""
+        """Return one row per sample; earlier samples of a chunk are dated back by the source's period."""
         blocks: list[NDArray[np.float64]] = []
         names: list[str] = []
         for number, file, message in self._messages():
@@ -402,7 +402,7 @@ class PictureTopic(Topic):
 
 
 def _emg_info(reader: IndexedReader) -> DeviceInfo | None:
-    """Return what the EMG source reported of itself; ``None`` if that is damaged or missing."""
+    """Return the EMG source's description; ``None`` if it is damaged or missing."""
     with suppress(msgspec.MsgspecError):
         return parse_json(reader.metadata.get("sources", {}).get("emg", ""), DeviceInfo)
     return None

@@ -1,7 +1,7 @@
 """Note in a recording which others it was made out of, and make the folder that it goes to.
 
-Two tables of names and texts in the file tell it: ``span``, the part of the session that is in it, and ``origin-1``,
-``origin-2`` and so on, one for every step from the run's own file to this one.
+The origin is in tables of names and texts in the file: ``span``, the part of the session in the file, and
+``origin-1``, ``origin-2`` and so on, one for every step from the run's own file to this one.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 from tega.errors import ConfigError
 
 LEAD_IN = "lead-in.mcap"
-"""Name of the attachment with what came before the span, as far as a replay needs it."""
+"""Name of the attachment with the records from before the span that a replay needs."""
 
 SPAN = "span"
 _ORIGIN = "origin-"
@@ -59,10 +59,10 @@ def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[s
     """Return name and content of the table for one more step.
 
     Args:
-        tables: Those of the file that it is made from.
-        source: That file.
+        tables: Tables of the source file.
+        source: File from which the new one is made.
         made_by: The verb.
-        part: What of it is taken.
+        part: Part of the source that is copied.
     """
     from tega import __version__
 
@@ -78,7 +78,7 @@ def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[s
 
 
 def new_session(folder: Path) -> None:
-    """Make the folder for what is made.
+    """Make the folder of a new session.
 
     Raises:
         ConfigError: There is something already.

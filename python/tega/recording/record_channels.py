@@ -1,4 +1,4 @@
-"""Encode records into the channels of a Foxglove context: a file, or a live stream, hears them."""
+"""Encode records into the channels of a Foxglove context, for a file or a live stream."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class RecordChannels:
         jpeg_quality: 1 to 100.
 
     Attributes:
-        epoch_ns: Time of day at the start of the session, ns: what viewers show is this plus the session's time.
+        epoch_ns: Time of day at the start of the session, ns; viewers show this plus the session's time.
         context: The SDK's context.
 
     Raises:
@@ -54,11 +54,11 @@ class RecordChannels:
         self.context: Any = self._foxglove.Context()
 
     def write(self, record: Record, t_ns: int) -> None:
-        """Encode a record and tell it, unless nobody hears its channel; one that is new is made for who may come.
+        """Encode and log a record, unless its channel has no subscriber; a new channel is created for later ones.
 
         Args:
-            record: What is to be told.
-            t_ns: When it came, nanoseconds since the start of the session.
+            record: The record to log.
+            t_ns: Time of arrival, nanoseconds since the start of the session.
         """
         if not self._heard(record):
             return
@@ -178,5 +178,5 @@ class RecordChannels:
 
 
 def _frame_topic(picture: Picture) -> str:
-    """Return where a picture's number and exact times are told."""
+    """Return the topic of a picture's number and exact times."""
     return f"{picture.where.rpartition('/')[0]}/frame"

@@ -176,7 +176,7 @@ def sample_names(info: DeviceInfo | None, n_channels: int) -> list[str]:
 
 
 def column_names(kind: type[Record]) -> list[str]:
-    """Return the columns of a record type whose lists are not counted, as a topic without messages has them."""
+    """Return the columns of a record type, one per field, as for a topic without messages."""
     return [column for _, column, _ in _names(kind)]
 
 

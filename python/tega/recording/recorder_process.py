@@ -1,7 +1,7 @@
 """Record a live run in a process of its own, so that encoding and writing never hold the run's interpreter lock.
 
-The run's threads put records into a bounded queue, as they do for a recorder in the same process. One thread takes them
-to the process (:mod:`tega.recording.recorder_program`) a hundred times a second; another hears what that says.
+The run's threads put records into a bounded queue, as for a recorder in the same process. One thread sends them to
+the process (:mod:`tega.recording.recorder_program`) a hundred times a second; another receives its answers.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ _MIB: Final = 1024 * 1024
 class RecorderProcess:
     """Writes one trial of a session through a process of its own.
 
-    It is told what :class:`~tega.recording.mcap_recorder.McapRecorder` is told, and answers likewise.
+    The interface is that of :class:`~tega.recording.mcap_recorder.McapRecorder`, with the same results.
 
     Args:
         folder: The session's folder.
-        settings: How to record.
+        settings: Settings of the recording.
         realtime: Whether the process may ask for real-time priority.
 
     Raises:
@@ -57,7 +57,7 @@ class RecorderProcess:
 
     Attributes:
         state: ``recording``, ``stopped`` or ``complete``.
-        reason: Why it stopped.
+        reason: Reason for stopping.
         path: The file, when it is complete.
     """
 
@@ -91,7 +91,7 @@ class RecorderProcess:
         return self._process.pid
 
     def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
-        """Write what a reader has to know first; returns when it is on the disk."""
+        """Write the file's head, which a reader needs first; returns when it is on the disk."""
         self._ask("head", facts, files)
 
     def begin(self, start_ns: int, epoch_ns: int) -> None:
@@ -105,7 +105,7 @@ class RecorderProcess:
         self._thread.start()
 
     def put(self, record: Record, *, t_ns: int | None = None) -> None:
-        """Hand a record over; returns at once, and what does not fit is dropped and counted."""
+        """Hand a record over; returns at once. Records that do not fit are dropped and counted."""
         self._queue.put(Item.of(record, t_ns))
 
     def problem(self) -> str:
@@ -115,7 +115,7 @@ class RecorderProcess:
         return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
-        """Have everything written that waits, the index and the summary; end the process, and return what became.
+        """Write the waiting records, the index and the summary; end the process, and return the summary.
 
         Args:
             summary: The run's summary as JSON.
@@ -145,7 +145,7 @@ class RecorderProcess:
         return facts
 
     def _lost(self, why: str) -> dict[str, Any]:
-        """Return what is known of a recording whose process is gone, and write that into the index."""
+        """Return the facts about a recording with a lost process, and write them into the index."""
         self._process.kill()
         self._queue.discard()
         if self.state != "stopped":
@@ -194,7 +194,7 @@ class RecorderProcess:
 
     @run_realtime("beside")
     def _ship(self) -> None:
-        """Take what waits to the process, until all of it went."""
+        """Send the waiting records to the process, until all are sent."""
         if not self._say("begin", *self._begun):
             return
         while True:
@@ -215,7 +215,7 @@ class RecorderProcess:
                 time.sleep(_TURN_S)
 
     def _say(self, verb: str, *content: Any) -> bool:
-        """Tell the process something that it does not answer; whether it is there to hear it."""
+        """Send the process a message without an answer; return whether it is still there to receive it."""
         try:
             send_object(self._asked, (verb, *content))
         except OSError:
@@ -234,7 +234,7 @@ class RecorderProcess:
         return items
 
     def _listen(self) -> None:
-        """Hear what the process says until it ends."""
+        """Receive the process's messages until it ends."""
         while True:
             try:
                 kind, *content = receive_object(self._said)

@@ -1,8 +1,8 @@
 """Run the recorder of one trial as a program: records come in by its input, and are encoded and written here.
 
-:class:`~tega.recording.recorder_process.RecorderProcess` starts it. What it says goes to its output: its answers, the
-lines of its log, and the state of the recording whenever that changes. Where its input ends without a last word, the
-run was killed: what had come is written, and the file stays unfinished for the next start to recover.
+:class:`~tega.recording.recorder_process.RecorderProcess` starts it. The program writes to its output: answers, lines
+of its log, and every change of the recording's state. If its input ends without a last message, the run was killed:
+the records received are written, and the file stays unfinished for the next start to recover.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class _LogAnswers(logging.Handler):
 
 
 def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> Any:
-    """Do what the run asks for, and return what it wants to know."""
+    """Execute a request of the run, and return its answer."""
     if verb == "records":
         records, dropped = content
         for record, t_ns in records:

@@ -40,8 +40,8 @@ _NAME = "disk: tables are no longer written"
 class RunTables(Part):
     """The output folder of a run.
 
-    In real time somebody may be steering a hand: a slow disk delays nothing, and a full one ends the tables and not
-    the run. A computation in a hurry ends with the error.
+    A run in real time may be steering a hand: a slow disk delays nothing, and a full one ends the tables but not the
+    run. A run as fast as possible ends with the error.
 
     Args:
         context: Context of the run; its settings name the folder.
@@ -138,7 +138,7 @@ def _called(close: Callable[[], None]) -> None:
 
 
 def _closed(close: Callable[[], None]) -> None:
-    """Close a table; what a full disk does not take is told, and ends nothing."""
+    """Close a table; errors such as a full disk are logged, and end nothing."""
     try:
         close()
     except OSError as error:

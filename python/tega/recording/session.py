@@ -48,12 +48,12 @@ _LOG = logging.getLogger(__name__)
 
 
 class Recording(Part):
-    """Records one run; make it before the devices are opened, so that what is missing is told first.
+    """Records one run; create it before the devices are opened, so that missing parts are reported first.
 
     Args:
         config: The settings; their ``recording.dir`` is the session's folder.
-        folder: That folder.
-        bus: Tells everything that is recorded.
+        folder: The session's folder.
+        bus: Bus with everything to record.
 
     Raises:
         MissingExtraError: A package of the extra ``record`` is not installed.
@@ -121,10 +121,10 @@ class Recording(Part):
         Args:
             config: The settings.
             calibration: The maxima.
-            calibration_name: What to call where they came from.
+            calibration_name: Name for the origin of the maxima.
             baselines: Untouched pictures by finger, uint8 (H, W, 3).
-            sources: What the inputs say of themselves, by finger; ``emg`` for the muscles.
-            facts: ``layout``, ``pace``, and whether the vest is live, the hand steered, and somebody looks on.
+            sources: Descriptions of the inputs, by finger; ``emg`` for the muscles.
+            facts: ``layout``, ``pace``, and whether the vest is live, the hand steered, and a display connected.
         """
         text = config_text(config)
         told = {
@@ -201,7 +201,7 @@ class Recording(Part):
             self._recorder.abandon()
 
     def _take(self, record: Record) -> None:
-        """Take a record; of what comes before the session starts, what is said with a hand."""
+        """Take a record; before the session starts, only exchanges with a hand are kept."""
         if isinstance(record, HandExchange):
             with self._lock:
                 start_ns = self._start_ns
@@ -214,7 +214,7 @@ class Recording(Part):
 
 
 def open_part(context: PartContext) -> Recording | None:
-    """Make the recording before devices are opened, so that what is missing is reported first; ``None``: not asked."""
+    """Make the recording before devices are opened, to report missing parts first; ``None`` if not enabled."""
     folder = context.config.recording.dir
     if folder is None:
         return None

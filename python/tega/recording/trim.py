@@ -49,16 +49,16 @@ def trim_session(
 ) -> Path:
     """Write a part of a recording into a new session.
 
-    Every message whose log time is in the span is copied as it is, with its own stamps, which go on counting from the
-    start of the session. A picture whose contact the loop took in within the span is in it too, even if it was
-    received just before. Settings, calibration, versions and the untouched pictures are kept.
+    Every message with a log time in the span is copied unchanged, with its own stamps, which still count from the
+    start of the session. A frame is included if the loop received its contact within the span, even if the frame
+    arrived just before. Settings, calibration, versions and the baseline images are kept.
 
     Args:
         session: A recording, or the folder of a session with one.
         from_s: Beginning of the part, seconds since the start of the session.
         to_s: Its end; ``None`` for that of the recording.
         out: Folder of the new session: new or empty.
-        lead_in: Also keep what a replay needs from before the span: it holds EMG samples.
+        lead_in: If true, also keep the records from before the span that a replay needs, which include EMG samples.
 
     Returns:
         The new recording.
@@ -89,14 +89,14 @@ def trim_session(
 
 
 class _Look:
-    """First pass over a recording: finds what has to go with the span.
+    """First pass over a recording: finds the records that belong to the span.
 
     Attributes:
         tables: Metadata of the file.
-        origin: Name and content of the table that tells where the new file is from.
-        felt: Pictures by finger and stamp whose contact was taken in within the span.
-        lead_in: A file of its own with what came before the span; empty where nothing did, or where the recording
-            has itself been trimmed without.
+        origin: Name and content of the table with the new file's origin.
+        felt: Frames by finger and stamp that had their contact received within the span.
+        lead_in: A separate file with the records from before the span; empty if there are none, or if the recording
+            has itself been trimmed without them.
     """
 
     def __init__(self, source: Path, part: Span) -> None:
@@ -160,7 +160,7 @@ class _Look:
 
 
 def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
-    """Read again, and copy what belongs to the span."""
+    """Read again, and copy the records of the span."""
     begun = False
     pictures: dict[str, McapItem] = {}
     with open_recording(source) as file:

@@ -1,7 +1,7 @@
-"""Define the base classes of the stages: what each kind is given, what it returns, and what its options are.
+"""Define the base classes of the stages, with the input, output and options of each kind.
 
-A stage is made once, at the start of a run, and keeps its own state; no two runs and no two fingers share one. It reads
-no clock and no device: the same input gives the same output, which is what a replay compares.
+A stage is created once, at the start of a run, and keeps its own state; no two runs and no two fingers share one. A
+stage reads no clock and no device: the same input gives the same output, and a replay checks this.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
 
 class GelTraits(NamedTuple):
-    """Traits of one sensor's gel from its calibration; what is ``None`` is not known.
+    """Traits of one sensor's gel from its calibration; unknown ones are ``None``.
 
     Attributes:
         noise_counts: Noise of its cells, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
         depth_gain: Depth by depth as a gel's nominal light has it.
-        stiffness_n_mm3: Of its gel, newtons per cubic millimetre.
+        stiffness_n_mm3: Stiffness of its gel, newtons per cubic millimetre.
         mm_per_px: Scale of a picture of 320 x 240 pixels.
     """
 
@@ -53,8 +53,8 @@ class FingerSetup(NamedTuple):
     Attributes:
         finger: ``"thumb"``, ``"index"``, ``"middle"`` or ``"ring"``.
         baseline: Picture of the untouched gel, uint8 (H, W, 3), BGR.
-        maxima: What counts as full, by value: ``cci`` and ``eda`` of the calibration, where they are known already.
-        gel: What the calibration knows of the sensor.
+        maxima: Maxima by value: ``cci`` and ``eda`` of the calibration, if they are known already.
+        gel: Traits of the gel from the calibration.
     """
 
     finger: str
@@ -67,7 +67,7 @@ class MuscleSetup(NamedTuple):
     """Setup of a decoder: the muscles that it decodes.
 
     Attributes:
-        kind: What the samples are: ``"raw"``, ``"rectified"`` or ``"envelope"``.
+        kind: Kind of the samples: ``"raw"``, ``"rectified"`` or ``"envelope"``.
         rate_hz: Samples per second of one channel.
         block: Samples in the blocks that the maxima were calibrated with.
         channels: Name of each channel.
@@ -87,9 +87,9 @@ class VestSetup(NamedTuple):
     """Setup of a mapping: the vest that it drives.
 
     Attributes:
-        layout: Where the motors are, mirrored as the settings say.
+        layout: Positions of the motors, mirrored as in the settings.
         fingers: Fingers that have a sensor, thumb first.
-        maxima: What counts as full, by finger and value (``cci``, ``eda``); a value without a maximum is missing.
+        maxima: Maxima by finger and value (``cci``, ``eda``); a value without a maximum is missing.
         felt: Threshold and step of the wearer, where they were measured.
     """
 
@@ -113,10 +113,9 @@ class TouchMap(NamedTuple):
     """A metric's map of a fingertip and the outline of the contact, for drawing.
 
     Attributes:
-        height: How deep or how strong the contact is, float32 (rows, columns), 0 or more; coarser than the picture
-            where the metric has no more.
-        unit: Of the height, ``"mm"`` or ``"grey"``.
-        mask: Pixels that EDA counts, bool (H, W) as the picture; none of them without contact.
+        height: Depth or strength of the contact, float32 (rows, columns), 0 or more; may be coarser than the picture.
+        unit: Unit of the height, ``"mm"`` or ``"grey"``.
+        mask: Pixels that EDA counts, bool (H, W) as the picture; all false without contact.
     """
 
     height: NDArray[np.float32]
@@ -128,7 +127,7 @@ class _Stage:
     """Base of every stage: its summary, options and packages.
 
     Attributes:
-        summary: What it is, in one line.
+        summary: Summary in one line.
         options_type: Its options.
         requires: Modules that it imports when it is made, for ``tega-teleop stages``.
         extra: The extra of its package that brings them.
@@ -156,9 +155,9 @@ class Metric(_Stage, ABC):
     loaded: bool = False
     """Whether another finger bears a load; set before each :meth:`update`, and recorded with the picture."""
     memory: ClassVar[bool] = False
-    """Whether what it says of a frame depends on those before: a part of a recording cannot measure it again then."""
+    """Whether the result for a frame depends on earlier frames: a part of a recording cannot measure it again then."""
     version: ClassVar[int] = 1
-    """Of its numbers: a recording made with another one keeps what was measured then."""
+    """Version of the results: a recording made with another version keeps its recorded measurements."""
     reads_sums: ClassVar[bool] = False
     """Whether it can do without pixels: true of a class that has :meth:`update_sums` beside its :meth:`update`."""
 
@@ -175,7 +174,7 @@ class Metric(_Stage, ABC):
 
     @property
     def bears_load(self) -> bool:
-        """Whether the last frame showed a contact that is not just being released: what ``loaded`` tells the others."""
+        """Whether the last frame showed a lasting contact, not one in release; the ``loaded`` of other fingers."""
         return False
 
     @abstractmethod
@@ -217,13 +216,13 @@ class Metric(_Stage, ABC):
 
 
 class MeasuredPicture(msgspec.Struct, frozen=True, kw_only=True):
-    """A fingertip's picture that has just been measured, for those who draw it: no record, and not recorded.
+    """A fingertip's picture that has just been measured, for displays: no record, and not recorded.
 
-    It is published in the thread that measures, and only where somebody has subscribed. A subscriber that wants the
-    map asks the metric for it before it returns: the metric goes on to the next picture then.
+    Published in the measuring thread, and only if there are subscribers. A subscriber that needs the map requests it
+    from the metric before returning, since the metric then goes on to the next frame.
 
     Attributes:
-        image: uint8 (H, W, 3), blue, green, red; borrowed, nobody writes into it.
+        image: uint8 (H, W, 3), blue, green, red; borrowed, do not write into it.
         contact: Contact in it, with finger and time.
         metric: The stage that measured it.
     """
@@ -257,9 +256,9 @@ class Decoder(_Stage, ABC):
             times_ns: Time of each, int64 (n,), nanoseconds.
 
         Returns:
-            The intents that they complete, oldest first: none, one or more. ``t_ns`` of each is one of the times,
-            ``channels`` has a level 1 to 5 a channel, 0 for one that cannot be believed. A decoder that knows more
-            than five levels gives ``closure``, 0 to 1: the hand is then told that, and ``level`` is set to the nearest.
+            The intents that they complete, oldest first: none, one or more. ``t_ns`` of each is one of the times.
+            ``channels`` has a level 1 to 5 for each channel, 0 for an unreliable one. A decoder that knows more than
+            five levels returns ``closure``, 0 to 1: the hand then follows that, and ``level`` is set to the nearest.
         """
 
     @property
@@ -274,20 +273,20 @@ class Decoder(_Stage, ABC):
 
     @property
     def holds(self) -> str:
-        """Why its newest closure only repeats the one before, in words for display; ``""`` where it does not."""
+        """Reason why its newest closure only repeats the one before, for display; ``""`` if it does not."""
         return ""
 
 
 class Mapping(_Stage, ABC):
-    """Turns what the fingertips feel into motor levels: entry-point group ``tega.mappings``.
+    """Turns the fingertips' contacts into motor levels: entry-point group ``tega.mappings``.
 
-    The class is called with a :class:`VestSetup` and its options, once a run. What is shown stays limited by the
-    device's limit, the wearer's budget of vibration and the watchdog, whatever a mapping returns.
+    The class is called with a :class:`VestSetup` and its options, once per run. The device's limit, the wearer's
+    vibration budget and the watchdog limit its output, whatever a mapping returns.
 
     Attributes:
         wants_events: Whether events are to be looked for.
-        evens_out: Whether its levels already take the wearer's thresholds and steps into account
-            (:attr:`VestSetup.felt`): what it returns is then not evened out once more.
+        evens_out: Whether its levels already include the wearer's thresholds and steps (:attr:`VestSetup.felt`); they
+            are then not evened out a second time.
     """
 
     wants_events: bool = False
@@ -311,7 +310,7 @@ class Mapping(_Stage, ABC):
 
         Args:
             t_ns: The time, nanoseconds since the start of the session.
-            contacts: The newest contact of every finger whose frame is fresh (100 ms or younger).
+            contacts: The newest contact of each finger with a fresh frame (100 ms or younger).
             events: Events since the call before, oldest first; empty unless ``wants_events``.
 
         Returns:
@@ -320,11 +319,11 @@ class Mapping(_Stage, ABC):
 
 
 class Reflex(_Stage, ABC):
-    """Wishes the grip to be firmer or eased by what the fingertips feel: entry-point group ``tega.reflexes``.
+    """Asks for a firmer or looser grip from the fingertips' contacts: entry-point group ``tega.reflexes``.
 
-    The class is called with a :class:`ReflexSetup` and its options, once a run. It only wishes: what is added to the
-    person's own closure is bounded, slow and never below 0, whatever it returns
-    (:class:`tega.loop.reflex.ReflexArc`), and nothing is asked of it while nobody gives it authority.
+    The class is called with a :class:`ReflexSetup` and its options, once per run. A reflex only returns a wish: the
+    addition to the participant's own closure is bounded, slow and never below 0, whatever the reflex returns
+    (:class:`tega.loop.reflex.ReflexArc`). Without authority it is not called.
 
     Attributes:
         wants_events: Whether events are to be looked for.
@@ -352,10 +351,10 @@ class Reflex(_Stage, ABC):
             t_ns: The time, nanoseconds since the start of the session; grows from call to call.
             own: Closure that the person asks for, levels 1 (open) to 5 with fractions.
             measured: Closure of the hand as its joints say, in the same levels; ``None`` where no hand is measured.
-            contacts: The newest contact of every finger whose frame is fresh (100 ms or younger).
+            contacts: The newest contact of each finger with a fresh frame (100 ms or younger).
             events: Events since the call before, oldest first; empty unless ``wants_events``.
 
         Returns:
-            From 0 (nothing) to 1 (as much as may be added); below 0, down to -1, to take back at once what was added.
-            Numbers outside are held within, what is not finite counts as 0.
+            From 0 (nothing) to 1 (the largest addition); below 0, down to -1, to take back the addition at once.
+            Numbers outside this range are clamped; a number that is not finite counts as 0.
         """

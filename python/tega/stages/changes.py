@@ -32,11 +32,11 @@ class ChangesOptions(SlipRowOptions, frozen=True):
         slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
         steady: Share of the columns' level that is shown while nothing changes.
         onset: How strongly a rise is shown, per percent above the level that is adapted to.
-        offset: How strongly a fall is shown, likewise.
+        offset: How strongly a fall is shown, per percent below the level that is adapted to.
         adapt_s: Time constant with which the level that is adapted to follows.
         quiet_percent: A difference up to this counts as no change.
         remind_every_s: While nothing changes the steady level is shown once in so long; 0: all the time.
-        remind_s: How long it is shown then.
+        remind_s: Duration for which it is shown then.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "none"
@@ -57,8 +57,8 @@ class ChangesMapping(SlipRowMapping):
 
     ``steady · p + onset · max(e - q, 0) + offset · max(-e - q, 0)``, held within 0 and 100,
 
-    is shown. After a finger has let go its column is silent from ``adapt_s · ln(p / q)`` on. A finger that was not seen
-    before, or not for a while, begins as one that is adapted to: what it shows is no change.
+    is shown. After a finger has let go, its column is silent from ``adapt_s · ln(p / q)`` on. A finger that appears
+    for the first time, or after a while, starts as adapted: its first value is no change.
     """
 
     summary: ClassVar[str] = (
@@ -99,7 +99,7 @@ class ChangesMapping(SlipRowMapping):
         return shown
 
     def _reminded(self) -> NDArray[np.bool_]:
-        """Tell of each value whether its steady level is shown now."""
+        """Return for each value whether its steady level is shown now."""
         o = self._change
         if not o.remind_every_s:
             return np.ones(len(self._level), bool)

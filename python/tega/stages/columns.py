@@ -46,17 +46,17 @@ class ColumnsOptions(StageOptions, frozen=True):
     Attributes:
         front: Value that the front shows: a number of the contact (cci, eda, peak, mass, depth_mm, force_n and others),
             or a value of the metric's own.
-        back: Value that the back shows, likewise.
-        front_max: What counts as full on the front, in the value's unit; none means the calibration's (cci, eda).
-        back_max: What counts as full on the back, likewise.
+        back: Value that the back shows: a number of the contact or of the metric's own, as for the front.
+        front_max: Full value on the front, in the value's unit; none means the calibration's (cci, eda).
+        back_max: Full value on the back, in the value's unit; none means the calibration's (cci, eda).
         law: ``logistic`` is Eq 7 as printed; ``linear`` is in proportion; ``power`` is the share to the ``exponent``.
-        exponent: Of the law ``power``: below 1 a light touch is shown more strongly than in proportion.
+        exponent: Exponent of the law ``power``: below 1 a light touch is shown more strongly than in proportion.
         end_value: Share of full intensity that the logistic law gives at value 0.
-        back_end_value: Likewise of the back; none means that of the front.
-        at_rest: A finger without contact is ``silent``, or shown what the ``law`` gives at value 0, as printed.
+        back_end_value: Share of full intensity on the back at value 0; none means that of the front.
+        at_rest: Output for a finger without contact: ``silent``, or the ``law`` at value 0, as printed.
         rows: ``alike``: all rows of a column show the same; ``bar``: the rows are lit from below in proportion.
         saturate: Whether a value above its maximum counts as the maximum; as printed the law goes on.
-        fingers: Which finger each column shows, from the wearer's left.
+        fingers: Finger that each column shows, from the wearer's left.
     """
 
     front: str = "cci"
@@ -153,7 +153,7 @@ class ColumnsMapping(Mapping):
         values: NDArray[np.float64],
         contacts: AnyMapping[str, Contact],  # noqa: ARG002  # for a mapping that shows where they are
     ) -> NDArray[np.float64]:
-        """Return what every motor shows of the fingers' values."""
+        """Return the level of every motor from the fingers' values."""
         levels = values.take(self._shown)
         if self._options.rows == "bar":
             # A motor is lit by as much of the bar as reaches it.
@@ -208,7 +208,7 @@ def finger_columns(setup: VestSetup, fingers: Sequence[str] = FINGERS) -> dict[i
 
 
 def _full(setup: VestSetup, finger: str, face: str, value: str, given: float | None) -> float | None:
-    """Return what counts as full: given, or the calibration's; ``None`` where that has none of this finger."""
+    """Return the full value: the given one, or the calibration's; ``None`` if there is none for this finger."""
     if given is not None:
         return given
     if value in {"cci", "eda"}:

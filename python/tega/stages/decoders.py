@@ -27,9 +27,9 @@ class RulesOptions(StageOptions, frozen=True):
         order: Order of that low-pass.
         intervals: Equal intervals of Eq 11: 4 as printed, or 5, with level 5 from four fifths of the maximum on.
         fusion: ``floor``: Eq 12 and 13 as printed; ``round``: the mean to the nearest level; ``median``: no vote.
-        channel_weights: What each channel counts in that, in the source's order; none means all alike.
-        before: What the raw signal passes first: nothing as printed, or the ``band`` of surface EMG, 20 to 450 Hz (or
-            0.45 of the rate) without mains at 50 and 60 Hz. Needs the extra ``learn``; the maxima stay those without.
+        channel_weights: Weight of each channel in the fusion, in the source's order; none means equal weights.
+        before: Filter of the raw signal: nothing as printed, or the ``band`` of surface EMG, 20 to 450 Hz (or 0.45 of
+            the rate) without mains at 50 and 60 Hz. Needs the extra ``learn``; the maxima stay those without.
         preset: ``paper``: nothing but the equations; ``live``: maxima times 0.8, steadied; none means the session's.
     """
 

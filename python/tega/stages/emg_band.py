@@ -24,11 +24,11 @@ _NOTCH_Q: Final = 30.0
 class EmgBand:
     """Band-pass of order 4 from 20 to 450 Hz and a notch at 50 and at 60 Hz, sample by sample.
 
-    The band is the one that LibEMG gives for surface EMG. What is cut into chunks is filtered as the whole would be.
+    The band is LibEMG's for surface EMG. Filtering in chunks gives the same result as filtering the whole signal.
 
     Args:
         rate_hz: Samples a second.
-        n_channels: How many channels.
+        n_channels: Number of channels.
 
     Raises:
         InvalidValueError: The rate is too low for the band.

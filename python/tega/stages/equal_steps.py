@@ -53,7 +53,7 @@ class EqualStepsOptions(SlipRowOptions, frozen=True):
 
 
 class EqualStepsMapping(SlipRowMapping):
-    """Columns whose intensities rise by equal steps of sensation.
+    """Columns with intensities that rise by equal steps of sensation.
 
     By Weber's law with an offset, dI = W (I + a) is just noticed (Fechner 1860; the offset is Miller's, 1947), so that
     n(I) = ln((I + a) / (T + a)) / ln(1 + W) noticeable steps lie between the threshold T and I. A motor m shows the
@@ -61,8 +61,8 @@ class EqualStepsMapping(SlipRowMapping):
 
     ``I = (T_m + a) (1 + W_m) ** (n1 + s (N - n1)) - a``, ``N`` the least ``n(F)`` of all motors,
 
-    and 0 at s = 0: wherever it is shown, a share is as many steps above what is just felt, and as many as the
-    weakest motor has. ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is vest.step over the intensity
+    and 0 at s = 0: wherever it is shown, a share is as many steps above the threshold, and N is that of the motor
+    with the fewest. ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is vest.step over the intensity
     half way between threshold and F, where the step is measured.
 
     Raises:
@@ -103,7 +103,7 @@ class EqualStepsMapping(SlipRowMapping):
 
     @property
     def n_steps(self) -> float:
-        """Noticeable steps between the threshold and full sensation, N: of the motor that has fewest."""
+        """Noticeable steps between the threshold and full sensation, N, of the motor with the fewest."""
         return self._n_steps
 
     def levels(

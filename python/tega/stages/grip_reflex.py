@@ -1,4 +1,4 @@
-"""Ask for a firmer grip at incipient slip and take it back before harm, by what the fingertips feel."""
+"""Ask for a firmer grip at incipient slip and take it back before harm, based on the fingertips."""
 
 from __future__ import annotations
 
@@ -33,10 +33,11 @@ class GripReflexOptions(StageOptions, frozen=True):
             twice of it fully; 0 goes by the share itself. A rise counts on a finger that has touched for 0.3 s, while
             the hand does not close by more than 0.4 levels a second: a closing grip pulls the gel, too.
         full_slip_mm_s: Speed of a slip at which the grip is to be firmer by all that may be added.
-        events: Whether a slip that was found by its events counts, for fingers whose metric knows none of the two.
-        keep_s: How long a wish outlasts its cause, seconds.
-        most_give_levels: Closure gained since the first touch at which nothing is added any more, levels: what is held
-            gives way. 0 for no such limit.
+        events: Whether a slip detected from events counts, for fingers with a metric that measures neither of the
+            two.
+        keep_s: Time by which a wish outlasts its cause, seconds.
+        most_give_levels: Closure gained since the first touch at which nothing is added any more, levels, as the
+            object is giving way. 0 for no such limit.
         most_force_n: Force on a fingertip at which nothing is added any more, newtons; 0 for no such limit.
     """
 
@@ -52,10 +53,11 @@ class GripReflexOptions(StageOptions, frozen=True):
 class GripReflex(Reflex):
     """Firms the grip by how far the worst finger slips, and takes it back where the object gives or a finger is loaded.
 
-    A slip is told by a contact's named values ``incipient`` (share of the rim that slips, 0 to 1) and ``slip_mm_s``,
-    where its metric gives them, else by slip events. Harm is near where the closure has gained ``most_give_levels``
-    since the first touch, or a finger bears ``most_force_n``: the wish is the slip's, times what is left of the last
-    fifth of the way there, and beyond the limit below 0, which takes back what was added.
+    A slip is detected from a contact's named values ``incipient`` (share of the rim that slips, 0 to 1) and
+    ``slip_mm_s`` if its metric provides them, else from slip events. Harm is near if the closure has gained
+    ``most_give_levels`` since the first touch, or a finger bears ``most_force_n``. The wish is then the slip's, times
+    the remaining part of the last fifth of the way there. Beyond the limit it is below 0, which takes back the
+    addition.
 
     Args:
         setup: The hand.
@@ -126,7 +128,7 @@ class GripReflex(Reflex):
             self._why = f"slip, {finger}"
 
     def _slips(self, contact: Contact) -> float:
-        """How far a finger slips by its metric's own values, 0 to 1."""
+        """Strength of a finger's slip by its metric's own values, 0 to 1."""
         o, most = self._o, 0.0
         for one in contact.more:
             if one.name == "incipient" and math.isfinite(one.value):
@@ -136,7 +138,7 @@ class GripReflex(Reflex):
         return min(most, 1.0)
 
     def _incipient(self, contact: Contact, share: float) -> float:
-        """How much a finger's share that has slid calls for a firmer grip: by itself, or by its rise."""
+        """Wish for a firmer grip from a finger's share that has slid: by itself, or by its rise."""
         o = self._o
         if o.rise_from <= 0:
             return (share - o.incipient_from) / (1 - o.incipient_from)
@@ -148,7 +150,7 @@ class GripReflex(Reflex):
         return slid.share.change / o.rise_from - 1.0
 
     def _room(self, touching: Sequence[Contact], measured: float | None) -> float:
-        """What is left before harm: 1 far from it, 0 at the limit, -1 well beyond it."""
+        """Room before harm: 1 far from it, 0 at the limit, -1 well beyond it."""
         o, room = self._o, 1.0
         if o.most_give_levels > 0 and measured is not None and self._first is not None:
             gained = measured - self._first

@@ -33,7 +33,7 @@ NoiseCounts = Annotated[float, msgspec.Meta(gt=0, le=255)]
 
 
 def contact_record(finger: str, t_ns: int, metrics: ContactMetrics) -> Contact:
-    """Return what the kernels measured in a frame as a record."""
+    """Return the kernels' measurements of a frame as a record."""
     return Contact(finger=finger, t_ns=t_ns, **metrics._asdict())
 
 
@@ -64,7 +64,7 @@ class LiveOptions(StageOptions, frozen=True):
     Attributes:
         outline: ``dent`` outlines the dent as an eye marks it, ``contact`` nearer to the touching area of a curved
             object.
-        rezero: Whether the untouched gel is learned anew a second after a release.
+        rezero: Whether the untouched gel is learned again a second after a release.
         noise_counts: Noise of the sensor's cells in blue, green and red, from :func:`tega.tactile.sensor_noise`;
             none takes the calibration's, or else that of a DIGIT. How much the sensor varies at rest is learned in any
             case.
@@ -145,7 +145,7 @@ class LiveMetric(Metric):
         return self._contact(self._tracker.update_sums(sums, dt_s=dt_s, loaded=self.loaded), t_ns, dt_s)
 
     def _since_s(self, t_ns: int) -> float | None:
-        """Return the time since the frame before; the first, and one whose time does not rise, counts one period."""
+        """Return the time since the previous frame; one period for the first, or if the time does not rise."""
         dt_s = None if self._last_ns is None or t_ns <= self._last_ns else (t_ns - self._last_ns) / 1e9
         self._last_ns = t_ns
         return dt_s

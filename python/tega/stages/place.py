@@ -49,12 +49,12 @@ class PlaceOptions(SlipRowOptions, frozen=True):
 class PlaceMapping(SlipRowMapping):
     """Columns in which only the motors at the contact's place vibrate.
 
-    The middle of the contact (Eq 2) is a share of the picture, right and down. Down the finger it moves along the rows.
-    A face's columns are shared out among the fingers in use: with four fingers each has one, with one finger it has
-    all four and the contact moves across them, too. With d the distance from the place to a motor, in motors, and
-    w = max(1 - abs(d), 0) along each axis, a motor shows ``sqrt(w)`` of the intensity (``energy``: Israr and Poupyrev
-    2011, "Tactile brush", doi 10.1145/1978942.1979235) or ``w`` (``linear``). A contact whose middle is not known is
-    shown by all the finger's motors.
+    The centroid of the contact (Eq 2) is a share of the image, right and down. A contact that moves down the finger
+    moves along the rows. A face's columns are divided among the fingers in use: with four fingers each has one; with
+    one finger it has all four, and the contact moves across them, too. With d the distance from the place to a motor,
+    in motors, and w = max(1 - abs(d), 0) along each axis, a motor shows ``sqrt(w)`` of the intensity (``energy``:
+    Israr and Poupyrev 2011, "Tactile brush", doi 10.1145/1978942.1979235) or ``w`` (``linear``). A contact with an
+    unknown centroid is shown by all the finger's motors.
     """
 
     summary: ClassVar[str] = "the contact's place on the fingertip moves the motors that vibrate"
@@ -105,7 +105,7 @@ class PlaceMapping(SlipRowMapping):
         return levels
 
     def _at(self, contact: Contact) -> tuple[float, float] | None:
-        """Return where a contact is, as shares right and down of a finger whose tip is up."""
+        """Return the place of a contact, as shares right and down of a finger with its tip up."""
         x, y = (at / (n - 1) for at, n in zip(contact.centroid_xy, self._place.picture_px, strict=True))
         if not (math.isfinite(x) and math.isfinite(y)):
             return None

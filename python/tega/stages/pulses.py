@@ -1,8 +1,8 @@
 """Show touch by its events: pulses when a finger touches, lets go, or the object slips, and rest in between.
 
 The policy is that of event-driven feedback (Cipriani and others 2014, "Humans can integrate feedback of discrete
-events in their sensorimotor control of a robotic hand"): what divides the phases of a task is told, nothing else.
-Which event it was is told by place: contact in front, release at the back, slip on both.
+events in their sensorimotor control of a robotic hand"): only the transitions between the phases of a task are shown.
+The place identifies the event: contact in front, release at the back, slip on both.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ class PulsesOptions(StageOptions, frozen=True):
 
     Attributes:
         contact: A finger begins to touch: intensity of its front column, percent; 0 leaves it out.
-        release: It has let go: likewise of its back column.
-        slip: The object slips: likewise of the columns of all fingers in use, on both faces.
-        duration_s: How long a pulse lasts: a small coin motor needs about 0.18 s to reach its full vibration.
-        gap_s: So soon after a pulse has ended the same event of the same finger is not told again.
+        release: A finger lets go: intensity of its back column, percent; 0 leaves it out.
+        slip: The object slips: intensity of the columns of all fingers in use, on both faces, percent; 0 leaves it
+            out.
+        duration_s: Duration of a pulse: a small coin motor needs about 0.18 s to reach its full vibration.
+        gap_s: Minimum time after a pulse before the same event of the same finger is shown again.
     """
 
     contact: _Percent = 70.0
@@ -55,11 +56,10 @@ class PulsesMapping(Mapping):
 
     A rig without the hand's joints and the arm's height cannot observe slips: it has no pulses for them.
 
-    A finger without a fresh frame tells nothing: its pulses end, and what it shows when it is back is taken for what it
-    was, not for an event.
+    A finger without a fresh frame shows nothing: its pulses end, and its state on return is no event.
 
     Attributes:
-        n_told: How many pulses were begun, by what they tell.
+        n_told: Number of pulses begun, by kind of event.
     """
 
     summary: ClassVar[str] = "pulses at contact, slip and release, rest in between"
@@ -90,7 +90,7 @@ class PulsesMapping(Mapping):
         return levels
 
     def _tell(self, event: Event) -> None:
-        """Begin an event's pulse, unless the same has just been told."""
+        """Begin an event's pulse, unless the same event was just shown."""
         o = self._options
         level = {"contact": o.contact, "release": o.release, "slip": o.slip}.get(event.kind, 0.0)
         key = event.kind, event.finger

@@ -1,8 +1,8 @@
 """Measure fingertip frames by any reading of Eq 1 to 6: every unclear place of the equations is an option.
 
 D1 and D2 are the equations as printed, on the signed and on the rectified difference. D3 to D8 first blur the
-difference (5 × 5 box) and set what is under the noise floor to 0, then differ in the threshold T that the area is
-counted above:
+difference (5 × 5 box) and set values under the noise floor to 0. They differ in the threshold T above which the area
+is counted:
 
 ====  =========================================================================
 D3    I(µ) - factor · σ as printed, σ in pixels, not below the noise floor
@@ -56,8 +56,8 @@ class ReadingOptions(StageOptions, frozen=True):
     Attributes:
         threshold: Reading of Eq 4 and 5, D1 to D8: see :mod:`tega.stages.readings`.
         weights: ω of Eq 1 for red, green, blue; their sum is 1.
-        difference: How frame and baseline are subtracted; none means signed for D1, rectified for D2, else absolute.
-            D3 to D8 also know ``l2`` (root mean square over the channels) and ``luminance`` (weighted, then absolute).
+        difference: Difference of frame and baseline; none means signed for D1, rectified for D2, else absolute. D3 to
+            D8 also accept ``l2`` (root mean square over the channels) and ``luminance`` (weighted, then absolute).
         spread: σ of D1 and D2: ``spatial`` in pixels as printed, or ``intensity`` of the whole map.
         factor: The 1.28 of Eq 4.
         centroid_value: I(µ): the ``nearest`` pixel, or ``bilinear`` between four; of D3 to D8 also the largest value

@@ -42,8 +42,8 @@ class OptionRecord(msgspec.Struct, frozen=True, kw_only=True):
         name: Its key.
         default: Its default.
         unit: Its unit; ``""`` where it has none.
-        choices: What it may be, where that is a choice.
-        summary: What it does, in one line.
+        choices: Permitted values, if it is a choice.
+        summary: Summary in one line.
     """
 
     name: str
@@ -59,10 +59,10 @@ class StageRecord(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         group: metric, decoder, mapping, layout or reflex.
         name: Name to use in a settings file.
-        summary: What it is, in one line.
+        summary: Summary in one line.
         package: The distribution that brings it.
         ready: Whether it loads and the packages it needs are installed.
-        problem: What is missing, when it is not ready.
+        problem: Missing part, if it is not ready.
         options: Its options.
         values: Named values that a metric measures under its default options, with their units.
     """
@@ -78,7 +78,7 @@ class StageRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def stage_names(group: Group) -> list[str]:
-    """Return the names of all installed stages of a group, sorted; imports none of them."""
+    """Return the sorted names of all installed stages of a group, without importing them."""
     return sorted(plugins(GROUPS[group][0]))
 
 
@@ -91,13 +91,13 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
     """Return the class of a metric, decoder, mapping or reflex.
 
     Args:
-        group: Which kind of stage.
+        group: Kind of the stage.
         name: Its name, such as ``"paper"``.
 
     Raises:
         ConfigError: No stage of the group has that name, or it was taken out.
         MissingExtraError: Its module needs a package that is not installed.
-        DeviceUnavailableError: Its module does not hold what its entry point says.
+        DeviceUnavailableError: Its module lacks the name in its entry point.
     """
     where, base = GROUPS[group]
     if name not in plugins(where):
@@ -120,7 +120,7 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
 
 
 def list_stages() -> list[StageRecord]:
-    """Describe every installed stage, by group and name; one whose module does not load is listed as not ready."""
+    """Describe every installed stage, by group and name; a stage that fails to load is listed as not ready."""
     records = []
     for group, (where, _) in GROUPS.items():
         for name, entry in sorted(plugins(where).items()):
@@ -191,7 +191,7 @@ def _literals(kind: Any) -> tuple[Any, ...]:
 
 
 def _attributes(kind: type) -> dict[str, str]:
-    """Return what the ``Attributes`` sections of a class and its bases say of each name, on one line."""
+    """Return the ``Attributes`` text of each name of a class and its bases, on one line."""
     bases = (base for base in reversed(kind.__mro__) if issubclass(base, StageOptions))
     return {name: text for base in bases for name, text in _own_attributes(base).items()}
 

@@ -1,8 +1,8 @@
 """Show a slip as bursts on a row of motors of its own, beside columns that show touch.
 
-A burst that comes on top of a strong column is hard to tell from a firmer touch. Motors that carry nothing else say
-"slip" by place alone, which the torso tells far better than intensity; a discrete cue of slip is what people act on
-fastest (Aboseria and others 2018, "Discrete vibro-tactile feedback prevents object slippage in hand prostheses").
+A burst on top of a strong column is hard to distinguish from a firmer touch. Motors that carry nothing else show a
+slip by place alone, which the torso distinguishes far better than intensity. People act fastest on a discrete cue of
+slip (Aboseria and others 2018, "Discrete vibro-tactile feedback prevents object slippage in hand prostheses").
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class SlipRowOptions(ColumnsOptions, frozen=True):
         slip_row: Row of every face that shows slips and nothing else; ``none`` leaves it to the columns and shows no
             slip.
         slip_percent: Intensity of a burst.
-        slip_bursts: How many bursts tell a slip.
-        slip_burst_s: How long each lasts: a small coin motor needs about 0.18 s to reach its full vibration.
+        slip_bursts: Number of bursts that show a slip.
+        slip_burst_s: Duration of a burst: a small coin motor needs about 0.18 s to reach its full vibration.
         slip_rest_s: Rest between two bursts.
-        slip_again_s: So soon after the last burst the same finger's slip is not told again.
+        slip_again_s: Minimum time after the last burst before the same finger's slip is shown again.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "bottom"
@@ -120,7 +120,7 @@ class SlipRowMapping(ColumnsMapping):
     def _show(
         self, told: _Told, t_ns: int, contacts: AnyMapping[str, Contact], levels: NDArray[np.float64]
     ) -> None:
-        """Light what a slip lights at a time; a finger that is not seen any more shows nothing."""
+        """Set the motor levels of a slip at a given time; a finger without a fresh frame shows nothing."""
         o = self._slip
         if not told.began_ns <= t_ns < told.end_ns:
             return

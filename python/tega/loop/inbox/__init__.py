@@ -1,1 +1,1 @@
-"""Take in a run's input: streams of stamped items, the threads that read devices, what is measured on the way."""
+"""Collect a run's input: streams of timestamped items, the threads that read devices, and the first measurements."""

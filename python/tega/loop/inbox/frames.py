@@ -1,4 +1,4 @@
-"""Read a fingertip's pictures and measure them as they come, none of them twice."""
+"""Read a fingertip's pictures and measure each one once, as they arrive."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SEEN_REST_S = 0.001
 
 
 class FrameMeter:
-    """Measures the frames of one finger as they come, none of them twice.
+    """Measures each frame of one finger once, as they arrive.
 
     Args:
         baseline: The finger's untouched picture, uint8 (H, W, 3).
@@ -162,12 +162,12 @@ def fed_contacts(
         meter: Measures them.
         report: Counted up along the way.
         take: Given the contact in each picture.
-        fail: Given what nobody expected; the sensor's thread goes on.
-        stamp: Told of each measured picture: its time, and the monotonic time it was received at.
-        prepare: Told of each picture, before it is looked at.
-        see: Told of each picture and of the monotonic time it was received at, when it was measured and what was
-            measured is on its way: whoever records it keeps nobody waiting.
-        tell: Called with each picture that was measured and its contact, in the thread that measures.
+        fail: Called with an unexpected exception; the sensor's thread continues.
+        stamp: Called with each measured frame's time and the monotonic time of its reception.
+        prepare: Called with each frame before it is checked and measured.
+        see: Called with each frame and the monotonic time of its reception, after the measurement was passed on, so
+            that recording delays nothing.
+        tell: Called with each measured frame and its contact, in the thread that measures.
     """
 
     def measure(frame: TactileFrame) -> None:
@@ -190,7 +190,7 @@ def fed_contacts(
 
 
 def keeps_up(metric: Metric, baseline: NDArray[np.uint8], *, rate_hz: float | None) -> bool:
-    """Tell whether a metric takes less than half of the time between pictures; it has seen the baseline after that."""
+    """Return whether a metric takes less than half of the frame period; it is run on the baseline for this."""
     if not rate_hz:
         return False
     took_s = []
@@ -229,17 +229,17 @@ def measured_contacts(
         metric: Measures its frames.
         report: Counted up along the way.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-        stopped: Tells when to give up.
-        stamp: Told of each measured frame: its time, and the monotonic time it was received at.
-        prepare: Told of each frame that was read, before it is looked at.
-        see: Likewise, with the monotonic time it was received at.
-        tell: Called with each frame that was measured and its contact, in the thread that measures.
+        stopped: Returns true to stop reading.
+        stamp: Called with each measured frame's time and the monotonic time of its reception.
+        prepare: Called with each frame before it is checked and measured.
+        see: Called with each frame and the monotonic time of its reception.
+        tell: Called with each measured frame and its contact, in the thread that measures.
 
     Yields:
         The contact in each frame.
 
     Returns:
-        When the source ended, in nanoseconds.
+        The time at which the source ended, in nanoseconds.
 
     Raises:
         RecordingError: A recorded frame is unreadable or not of the baseline's size.

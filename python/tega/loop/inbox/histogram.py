@@ -1,4 +1,4 @@
-"""Keep a latency histogram in fixed memory and tell its percentiles."""
+"""Keep a latency histogram in fixed memory and compute its percentiles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 LEAST_SAMPLES: Final = 100
-"""Fewer samples have no percentiles: of 50, the 99th would be the worst one, and any other a matter of chance."""
+"""Smallest number of samples with percentiles: with fewer the p99 would be the maximum."""
 
 
 class Histogram:
@@ -15,7 +15,7 @@ class Histogram:
     Percentiles are right within 2 %, the worst is exact.
 
     Attributes:
-        n: How many.
+        n: Number of values.
         worst_ns: The largest.
     """
 
@@ -27,7 +27,7 @@ class Histogram:
         self.worst_ns = 0
 
     def add(self, ns: int) -> None:
-        """Take in one number; what is below a microsecond counts as that."""
+        """Add one value; values below a microsecond count as one microsecond."""
         k = int(math.log(max(ns, 1000)) / self._GROWTH)
         self._bins[k] = self._bins.get(k, 0) + 1
         self.n += 1

@@ -1,4 +1,4 @@
-"""Read the operator's input devices in a run: their state now, and what was pressed."""
+"""Read the operator's input devices in a run: their current state, and their button events."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Seat(NamedTuple):
 
     Attributes:
         source: The open device.
-        button: Which of its buttons; ``None`` for any.
+        button: Name of the button; ``None`` for any.
     """
 
     source: InputSource
@@ -34,7 +34,7 @@ class SeatSeen(NamedTuple):
     Attributes:
         state: Its newest state.
         held: Whether the button that is meant is down.
-        n_presses: How often it has gone down since the start.
+        n_presses: Number of presses since the start.
     """
 
     state: InputReading
@@ -55,10 +55,10 @@ class Inputs:
     """Looks at all input devices of a run; no look ever waits for a device.
 
     Args:
-        seats: The devices, by what they are for.
+        seats: The devices, by seat.
 
     Attributes:
-        seen: What each said at the last look.
+        seen: State of each device at the last look.
     """
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:
@@ -70,14 +70,14 @@ class Inputs:
 
     @property
     def seats(self) -> Mapping[str, Seat]:
-        """The devices, by what they are for."""
+        """The devices, by seat."""
         return self._seats
 
     def look(self, bus: Bus, pacer: Pacer) -> None:
         """Look at every device.
 
         Args:
-            bus: Told of what a device says whenever that changes, and of every event of a button that is meant.
+            bus: Every change of a device's state and every event of an assigned button is published here.
             pacer: Knows the session's time.
         """
         if not self._seats:
@@ -130,5 +130,5 @@ class Inputs:
         }
 
     def notes(self) -> list[str]:
-        """Return what a reader of the results must know."""
+        """Return notes for readers of the results."""
         return [f"{name}: {note}" for name, seat in self._seats.items() for note in seat.source.info.notes]

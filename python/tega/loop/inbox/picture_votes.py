@@ -1,4 +1,4 @@
-"""Take the vote from a fingertip whose pictures show no touch: dark ones, torn ones, the same one again and again.
+"""Take the vote from a fingertip with frames that cannot show touch: dark, torn or repeated ones.
 
 The check is causal and a function of pictures and their times alone, so that a replay takes the same votes. It concerns
 live cameras of every driver; one that refuses such pictures itself never passes them on.
@@ -51,7 +51,7 @@ class Untouched(NamedTuple):
 
 
 def untouched_lines(baseline: NDArray[np.uint8]) -> Untouched:
-    """Return what the pictures of a camera are compared with.
+    """Return the reference that a camera's frames are compared with.
 
     Args:
         baseline: The untouched picture, uint8 (H, W, 3).
@@ -86,7 +86,7 @@ class CameraVote:
     """Vote of one camera, by the faults of its pictures.
 
     Attributes:
-        fault: Why the camera has no vote now, in words; ``""`` while it has.
+        fault: Reason why the camera has no vote now; ``""`` while it has one.
 
     Example:
         >>> vote = CameraVote()

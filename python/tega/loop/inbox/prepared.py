@@ -23,10 +23,10 @@ class Finger(NamedTuple):
     Attributes:
         source: Its open source.
         baseline: Its untouched picture.
-        baseline_origin: Where that came from.
-        report: What becomes of the frames.
+        baseline_origin: Origin of the baseline.
+        report: Counts of the frames.
         measured: All frames, where they had to be measured beforehand.
-        stream: What is known of the finger from somewhere else; its source is then not read.
+        stream: Contacts of the finger from elsewhere; its source is then not read.
     """
 
     source: TactileSource
@@ -44,7 +44,7 @@ class Muscles(NamedTuple):
         source: Its open source.
         maxima: Its maxima and the conditions they hold under.
         decoder: Samples to intents; ``None`` where they are made somewhere else.
-        report: What becomes of the samples.
+        report: Counts of the samples.
         stream: The intents, where they are known from somewhere else; its source is then not read.
     """
 
@@ -62,8 +62,9 @@ class Prepared(NamedTuple):
         fingers: By name, thumb first.
         muscles: The EMG side; ``None`` without EMG.
         calibration: The maxima.
-        calibration_name: Base name of their file, or whose they are; ``""`` when they came from the recording.
-        warnings: What is to be known of them.
+        calibration_name: Base name of their file, or the person they belong to; ``""`` when they came from the
+            recording.
+        warnings: Warnings about the maxima.
         look: Gives at a tick, by the level asked for, the look at hand and arm where those are known from somewhere
             else; hand and arm of the run are then not looked at.
     """

@@ -20,7 +20,7 @@ REOPEN_S = 1.0
 
 Given = TypeVar("Given")
 Produce = Callable[[Callable[[], bool]], Iterable[Given]]
-"""Makes the iterator, in the thread; given a function that tells when to stop."""
+"""Creates the iterator, in the thread; its argument is a function that returns true to stop."""
 
 
 class _Opens(Protocol):
@@ -28,14 +28,14 @@ class _Opens(Protocol):
 
 
 class Reader(Generic[Given]):
-    """A thread that passes on what an iterator yields, until that ends or the reader is closed.
+    """A thread that passes on the items of an iterator, until that ends or the reader is closed.
 
     Args:
         name: For the thread.
         produce: Makes the iterator.
         take: Called with each item, in the thread.
-        done: Called in the thread at the end, with what the iterator returned and what it raised.
-        rank: Of the thread, where others wait for what is read, as the loop does; ``None`` for an ordinary one.
+        done: Called in the thread at the end, with the iterator's return value and its exception.
+        rank: Priority of the thread, if others wait for its items, as the loop does; ``None`` for an ordinary one.
     """
 
     def __init__(
@@ -89,10 +89,10 @@ class _End:
 
 
 class ReadAhead(Generic[Given]):
-    """The items of a recording, made in a thread that is a little ahead of whoever asks for them.
+    """The items of a recording, produced in a thread that reads a little ahead of the consumer.
 
-    Every item arrives, in order: the thread waits when it is far ahead. What it raised is raised after the items made
-    before it.
+    Every item arrives, in order: the thread waits when it is far ahead. An exception is raised after the items before
+    it.
 
     Args:
         name: For the thread.
@@ -138,7 +138,7 @@ class ReadAhead(Generic[Given]):
 
 
 def read_items(source: Any, stopped: Callable[[], bool]) -> Iterator[Any]:
-    """Yield what a source gives, until it is stopped."""
+    """Yield the items of a source until it is stopped."""
     while not stopped():
         if (item := source.read(READ_TIMEOUT_S)) is not None:
             yield item

@@ -1,4 +1,4 @@
-"""Read EMG samples and turn them into levels for the hand, and count what happens to a source's items."""
+"""Read EMG samples, turn them into levels for the hand, and count a source's items."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def picture_of(
     """Return the record of a picture.
 
     Args:
-        finger: Whose it is.
+        finger: Name of the finger.
         frame: The picture.
         received_ns: The monotonic time at which it was received; ``None`` for one out of a file.
         start_ns: The monotonic time at the start of the session.
@@ -93,15 +93,16 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_missing: Items that never came, by the gaps in their numbers.
         n_duplicate: Frames delivered again under the number they had before; neither measured nor used.
         n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
-        n_stuck: Of those, from a live source, the third and later in a row: not used either.
+        n_stuck: Frames of a live source that were the third or later repeat in a row, duplicate or identical; not
+            used.
         n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
         n_rezeroed: New baselines that were asked for and taken.
-        n_rezero_refused: Those that were refused, because another finger bore a load or the picture was dark.
-        lost: Why the source went away; ``""`` while it is there.
-        n_lost: How often it went away.
-        last_lost: Why it did last.
-        end_ns: When the source ended, once it has.
-        faults: Channels of EMG, or what of a camera, that have no vote now, with the reason.
+        n_rezero_refused: New baselines that were refused, because another finger bore a load or the picture was dark.
+        lost: Reason for the current loss of the source; ``""`` while it is there.
+        n_lost: Number of losses.
+        last_lost: Reason for the last loss; ``""`` for none.
+        end_ns: Time at which the source ended; ``None`` before.
+        faults: Channels of EMG, or faults of a camera, without a vote now, with the reason.
     """
 
     n_items: int = 0
@@ -135,10 +136,10 @@ class BlockMeter:
     Args:
         decoder: Samples to intents.
         report: Counted up along the way.
-        maxima: What counts as full, and what the samples are.
+        maxima: Maxima of the channels, with the kind of the samples.
         live: Whether the samples come from a device that runs on its own clock.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-        adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
+        adaptation: Adapts the decoder's input; ``None`` for unchanged samples.
 
     Attributes:
         end_ns: Time of the newest sample.
@@ -170,14 +171,14 @@ class BlockMeter:
         self.end_ns = 0
 
     def restart(self) -> None:
-        """Begin again with a source that was away: what it missed is a gap, whatever number it counts from."""
+        """Continue with a source that was away: the missed samples are a gap, whatever number it counts from."""
         self._next_index = -round(MOST_GAP_S * self._rate_hz)
 
     def take(self, chunk: EmgChunk) -> list[Intent]:
         """Take the next samples.
 
-        Samples that are missing before them, by their numbers, take their time: they are held for a tenth of a
-        second, and after that the channels are bad until samples come again.
+        Samples missing before these, by their numbers, take up time too. For a tenth of a second the last values are
+        held; after that the channels are bad until samples arrive again.
 
         Args:
             chunk: The next samples, (n, channels), in the unit of the source.
@@ -216,7 +217,7 @@ class BlockMeter:
         return intents
 
     def _times_ns(self, n: int, end_ns: int, n_whole: int) -> NDArray[np.int64]:
-        """Return the times of the next samples: of a live source when they came, of a recording when each was whole.
+        """Return the times of the next samples: arrival for a live source, completion for a recording.
 
         Args:
             n: Samples.
@@ -299,18 +300,18 @@ def grasp_blocks(
         source: An open source.
         decoder: Samples to intents.
         report: Counted up along the way.
-        maxima: What counts as full, and what the samples are.
+        maxima: Maxima of the channels, with the kind of the samples.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-        stopped: Tells when to give up.
-        stamp: Told of each block: its time, and the monotonic time at which its last samples were received.
-        see: Told of the samples that were read, before they are looked at.
-        adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
+        stopped: Returns true to stop reading.
+        stamp: Called with each block's time and the monotonic time at which its last samples were received.
+        see: Called with the samples that were read, before they are decoded.
+        adaptation: Adapts the decoder's input; ``None`` for unchanged samples.
 
     Yields:
         The intent of each block.
 
     Returns:
-        When the source ended, in nanoseconds.
+        The time at which the source ended, in nanoseconds.
     """
     live = source.info.live
     meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)

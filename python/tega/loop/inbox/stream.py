@@ -1,4 +1,4 @@
-"""Give a loop its stamped items: a pulled stream computes them when asked, a live one is filled by somebody else.
+"""Give a loop its timestamped items: computed on demand, or put in by another thread.
 
 An item is a record with a time ``t_ns``, in nanoseconds since the start of the session; a stream's items are in rising
 order of it.
@@ -38,7 +38,7 @@ class Stream(Protocol[Item_co]):
 
     @property
     def end_ns(self) -> int:
-        """When the stream ends, as far as is known."""
+        """Time at which the stream ends, if it is known."""
         ...
 
     @property
@@ -56,13 +56,13 @@ class Stream(Protocol[Item_co]):
 
 
 class PulledStream(Generic[Item]):
-    """A stream whose items are there, or are computed, when the loop asks for them.
+    """A stream of items that exist already or are computed on demand.
 
     Args:
         items: The iterator. It may return the time at which the stream ends (the last frame lasts one period);
             otherwise that is the time of its last item.
-        end_ns: When the stream ends, where the iterator does not return it.
-        known: When each item is known; ``None`` for the time it is stamped with.
+        end_ns: Time at which the stream ends, if the iterator does not return it.
+        known: Times at which the items are known; ``None`` for the times they are stamped with.
         over: Whether it is known by now that nothing follows the last item.
     """
 
@@ -119,7 +119,7 @@ class PulledStream(Generic[Item]):
         return head
 
     def close(self) -> None:
-        """Drop what is left."""
+        """Discard the remaining items."""
         close = getattr(self._items, "close", None)
         if close is not None:
             close()
@@ -127,7 +127,7 @@ class PulledStream(Generic[Item]):
 
 
 class LiveStream(Generic[Item]):
-    """A stream that is filled by another thread, the link, or whoever makes the loop's time pass; the loop never waits.
+    """A stream that is filled by another thread, the link, or the driver of the loop's time; the loop never waits.
 
     Args:
         capacity: Items held at most; where the loop does not keep up, the oldest are lost.
@@ -170,7 +170,7 @@ class LiveStream(Generic[Item]):
         """Add an item.
 
         Args:
-            item: It, with a time not before that of the item before it.
+            item: The item; its time is not before that of the previous one.
             use_by_ns: Until when it may be taken, on the stream's clock.
             next_ns: The next one's time, or any before it.
         """
@@ -189,8 +189,8 @@ class LiveStream(Generic[Item]):
         """Put nothing in any more.
 
         Args:
-            end_ns: When the stream ends; ``None`` for the time of its last item.
-            error: What the loop is to find after the items before it.
+            end_ns: Time at which the stream ends; ``None`` for that of its last item.
+            error: Raised to the loop after the items before it.
         """
         with self._lock:
             self.end_ns = max(self.end_ns, end_ns or 0)
@@ -219,7 +219,7 @@ class LiveStream(Generic[Item]):
         return None
 
     def close(self) -> None:
-        """Drop what is left, and take no more."""
+        """Discard the remaining items, and accept no more."""
         with self._lock:
             self._items.clear()
             self._stopped = self.ended = True

@@ -1,4 +1,4 @@
-"""Recognise frames that bring nothing new: delivered a second time, or showing exactly what the one before showed.
+"""Recognise frames without new data: delivered twice, or identical to the frame before.
 
 No two raw frames of a working sensor are equal: its noise differs in some pixel. Pixels that do not change are
 therefore a sign that no picture is being taken any more, whatever the frame's number says.
@@ -62,7 +62,7 @@ def is_repeat(image: NDArray[np.uint8], last: KeptPicture) -> bool:
 
 
 def _is_constant(image: NDArray[np.uint8]) -> bool:
-    """Whether nobody can write into an array: it is read-only, and no part of another one."""
+    """Whether an array cannot be written to: it is read-only and not a view."""
     return not image.flags.writeable and image.base is None
 
 

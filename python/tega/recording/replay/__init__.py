@@ -1,4 +1,4 @@
-"""Compute a recorded session again, and compare what comes out with what was recorded."""
+"""Re-run a recorded session, and compare the output with the recording."""
 
 from __future__ import annotations
 

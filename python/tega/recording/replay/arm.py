@@ -28,11 +28,11 @@ def arm_settings(head: Head) -> ArmSettings:
 
 
 def compare_arm(recorded: Recorded, settings: ArmSettings) -> list[Comparison]:
-    """Give a new chain what every turn took in, and compare what comes of it; nothing for a run without an arm.
+    """Give a new chain the input of every turn, and compare its commands; empty for a run without an arm.
 
     Args:
         recorded: The recording.
-        settings: Of the new chain.
+        settings: Settings of the new chain.
     """
     turns = recorded.of(ArmTurn)
     if not turns:
@@ -84,7 +84,7 @@ def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
     """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
 
     Raises:
-        RecordingError: It cannot be read, or no forearm was tracked in it.
+        RecordingError: The recording cannot be read, or has no tracked forearm.
     """
     recorded = read_recorded(path, pictures_wanted=lambda _head: False)
     poses = [_pose(pose) for row in recorded.of(ArmTurn) for pose in row.poses]

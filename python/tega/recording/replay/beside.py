@@ -1,4 +1,4 @@
-"""Compare what the stages beside the connected ones said with what they say of the recorded pictures and samples."""
+"""Re-run the stages beside the connected ones on the recorded input, and compare their output."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tega.records.schema import values
 def compare_beside(recorded: Recorded, measured: Measured) -> list[Comparison]:
     """Compare every stage that looked on, as far as that can be computed again.
 
-    Pictures as JPEG are not those that a metric saw. One that remembers what it saw is left out where some of that is
-    not in the recording: pictures that were dropped, or that came before the part that was cut out.
+    JPEG images differ from those that a metric measured. A metric with memory is skipped if the recording lacks some
+    of its input: frames that were dropped, or that came before a part that was cut out.
 
     Args:
-        recorded: What the recording says.
-        measured: What its pictures and samples say now.
+        recorded: The recording.
+        measured: Its pictures and samples, measured again.
     """
     streams = []
     outside = {one.name for one in measured.config.stages.beside if is_outside(one)}

@@ -1,4 +1,4 @@
-"""Compare two courses of the same session and tell where they differ."""
+"""Compare two courses of the same session and find where they differ."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 Row = tuple[int, Mapping[str, Any]]
-"""A time in nanoseconds and what was so then, by name."""
+"""A time in nanoseconds and the values at that time, by name."""
 
 
 class Difference(msgspec.Struct, frozen=True):
@@ -17,9 +17,9 @@ class Difference(msgspec.Struct, frozen=True):
 
     Attributes:
         t_s: Time since the start of the session, seconds.
-        field: What differs.
+        field: Name of the field that differs.
         recorded: Its value in the recording, as text; ``absent`` where only the replay has it.
-        replayed: Likewise in the replay.
+        replayed: Its value in the replay, as text; ``absent`` if only the recording has it.
     """
 
     t_s: float
@@ -36,7 +36,7 @@ class Comparison(msgspec.Struct, frozen=True):
         recorded: Rows in the recording.
         replayed: Rows in the replay.
         differ: Rows that differ or are in one of them only.
-        fields: How many rows differ in each field.
+        fields: Number of differing rows, by field.
         last_t_s: Time of the last row that differs; ``None`` where none does.
         first: The first differences.
     """
@@ -68,8 +68,8 @@ def compare(
     Args:
         stream: Its name.
         recorded: Rows in order of time; several may share one.
-        replayed: Likewise.
-        until_ns: What only the replay has from here on is no difference: the recording was cut there.
+        replayed: Rows of the replay, in order of time.
+        until_ns: Rows that only the replay has from here on are no difference: the recording was cut there.
     """
     differ, fields, last_ns = 0, dict[str, int](), -1
     first: list[Difference] = []

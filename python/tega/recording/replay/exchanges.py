@@ -1,4 +1,4 @@
-"""Hold the conversation with a real hand again with what it said, and compare the frames to be sent."""
+"""Repeat the exchange with a real hand from its recorded messages, and compare the frames to be sent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tega.wire import CanFrame
 
 
 def compare_exchanges(recorded: Recorded) -> list[Comparison]:
-    """Give a new link what the hand said, at the same times, and compare what it would send; none without a hand."""
+    """Give a new link the hand's messages at their times, and compare its frames; empty without a hand."""
     exchanges = recorded.of(HandExchange)
     if not exchanges:
         return []

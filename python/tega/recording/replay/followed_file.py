@@ -19,7 +19,7 @@ class PlayedMoment(NamedTuple):
     """Moment of a recording that is played.
 
     Attributes:
-        n_jumps: Of the playhead so far.
+        n_jumps: Number of the playhead's jumps so far.
         at_ns: Time of the recording.
         shift_ns: Time of the run minus time of the recording.
     """
@@ -30,12 +30,12 @@ class PlayedMoment(NamedTuple):
 
 
 class StreamFollower(Protocol):
-    """Takes the messages of some topics, and tells the run what they hold.
+    """Takes the messages of some topics, and publishes their content in the run.
 
     Attributes:
-        name: What to call it where its messages cannot be used.
+        name: Name for reports about unusable messages.
         since_ns: Messages that came before are not given to it; set by :meth:`begin` and :meth:`skip`.
-        n_told: How often it told the run something.
+        n_told: Number of times that it published something.
     """
 
     name: str
@@ -51,7 +51,7 @@ class StreamFollower(Protocol):
         ...
 
     def settle(self, moment: PlayedMoment) -> None:
-        """Tell what waits: there is no more message before this moment."""
+        """Publish pending content: there are no more messages before this moment."""
         ...
 
     def skip(self, known_ns: int) -> None:
@@ -65,13 +65,13 @@ class FollowedFile:
     Args:
         reader: Has passed over the file once.
         zero_ns: Log time at the beginning of the recording.
-        followers: Of each topic that is wanted.
-        behind_ns: Reading that is further behind leaves out what lies between, time of the recording.
-        delays_ns: How much later than it was so a topic's messages came; 0 unless given.
+        followers: Follower of each topic to read.
+        behind_ns: Reading that is further behind than this skips ahead, time of the recording.
+        delays_ns: Delay of a topic's messages, by topic; 0 unless given.
 
     Attributes:
         zero_ns: As given.
-        problems: What cannot be used, by the follower's name.
+        problems: Problems by the follower's name.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class FollowedFile:
         self.problems: dict[str, str] = {}
 
     def follow(self, moment: PlayedMoment, closing: threading.Event) -> None:
-        """Give out what came up to a moment, and have it told."""
+        """Pass on the messages up to a moment, and have the followers publish them."""
         if jumped := moment.n_jumps != self._n_jumps:
             self._n_jumps = moment.n_jumps
         if jumped or (self._waiting and moment.at_ns - self._waiting[0][0] > self._behind_ns):

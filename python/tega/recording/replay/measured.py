@@ -44,7 +44,7 @@ class PictureError(msgspec.Struct, frozen=True):
     """Errors of contacts measured in JPEG pictures against those recorded from the pictures themselves.
 
     Attributes:
-        finger: Whose pictures.
+        finger: Name of the finger.
         compared: Frames compared.
         contact_changed: Frames in which contact is seen in one of them only.
         eda_mean_px: Mean error of the area over all frames, pixels.
@@ -66,23 +66,23 @@ class Measured:
     """Measures the raw streams of a recording again; its methods are for ``read_recorded``.
 
     Args:
-        other: Settings whose preset, calibration, kind of EMG, vest and hand take the place of the run's own.
+        other: Settings that replace the run's preset, calibration, kind of EMG, vest and hand.
         sets: Single settings that do, as ``key=value``: preset, stages, vest, hand.
-        lookers: Told of each picture that is measured as it was then.
+        lookers: Bus; each frame that is measured as in the run is published on it.
 
     Attributes:
         config: The settings of the run, as changed.
-        calibration: Its maxima, likewise.
+        calibration: Maxima of the run, as changed.
         contacts: By finger, as a live loop would get them.
-        intents: Likewise.
+        intents: Intents, as a live loop would get them.
         pixels: By finger and picture: stamp, checksum as recorded, checksum now.
-        arm: Settings of the arm's chain, likewise.
-        metric: What measures the pictures.
+        arm: Settings of the arm's chain, as changed.
+        metric: Metric that measures the pictures.
         outside: Whether the levels came from a decoder in another process.
         same_metric: Whether the recording's contacts were measured by this version of it.
-        changed: What of the settings is not the run's own, in words.
+        changed: Settings that differ from the run's own, in words.
         adaptations: Gains and offsets of EMG, as the samples and the recorded switches give them.
-        beside: What the stages beside the connected ones say, by topic.
+        beside: Output of the stages beside the connected ones, by topic.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Measured:
         self._muscles: BlockMeter | None = None
 
     def begin(self, head: Head) -> None:
-        """Take what is known before the first picture."""
+        """Read the head, known before the first frame."""
         self.config, self.calibration, self.arm = head.config, head.calibration, arm_settings(head)
         kind = head.tree.get("emg", {}).get("kind", "raw")
         if self._other is not None or self._sets:
@@ -182,7 +182,7 @@ class Measured:
         self.beside.setdefault(f"/beside/{said.stage}/{finger}", []).append(said)
 
     def _change(self, head: Head, kind: str) -> Any:
-        """Take over what other settings say of the computation, and note it."""
+        """Apply and note the other settings for the computation."""
         if self._other is None:
             other = without_devices(head.tree, self._sets)
         else:
@@ -268,17 +268,17 @@ def _told(config: SessionConfig, group: Any) -> str:
 
 
 def measured_again(recorded: Recorded, measured: Measured) -> bool:
-    """Tell whether the pictures give the recorded contacts again to the last bit.
+    """Return whether measuring the frames again gives the recorded contacts to the last bit.
 
-    They do if they are as they were taken, the metric is of the version that measured them, and the recording begins
-    where the session did or the metric does not remember what came before.
+    True if the frames are unchanged, the metric has the version that measured them, and either the recording begins
+    with the session or the metric has no memory.
     """
     begins = recorded.from_ns == 0 or not measured.metric.kind.memory
     return recorded.head.lossless and begins and measured.same_metric
 
 
 def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[tuple[int, Contact]]:
-    """Pair every frame the loop took in with what is measured in it now, or was measured then."""
+    """Pair every frame that the loop received with its contact, measured now or in the run."""
     if not measured_again(recorded, measured):
         return [(c.taken_ns, c) for c in recorded.contacts[finger]]
     again = {c.t_ns: c for c in measured.contacts[finger]}
@@ -288,7 +288,7 @@ def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[t
 
 
 def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Intent]]:
-    """Pair every intent that the loop took in with what the samples say now; what came over a link is as it came."""
+    """Pair every intent that the loop received with that of the samples now; intents from a link are unchanged."""
     # Made at the operator's station by what is known there, or by another program.
     if recorded.head.sources["emg"].driver == "net" or measured.outside:
         return [(row.taken_ns, row) for row in recorded.of(Intent)]
@@ -302,7 +302,7 @@ def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Inten
 
 
 def picture_errors(recorded: Recorded, measured: Measured) -> list[PictureError]:
-    """Compare what is measured in JPEG pictures with what was measured in the pictures themselves."""
+    """Compare contacts measured in JPEG images with those measured in the original ones."""
     errors = []
     for finger, contacts in recorded.contacts.items():
         again = {c.t_ns: c for c in measured.contacts[finger]}

@@ -1,8 +1,8 @@
-"""Play a recorded run: what it took in becomes the input of an ordinary one, on whatever vest and hand there are.
+"""Play a recorded run: its recorded input becomes the input of a new run on any vest and hand.
 
-Everything behind the input is the ordinary run: drivers and their limits, heat and dose, states, guard, one way out.
-Each item comes at the tick at which it came then, so that at the speed of the recording, with its settings, the vest
-is told the same frames.
+After the input everything is an ordinary run: drivers and their limits, heat and dose, states, guard, one way out.
+Each item arrives at the tick at which it arrived in the recording. At recorded speed and with the recorded settings,
+the vest is therefore sent the same frames.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ _SHOWN = (_DRAWN, "sound-vest")
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
-    """Load what a session is played to.
+    """Load the settings to play on.
 
     Args:
-        path: Settings whose vest, hand, inputs, safety and output folder are used; ``None`` for a vest drawn in this
-            terminal.
+        path: Settings file with the vest, hand, inputs, safety and output folder to use; ``None`` draws a vest in
+            this terminal.
         sets: Overrides as ``key=value``.
 
     Raises:
@@ -82,16 +82,16 @@ def play_file(
 ) -> dict[str, Any]:
     """Play a recorded run.
 
-    Of a lossless recording contacts and levels are computed again from the raw streams; else they are those recorded.
-    Where the run had switched its motors off, or set a level against the muscles, that is played too.
+    For a lossless recording contacts and levels are computed again from the raw streams; else the recorded ones are
+    used. Times at which the run had switched its motors off, or set a level against the muscles, are played too.
 
     Args:
         path: The recording.
-        to: What to play to; its own sources are not used, nor its maxima, and it is not recorded. The vibration counts
-            to the day of the person that it names.
+        to: Settings to play on. Their sources and maxima are not used, and nothing is recorded. The vibration counts
+            towards the daily dose of the person they name.
         speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
-        because: Why a real vest or hand is played to at more than the recording's speed.
-        playhead: Where to begin, and takes wishes for another moment meanwhile; ``None`` for all from the beginning.
+        because: Reason for playing faster than recorded on a real vest or hand.
+        playhead: Position to begin at; also takes requests to seek. ``None`` plays everything from the beginning.
         others: Files of the same time and machine, such as a scene recording, each played by the feature that wants it.
         bus: Bus of the run.
         controls: As of ``run_session``.
@@ -104,8 +104,8 @@ def play_file(
 
     Raises:
         RecordingError: The recording cannot be read.
-        InvalidValueError: It ends before what it is to begin with.
-        ConfigError: The speed is not for what it is played to.
+        InvalidValueError: The recording ends before the moment to begin with.
+        ConfigError: The speed is not allowed for the devices to play on.
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
         TegaError: Whatever the run says.
     """
@@ -180,7 +180,7 @@ def play_file(
 
 
 def _live(to: SessionConfig) -> tuple[bool, list[str]]:
-    """Return whether anything runs on its own clock, and what of that is no drawing, no sound and no virtual bus."""
+    """Return whether any output runs on its own clock, and those that are neither drawing, sound nor virtual bus."""
     from tega.devices.hand.python_can import may_have_hardware
 
     live, real = False, []
@@ -197,10 +197,10 @@ def _live(to: SessionConfig) -> tuple[bool, list[str]]:
 
 
 def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None:
-    """Refuse a speed that is out of range, or not for what may be worn or may hurt.
+    """Refuse a speed that is out of range, or not allowed for devices that are worn or may hurt.
 
     Raises:
-        ConfigError: It is.
+        ConfigError: The speed is out of range, or not allowed for the devices.
     """
     if speed is not None and not SLOWEST <= speed <= FASTEST:
         raise ConfigError(f"speed = {speed:g} is out of range: {SLOWEST:g} to {FASTEST:g}, or max")
@@ -223,7 +223,7 @@ def _settings(
 ) -> SessionConfig:
     """Put the recording's reading of the input and the sinks of other settings together.
 
-    What the vest needs and what the guard allows is a matter of real time, so it is told in the session's.
+    Vest rates and guard limits are in real time, so they are converted to the session's time.
     """
     safety, vest = to.safety, to.vest
     return msgspec.structs.replace(

@@ -14,7 +14,7 @@ class PlayClock:
 
     Args:
         speed: Seconds of the session a second; ``None`` for a clock that never sleeps.
-        reach: Told every deadline once it has come, before the loop takes in what is known by then.
+        reach: Called with every deadline once it has come, before the loop reads its input.
 
     Attributes:
         tick_ns: The deadline last waited for.

@@ -1,4 +1,4 @@
-"""Show while a recording is played what no sink takes: where its arm was and why, and its markers."""
+"""Show, for a recording that is played, the parts without a sink: the arm's state and the markers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
 
 PLAYED = "recording"
-"""Source of a marker that is told again."""
+"""Source of a marker that is published again."""
 
 
 class PlayedBeside(Part):
@@ -26,8 +26,8 @@ class PlayedBeside(Part):
 
     Args:
         recorded: The recording.
-        playhead: Says what is played.
-        bus: Told each marker when it passes; a jump passes none.
+        playhead: Position of the playback.
+        bus: Each marker is published here when it passes; a jump publishes none.
     """
 
     def __init__(self, recorded: Recorded, playhead: Playhead, bus: Bus) -> None:
@@ -40,7 +40,7 @@ class PlayedBeside(Part):
         playhead.fills.append(self.fill)
 
     def fill(self, t_ns: int) -> None:
-        """Take note of what is played at a time of the run, and tell the markers that have passed."""
+        """Update the position for a time of the run, and publish the markers that have passed."""
         at_ns = t_ns - self._playhead.shift_ns
         if self._n_jumps != self._playhead.n_jumps:
             self._n_jumps, self._passed_ns = self._playhead.n_jumps, at_ns - 1
@@ -54,7 +54,7 @@ class PlayedBeside(Part):
         self._passed_ns = max(self._passed_ns, at_ns)
 
     def shown(self, view: LoopView) -> LoopView:
-        """Complete a moment for a display with what the arm did then."""
+        """Add the recorded state of the arm to a view of the loop."""
         place = bisect_right(self._turns_ns, self._at_ns)
         if not place:
             return view

@@ -36,10 +36,10 @@ def played_input(
 
     Args:
         recorded: The recording.
-        measured: What was measured in it again.
-        playhead: Says what of it is played.
-        lead_ns: What comes before it.
-        note: What a reader of the results must know.
+        measured: The contacts and intents measured again.
+        playhead: Position of the playback.
+        lead_ns: Time before the recording begins.
+        note: Note for readers of the results.
     """
     head = recorded.head
     playhead.begin(recorded.last_tick_ns if recorded.end is None else recorded.end.end_ns, lead_ns)
@@ -104,7 +104,7 @@ def played_input(
 def _asked(
     recorded: Recorded, items: Sequence[tuple[int, Intent]], n_channels: int
 ) -> tuple[Intent, list[tuple[int, Intent]]]:
-    """Return what the hand was asked for at first, and then: the muscles' level, or the one set against them."""
+    """Return the hand's first intent and the later ones: the muscles' level, or the one imposed instead."""
     intent = nothing = Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL)
     first = next((joined_level(c.level, c.closure) for c in recorded.of(HandCommand)), 0) or FIRST_LEVEL
     asked: list[tuple[int, Intent]] = []
@@ -128,7 +128,7 @@ def _imposed(intent: Intent, level: float) -> Intent:
 
 
 class _Played:
-    """Stands for a source whose items are there already."""
+    """Stands in for a source with items that exist already."""
 
     def __init__(self, info: DeviceInfo) -> None:
         self.info = info
@@ -139,7 +139,7 @@ class PlayedLooks:
 
     Args:
         looks: In the order of their times.
-        playhead: Says what of them is played.
+        playhead: Position of the playback.
     """
 
     def __init__(self, looks: Sequence[HandLook], playhead: Playhead) -> None:
@@ -161,7 +161,7 @@ class PlayedLooks:
 
 
 class Switched:
-    """Says whether the motors may turn: when they did, and somebody else allows it."""
+    """Allows the motors to vibrate if the recording did and the other check does."""
 
     def __init__(
         self, recorded: Recorded, clock: PlayClock, playhead: Playhead, other: Callable[[], bool]
@@ -171,7 +171,7 @@ class Switched:
         self._other = other
 
     def __call__(self) -> bool:
-        """Tell it for the tick that the clock is at."""
+        """Return the permission at the clock's tick."""
         at_ns = self._clock.tick_ns - self._playhead.shift_ns
         place = bisect_right(self._changes, at_ns, key=lambda change: change[0])
         return (place == 0 or self._changes[place - 1][1]) and self._other()

@@ -1,7 +1,7 @@
 """Publish a recording's pictures, muscle samples and scene video on a run's bus, as the playhead passes them.
 
-The bus is told what devices that are there tell it, so that the page shows a recording as it shows a live run. Nothing
-is read ahead, so that a jump leaves nothing behind, and of a file no more is in memory than a part of it.
+The records are published as those of connected devices, so the page shows a recording like a live run. Nothing is
+read ahead, so a jump leaves nothing behind, and only a part of a file is in memory.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ _LEAVE_S: Final = 5.0
 
 
 class PlayedFinger:
-    """Measures a finger's recorded pictures again for those who draw them; what is felt does not hang on it.
+    """Measures a finger's recorded frames again for displays; the vest does not depend on it.
 
     Args:
         finger: Its name.
-        meter: Makes what measures, which begins anew at each jump.
-        bus: Told of each picture.
+        meter: Creates the metric's meter, which is reset at each jump.
+        bus: Each frame is published here.
     """
 
     def __init__(self, finger: str, meter: Callable[[], FrameMeter], bus: Bus) -> None:
@@ -64,7 +64,7 @@ class PlayedFinger:
         self._shown_ns = 0
 
     def begin(self, at_ns: int, *, jumped: bool) -> None:
-        """Begin a second before a place, or leave out what is before it."""
+        """Begin a second before a position, or skip the frames before it."""
         self._picture, self._shown_ns, self.since_ns = None, at_ns, at_ns
         if jumped:
             self._meter, self.since_ns = None, at_ns - _WARM_NS
@@ -93,7 +93,7 @@ class PlayedFinger:
         self.n_told += 1
 
     def settle(self, moment: PlayedMoment) -> None:
-        """Do nothing: every picture is told as it is measured."""
+        """Do nothing: every frame is published as it is measured."""
 
     def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
         """Go on with the next picture."""
@@ -101,11 +101,11 @@ class PlayedFinger:
 
 
 class PlayedSamples:
-    """Tells the recorded samples of the muscles; they are numbered by the run's time, which a jump leaves as it is.
+    """Publishes the recorded samples of the muscles, numbered by the run's time, which a jump does not change.
 
     Args:
         maxima: Rate and channels.
-        bus: Told of them.
+        bus: The samples are published here.
     """
 
     def __init__(self, maxima: EmgMaxima, bus: Bus) -> None:
@@ -119,10 +119,10 @@ class PlayedSamples:
         self._offset = None
 
     def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
-        """Tell the next samples.
+        """Publish the next samples.
 
         Raises:
-            RecordingError: They are of another number of channels.
+            RecordingError: The samples have another number of channels.
         """
         told = message.value
         samples = np.array(told.samples, np.float64)
@@ -144,7 +144,7 @@ class PlayedSamples:
         self.n_told += 1
 
     def settle(self, moment: PlayedMoment) -> None:
-        """Do nothing: samples are told as they come."""
+        """Do nothing: samples are published as they arrive."""
 
     def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
         """Go on with the next samples."""
@@ -154,14 +154,14 @@ class PlayedSamples:
 class PlayedStreams(Part):
     """Follows the playhead, in a thread for each file, or in the run's own where that has no real time.
 
-    Use as a context manager around the run. What nobody has subscribed to is not read.
+    Use as a context manager around the run. Topics without subscribers are not read.
 
     Args:
         path: The recording.
-        recorded: What is known of it.
-        measured: How its pictures are measured.
-        playhead: Says what is played.
-        bus: Told of what is passed.
+        recorded: The recording's content.
+        measured: Settings and metric for measuring its pictures.
+        playhead: Position of the playback.
+        bus: The records are published here as they pass.
         others: Further files of the same time, each played by the feature that wants it.
         speed: Seconds of the recording a second; ``None`` for as fast as it goes.
 
@@ -226,7 +226,7 @@ class PlayedStreams(Part):
                 thread.join(_LEAVE_S)
 
     def fill(self, t_ns: int) -> None:
-        """Take note of what is played at a time of the run."""
+        """Update the position for a time of the run."""
         playhead = self._playhead
         at_ns = t_ns - playhead.shift_ns
         if at_ns < playhead.from_ns and not playhead.n_jumps:
@@ -244,15 +244,15 @@ class PlayedStreams(Part):
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What of the recording cannot be shown, a sentence each."""
+        """Parts of the recording that cannot be shown, a sentence each."""
         return tuple(said for file in self._files for said in tuple(file.problems.values()))
 
     def shown(self, view: LoopView) -> LoopView:
-        """Complete a moment for a display with what cannot be shown."""
+        """Add the parts that cannot be shown to a view of the loop."""
         return view._replace(alerts=(*view.alerts, *problems)) if (problems := self.problems) else view
 
     def n_shown(self) -> dict[str, int]:
-        """Return how many pictures and chunks of samples were told, by finger, camera and ``emg``."""
+        """Return the number of published frames and chunks of samples, by finger, camera and ``emg``."""
         return {one.name: one.n_told for one in self._followers}
 
 
@@ -284,7 +284,7 @@ def _topics(
 
 
 def _meter(recorded: Recorded, measured: Measured, finger: str, baseline: Any) -> FrameMeter:
-    """Make what measures a finger, as it was measured then."""
+    """Make a finger's meter, as in the run."""
     head, config = recorded.head, measured.config
     with with_attached(config.stages, head.files) as stages:
         calibration = measured.calibration.touch(finger)

@@ -20,7 +20,7 @@ class PlayedTopics(NamedTuple):
 
     Attributes:
         followers: Follower of each topic.
-        delays_ns: How much later than it was taken a topic's data came, nanoseconds; 0 unless given.
+        delays_ns: Delay of a topic's data, by topic, nanoseconds; 0 unless given.
     """
 
     followers: Mapping[str, StreamFollower]

@@ -1,4 +1,4 @@
-"""Move to another moment of a recording while it is played: the run's own time goes on, what comes into it changes."""
+"""Move to another moment of a recording while it is played; the run's own time goes on."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ __all__ = ["PlayedItems", "Playhead"]
 class Playhead:
     """Says which moment of a recording is played now, and takes wishes for another.
 
-    Clock, budgets and limits of the run stay those of the run: nobody's pause becomes shorter by a jump.
+    Clock, budgets and limits of the run stay those of the run: a jump shortens no pause.
 
     Args:
-        from_s: Where to begin, seconds since the beginning of the recording.
+        from_s: Position to begin at, seconds since the beginning of the recording.
 
     Attributes:
         end_ns: Length of the recording; 0 until it is read.
         shift_ns: Time of the run minus time of the recording.
         n_jumps: Wishes taken up so far.
-        fills: Told every tick of the run, after a wish is taken up.
+        fills: Functions called with every tick of the run, after a requested jump.
 
     Raises:
         InvalidValueError: ``from_s`` is below 0.
@@ -47,7 +47,7 @@ class Playhead:
         """Take note of the recording, which the run's time before ``lead_ns`` is without.
 
         Raises:
-            InvalidValueError: The recording ends before what it is to begin with.
+            InvalidValueError: The recording ends before the moment to begin with.
         """
         if self.from_ns >= max(end_ns, 1):
             raise InvalidValueError(
@@ -95,14 +95,14 @@ class PlayedItems(Generic[Item]):
     """Puts the items of a recording into a live stream of the loop, from wherever the playhead is.
 
     Args:
-        items: What came, stamped with the recording's time.
-        known: When each was known then, in rising order.
-        playhead: Says what is played, and at every tick of the run has the stream filled.
-        first: What stands before the first item, and at a jump what stood then is told again; ``None`` for items that
-            mean nothing later.
+        items: Items, stamped with the recording's time.
+        known: Time at which each item was known, in rising order.
+        playhead: Position of the playback; fills the stream at every tick of the run.
+        first: Item in force before the first one; at a jump the item in force at the new position is repeated.
+            ``None`` for items without later effect.
 
     Attributes:
-        stream: What the loop takes.
+        stream: Stream for the loop.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class PlayedItems(Generic[Item]):
         return self._first if place < 0 else self._items[place]
 
     def fill(self, t_ns: int) -> None:
-        """Put in what is known at a time of the run; end the stream when the recording is over."""
+        """Put in the items known at a time of the run; end the stream at the end of the recording."""
         playhead = self._playhead
         if self._n_jumps != playhead.n_jumps:
             self._n_jumps = playhead.n_jumps

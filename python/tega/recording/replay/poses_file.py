@@ -19,8 +19,8 @@ class PosesFileOptions(Options, frozen=True, kw_only=True):
     """Settings of :class:`PosesFile`.
 
     Attributes:
-        file: A CSV with the columns ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and if wanted ``valid``; or a session that was
-            recorded with an arm, or one trial of it (``.mcap``), whose forearm's poses are played as they came.
+        file: A CSV with the columns ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and optionally ``valid``; or a session recorded
+            with an arm, or one trial of it (``.mcap``), to play its forearm poses as they arrived.
         frame: Axes in which it was recorded; a session knows, and has to agree.
         delay_ms: The poses arrive so late.
     """
@@ -66,8 +66,8 @@ class PosesFile(Opened):
         """Read the file.
 
         Raises:
-            RecordingError: It cannot be read, holds no poses, or is a session in other axes.
-            MissingExtraError: It is a session, and the extra ``record`` is not installed.
+            RecordingError: The file cannot be read, holds no poses, or is a session in other axes.
+            MissingExtraError: The file is a session, and the extra ``record`` is not installed.
         """
         if self._poses is None:
             delay_ns = round(self._options.delay_ms * 1e6)
@@ -93,10 +93,10 @@ class PosesFile(Opened):
         self._poses = None
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
-        """Return the poses whose time has come since the last call.
+        """Return the poses that are due since the last call.
 
         Raises:
-            DeviceUnavailableError: It is not open.
+            DeviceUnavailableError: The file is not open.
         """
         if self._poses is None:
             raise DeviceUnavailableError("poses-file: it is not open", "use it in a with block")

@@ -1,8 +1,8 @@
-"""Compute a recording again: run the loop on it tick by tick as it ran, and compare what comes out.
+"""Re-run a recording: run the loop on it tick by tick as it ran, and compare the output.
 
-The loop takes in at each tick what it took in then, so that the replay of a live run does not depend on how the threads
-happened to be scheduled. Of a lossless recording everything is computed from the raw pictures and samples; of one with
-JPEG pictures from the contacts as recorded, and the pictures are measured beside them to tell the error.
+The loop receives at each tick the input that it received in the run, so the replay of a live run does not depend on
+how threads were scheduled. For a lossless recording everything is computed from the raw frames and samples. With JPEG
+images it is computed from the recorded contacts, and the images are measured as well to find the error.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
 from tega.loop.touch_loop import touch_loop
 from tega.loop.vest_output import VestOutput
+from tega.recording.mcap_reader import Progress
 from tega.recording.replay.arm import compare_arm
 from tega.recording.replay.beside import compare_beside
 from tega.recording.replay.compare import Comparison, compare
@@ -81,12 +82,12 @@ class Replay(msgspec.Struct, frozen=True):
         file: The recording.
         lossless: Whether it was computed from the raw streams.
         complete: Whether the recording was finished by the run that made it.
-        changed: What of the settings is not the run's own, in words.
-        from_s: Where in its session the recording begins; what came before was computed too, and not compared.
-        duration_s: How long the loop ran from there on.
+        changed: Settings that differ from the run's own, in words.
+        from_s: Beginning of the recording in its session; the time before is computed too, but not compared.
+        duration_s: Duration of the loop from there on.
         streams: Each one compared.
-        pictures: Of JPEG pictures, how approximate they are.
-        dropped: Records lost, by topic; what was lost cannot be computed again.
+        pictures: Errors of JPEG images.
+        dropped: Records lost, by topic; these cannot be computed again.
         same: Whether nothing differs.
         pose_base: Number of the most open level in the run's settings, 0 or 1.
     """
@@ -106,7 +107,12 @@ class Replay(msgspec.Struct, frozen=True):
 
 @tells_damage
 def replay_file(
-    path: Path, *, config: Path | None = None, sets: Sequence[str] = (), bus: Bus | None = None
+    path: Path,
+    *,
+    config: Path | None = None,
+    sets: Sequence[str] = (),
+    bus: Bus | None = None,
+    progress: Progress | None = None,
 ) -> Replay:
     """Compute a recorded run again and compare.
 
@@ -114,10 +120,11 @@ def replay_file(
         path: The recording.
         config: Other settings to run it through: preset, vest, calibration, kind of EMG; its devices are not used.
         sets: Single settings to run it through, as ``key=value``.
-        bus: Told of all that is computed, for whoever wants to look on.
+        bus: Every computed record is published here, for displays.
+        progress: Called as the file is read.
 
     Returns:
-        What was found.
+        The findings of the comparison.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -125,7 +132,9 @@ def replay_file(
     """
     bus = Bus() if bus is None else bus
     measured = Measured(config, sets, bus)
-    recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
+    recorded = read_recorded(
+        path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk, progress=progress
+    )
     again = _run(recorded, measured, bus)
     cut_ns = None if recorded.end is not None else recorded.last_tick_ns
     streams = _compare_pixels(measured) if recorded.head.lossless else []
@@ -241,9 +250,9 @@ class _RecordedTrials:
 
 
 def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> PulledStream[Item]:
-    """Return a stream whose items come at the ticks at which they were taken in.
+    """Return a stream with each item at the tick at which the run received it.
 
-    Where every source had ended, it ends with the last tick of the run.
+    If every source had ended, the stream ends with the last tick of the run.
     """
     end = recorded.end or End(end_ns=0, ended="", n_waits=0)
     # The last look of a set time is before its end.
@@ -302,7 +311,7 @@ class _UnseenHand(ModelledAllegro):
 
 
 def _compare_pixels(measured: Measured) -> list[Comparison]:
-    """Tell pictures whose pixels are not those that were taken, whether or not they change what is felt."""
+    """Report frames with pixels that differ from the recorded checksums, whether or not the vest frames change."""
     return [
         compare(f"/tactile/{finger}/image", [(t, a) for t, a, _ in rows], [(t, b) for t, _, b in rows])
         for finger, rows in measured.pixels.items()
@@ -344,7 +353,7 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
 
 
 def _made(kind: type[Any], recorded: Recorded, again: _Again) -> Sequence[Any]:
-    """Return the records of a type that the second run made; it has no real vest, whose frames are the loop's."""
+    """Return the records of a type from the replay; without a real vest, sent frames are those of the loop."""
     if kind is not SentFrame:
         return again.of(kind)
     frames = {frame.t_ns: frame for frame in again.of(VestFrame)}

@@ -1,4 +1,4 @@
-"""Read a recording as the loop needs it: what came in and when it was taken in, what went out."""
+"""Read a recording as the loop needs it: its input with the times of reading, and its output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
 from tega.hand import joined_level
 from tega.recording.decode_ahead import decode_ahead
-from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.mcap_schemas import PACKAGE, VERSIONS
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.replay.players import Player, players
@@ -83,14 +83,14 @@ class Head(msgspec.Struct, frozen=True):
 
     Attributes:
         config: The settings of the run, without its devices.
-        tree: The same as it stands in the file, devices and all.
+        tree: Settings as in the file, with the devices.
         calibration: Its maxima.
         baselines: Untouched pictures, by finger, uint8 (H, W, 3).
-        sources: What the inputs said of themselves.
-        facts: Format, times, and what was live.
+        sources: Descriptions of the inputs.
+        facts: Format, times, and the parts that were live.
         files: Whatever else is attached.
         versions: Version of every record that it may hold; empty in recordings of the first version.
-        switches: What the online adaptation of EMG might do, in order, those of the lead-in first.
+        switches: Switches of the online adaptation of EMG, in order, those of the lead-in first.
     """
 
     config: SessionConfig
@@ -110,7 +110,7 @@ class Head(msgspec.Struct, frozen=True):
 
     @property
     def live_vest(self) -> bool:
-        """Whether a real vest was worn, which is told only what changes."""
+        """Whether a real vest was worn; it was sent changes only."""
         return self.facts["live_vest"] == "true"
 
 
@@ -152,7 +152,7 @@ class Recorded(msgspec.Struct):
 
     @property
     def looks(self) -> dict[int, HandLook]:
-        """Looks at hand and arm, by tick; none in recordings whose slips were detected by touch."""
+        """Looks at hand and arm, by tick; empty in recordings with slips detected by touch."""
         return {look.t_ns: look for look in self.of(HandLook)}
 
     @property
@@ -177,22 +177,25 @@ def read_recorded(
     frame: Callable[[str, TactileFrame, Any], None] = lambda _finger, _frame, _told: None,
     chunk: Callable[[EmgChunk], None] = lambda _chunk: None,
     pictures_wanted: Callable[[Head], bool] = lambda _head: True,
+    progress: Progress | None = None,
 ) -> Recorded:
     """Read a recording.
 
     Args:
         path: The file.
-        begin: Given what is known before the first message.
+        begin: Called with the head, before the first message.
         frame: Given every picture, one at a time (all together they do not fit into memory), and its ``tega.Frame``
             message: the checksum that its pixels had when they were taken, and whether another finger was loaded.
         chunk: Given the EMG samples as they came.
         pictures_wanted: Asked after ``begin`` whether ``frame`` is to be given them; else they are passed over.
+        progress: Called as the file is read.
 
     Raises:
-        RecordingError: It is no recording of a session, or cut before anything was known.
+        RecordingError: The file is no recording of a session, or is cut off before its head.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     reader = McapReader(path)
+    reader.progress = progress or reader.progress
     pictures: dict[str, Decoding] = {}
     recorded: Recorded | None = None
     passed_over: set[str] = set()
@@ -226,7 +229,7 @@ def read_recorded(
 
 
 def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[EmgChunk], None]) -> Recorded:
-    """Take in what comes before the first message, and of a trimmed recording its lead-in."""
+    """Read the head before the first message, and the lead-in of a trimmed recording."""
     head = _head(reader)
     recorded = Recorded(
         head,
@@ -337,7 +340,7 @@ def _switches(reader: McapReader) -> tuple[AdaptationSwitch, ...]:
 
 
 def _refuse_newer(reader: McapReader) -> None:
-    """Refuse records that a later TEGA wrote, whose meaning is not known here; those of an earlier one are read."""
+    """Refuse records of a later TEGA, as their format is unknown here; earlier ones are read."""
     for name, version in reader.metadata.get("records", {}).items():
         if not version.isdecimal() or int(version) > VERSIONS.get(name, 0):
             made = reader.metadata.get("versions", {}).get("tega", "unknown")
@@ -349,11 +352,11 @@ def _refuse_newer(reader: McapReader) -> None:
 
 
 def without_devices(tree: dict[str, Any], sets: Sequence[str] = ()) -> SessionConfig:
-    """Check settings without the devices they name, which need not be installed to replay what they gave.
+    """Check settings without their devices, which need not be installed to replay their data.
 
     Args:
         tree: The settings.
-        sets: What is to be otherwise, as ``key=value``.
+        sets: Settings to override, as ``key=value``.
 
     Raises:
         ConfigError: One of them is unknown, of a wrong type or out of range.
@@ -368,7 +371,7 @@ def without_devices(tree: dict[str, Any], sets: Sequence[str] = ()) -> SessionCo
 
 
 def _with_mapping(tree: dict[str, Any], facts: Mapping[str, str]) -> dict[str, Any]:
-    """Name the mapping of a run whose settings left it to the preset, which has had another one since."""
+    """Name the mapping of a run that used the preset's default, as this default has changed since."""
     stages = tree.get("stages", {})
     mapping = stages.get("mapping", {})
     vest = tree.get("vest", {})

@@ -1,4 +1,4 @@
-"""Impose what a recorded run's guard imposed, and compute its reflex again from the recorded circumstances."""
+"""Impose the levels of a recorded run's guard, and compute its reflex from the recorded circumstances."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RecordedGuard(Guard):
         self._at, self._tick_ns, self._imposed = dict(recorded.imposed), tick_ns, 0.0
 
     def due(self, t_ns: int, late_ns: int) -> bool:  # noqa: ARG002
-        """Return false: what the guard found is in the recording."""
+        """Return false: the guard's findings are in the recording."""
         return False
 
     def level(self, wanted: float) -> float:

@@ -30,8 +30,8 @@ class CalibrationLook(NamedTuple):
 
     Attributes:
         what: The part: a finger, ``EMG``, ``vest``.
-        problem: What is wrong with it; ``""`` where nothing is.
-        command: What to run about that.
+        problem: Problem with it; ``""`` for none.
+        command: Command to run about it.
         status: ``missing``: there is none; ``wrong``: it is not to be used; ``doubt``: it is, but old or with a note.
     """
 
@@ -42,12 +42,12 @@ class CalibrationLook(NamedTuple):
 
 
 def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationLook]:
-    """Look at a person's records for the live devices of some settings, as far as they tell while they are closed.
+    """Check a person's records for the live devices of some settings, as far as possible without opening these.
 
     Args:
         config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
-        settings: How their file is named in the commands that are suggested.
-        now: To tell the age.
+        settings: Name of the settings file in suggested commands.
+        now: Current time, for the age of the records.
     """
     person, folder = whose(config.calibration)
     found: list[CalibrationLook] = []
@@ -95,13 +95,13 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
 
 
 def people_with_calibrations(config: SessionConfig, settings: str) -> list[str]:
-    """Return whose calibrations lie where those of some settings are kept."""
+    """Return the people with calibrations in the folder of some settings."""
     folder = config.calibration.folder or Path(settings).absolute().parent / "calibrations"
     return sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
 
 
 def _other_way(record: EmgRecord, config: SessionConfig) -> str | None:
-    """Say what was set in another way when the muscles were calibrated, as far as settings tell."""
+    """Return the first setting that differs from those at the time of the muscles' calibration."""
     from tega.config.person import driver_settings
 
     section = config.emg

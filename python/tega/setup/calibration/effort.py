@@ -1,7 +1,7 @@
 """Measure muscles at rest and at work: offset, rest and maxima by channel, and each electrode's muscle.
 
-Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so that a maximum means in a
-run what it meant here. Values are in the source's unit.
+Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so a maximum has the same
+meaning here and in a run. Values are in the source's unit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Chain(NamedTuple):
     Attributes:
         rate_hz: Samples per second.
         tau: Samples per block.
-        kind: What the samples are.
+        kind: Kind of the samples.
         channels: Their names.
     """
 
@@ -73,10 +73,10 @@ class Chain(NamedTuple):
 
 
 def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] | None) -> tuple[str, ...]:
-    """Say what is wrong with a stretch of signal, in the words of :mod:`tega.devices.emg.emg_health`.
+    """Return the problems of a stretch of signal, in the words of :mod:`tega.devices.emg.emg_health`.
 
-    A finding is told that is there for two half seconds and half of the time since it was first seen: mains can be
-    seen after two seconds only, and a jerk of the arm is no fault. Lost samples are told above 5 %.
+    A problem is reported if it lasts for two half seconds and for half of the time since it was first detected: mains
+    can be detected after two seconds only, and a jerk of the arm is no fault. Lost samples are reported above 5 %.
     """
     health, seen, n_looks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), _Findings(), 0
     first_seen: dict[str, int] = {}
@@ -106,7 +106,7 @@ class RestEffort(NamedTuple):
     Attributes:
         offset: Mean of the samples, (channels,).
         rest: Middle block mean, (channels,).
-        problems: Why it cannot be used, one sentence each.
+        problems: Reasons why the signal cannot be used, one sentence each.
     """
 
     offset: NDArray[np.float64]
@@ -120,9 +120,9 @@ def judge_quiet(
     """Measure muscles at rest.
 
     Args:
-        chunks: What came while the person rested.
+        chunks: Samples taken while the person rested.
         chain: The conditions.
-        limits: Of the converter.
+        limits: Range of the converter.
 
     Raises:
         CalibrationError: Nothing came.
@@ -137,12 +137,12 @@ def judge_quiet(
 
 
 class Squeezes(NamedTuple):
-    """Maxima of strong contractions, and what is wrong with them.
+    """Maxima of strong contractions, and their problems.
 
     Attributes:
         paper: Largest block mean, (channels,).
         live: 95th percentile of the block means, (channels,).
-        problems: Why they cannot be used, one sentence each.
+        problems: Reasons why they cannot be used, one sentence each.
     """
 
     paper: NDArray[np.float64]
@@ -162,10 +162,10 @@ def judge_squeezes(
     The first half second of each is its rise and is left out. The maxima are those of all of them together.
 
     Args:
-        squeezes: What came during each.
-        rest: What the channels have at rest, (channels,).
+        squeezes: Samples of each squeeze.
+        rest: Rest level of the channels, (channels,).
         chain: The conditions.
-        limits: Of the converter.
+        limits: Range of the converter.
 
     Raises:
         CalibrationError: Nothing came during one.
@@ -202,13 +202,13 @@ def judge_muscles(
     """Say which channel answered to which muscle.
 
     Args:
-        movements: What came while the muscle of each channel worked alone, in the order of the channels.
-        rest: What the channels have at rest, (channels,).
-        maxima: And in a strong squeeze, (channels,).
+        movements: Samples taken while the muscle of each channel worked alone, in the order of the channels.
+        rest: Rest level of the channels, (channels,).
+        maxima: Maxima in a strong squeeze, (channels,).
         chain: The conditions.
 
     Returns:
-        How much each channel rose, as a share of its range, (muscles, channels), and what is wrong.
+        The rise of each channel, as a share of its range, (muscles, channels), and the problems found.
 
     Raises:
         CalibrationError: Nothing came during one.

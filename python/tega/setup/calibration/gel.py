@@ -51,9 +51,9 @@ class Rest(NamedTuple):
     Attributes:
         picture: Mean of the pictures, uint8 (H, W, 3), blue, green, red.
         noise: Standard deviation of a pixel in time, counts, blue, green, red.
-        cell_noise: Standard deviation of a cell's mean, likewise (:func:`tega.tactile.sensor_noise`).
-        n_pictures: How many it is the mean of.
-        problems: Why it is no good baseline, one sentence each; empty where it is one.
+        cell_noise: Standard deviation of a cell's mean, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
+        n_pictures: Number of pictures averaged.
+        problems: Reasons why this is no good baseline, one sentence each; empty for a good one.
     """
 
     picture: NDArray[np.uint8]
@@ -113,11 +113,11 @@ def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
 
 
 def dark(picture: NDArray[np.uint8], noise: float) -> str:
-    """Say whether an untouched gel's picture is too dark to tell touch by.
+    """Return a sentence if an untouched gel's image is too dark to detect touch.
 
     Args:
         picture: The mean of some pictures, uint8 (H, W, 3).
-        noise: Of the noisiest colour, counts.
+        noise: Noise of the noisiest colour, counts.
 
     Returns:
         A sentence, or an empty string.
@@ -145,7 +145,7 @@ def suspect_contact(
     Args:
         picture: The mean of now, uint8 (H, W, 3).
         before: The sensor's last baseline, or ``None``.
-        noise: Of its cells; ``None`` takes a DIGIT's.
+        noise: Noise of its cells; ``None`` takes a DIGIT's.
 
     Returns:
         A sentence, or an empty string.
@@ -188,7 +188,7 @@ class GelChange(NamedTuple):
         dark_xy: The darkest of them, column and row; ``None`` where there are none.
         noise_ratio: Noise now by noise then.
         wear: Share of pixels, 0 to 1, that are another than they were.
-        words: What that means, one sentence each; empty for a healthy gel.
+        words: Consequences, one sentence each; empty for a healthy gel.
     """
 
     shift: tuple[float, float, float]
@@ -213,12 +213,12 @@ def compare_gels(
     Args:
         now: The newest, uint8 (H, W, 3).
         then: An earlier one of the same size.
-        noise_now: Noise of the noisiest colour, counts; what is a spot, and what a change of light, is judged in it.
-        noise_then: Likewise, above 0.
-        when: How the earlier one is called in the sentences, such as ``2026-11-02``.
+        noise_now: Noise of the noisiest colour, counts; the unit for judging spots and changes of light.
+        noise_then: The same for the earlier one, above 0.
+        when: Name of the earlier one in the sentences, such as ``2026-11-02``.
 
     Raises:
-        CalibrationError: They differ in size.
+        CalibrationError: The baselines differ in size.
     """
     if now.shape != then.shape:
         raise CalibrationError(

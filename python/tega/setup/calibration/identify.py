@@ -50,12 +50,12 @@ def light_motor(
     Args:
         vest: An open vest.
         motor: Index of the motor, as in :attr:`tega.haptics.MotorLevels.motors`.
-        layout: Which motors the vest has.
-        percent: How hard.
-        duration_s: How long.
+        layout: Layout of the vest's motors.
+        percent: Intensity, percent.
+        duration_s: Duration, seconds.
         clock: Time.
         stop: Asked all the time whether to end early.
-        told: Told what the vest says it sent, of every frame but the silence at the end.
+        told: Called with each frame that the vest reports as sent, except the silence at the end.
 
     Raises:
         InvalidValueError: The layout has no such motor.
@@ -88,12 +88,12 @@ def show_frame(
 
     Args:
         vest: An open vest.
-        frame: What to show.
-        duration_s: How long.
+        frame: Frame to show.
+        duration_s: Duration, seconds.
         clock: Time.
-        what: What it is, for the error.
+        what: Name of the frame, for the error message.
         stop: Asked all the time whether to end early.
-        told: Told what the vest says it sent, of every frame but the silence at the end.
+        told: Called with each frame that the vest reports as sent, except the silence at the end.
 
     Raises:
         DeviceUnavailableError: The vest did not show it all the time.

@@ -30,15 +30,15 @@ class MuscleLoop:
 
     Args:
         config: The settings, with ``calibration.person``.
-        settings: How the settings file is named in the commands that are suggested.
-        what: What needs the muscles, for the message where there are none.
+        settings: Name of the settings file in suggested commands.
+        what: Name of the part that needs the muscles, for the error message.
 
     Attributes:
         chunks: The samples since :meth:`start`, as they came.
         maxima: The person's calibration.
-        device: Serial number of the source, or what stands for one.
+        device: Serial number of the source, or a substitute for one.
         driver: Its driver.
-        start_ns: When :meth:`start` was called, on the monotonic clock.
+        start_ns: Time of the call of :meth:`start`, on the monotonic clock.
 
     Raises:
         ConfigError: The settings have no EMG.
@@ -87,7 +87,7 @@ class MuscleLoop:
         self._source.__exit__(kind, error, trace)
 
     def start(self) -> None:
-        """Begin with what comes from now on."""
+        """Begin with the next samples."""
         while self._source.read(0.0) is not None:
             pass
         self.start_ns = time.monotonic_ns()

@@ -25,11 +25,11 @@ class Curve:
     No level follows itself, and every five holds visit every level.
 
     Args:
-        duration_s: How long; at least 10 s.
-        seed: Of the order.
+        duration_s: Duration; at least 10 s.
+        seed: Seed of the order.
 
     Raises:
-        InvalidValueError: It is too short to be a curve.
+        InvalidValueError: The duration is too short for a curve.
     """
 
     def __init__(self, duration_s: float, *, seed: int) -> None:
@@ -75,7 +75,7 @@ def score(t_s: Sequence[float], levels: Sequence[int], curve: Curve) -> Score:
     Args:
         t_s: Times of the levels, rising.
         levels: Levels, 1 to 5.
-        curve: What was asked for.
+        curve: The curve to follow.
 
     Raises:
         InvalidValueError: There is no level, or not a time for each.

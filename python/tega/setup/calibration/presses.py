@@ -15,7 +15,7 @@ PRESSES = 3
 """Repetitions of each object: one spike, or one odd press, must not decide."""
 
 LEAST_SHARE = 0.015
-"""A press that dents less of the picture is too weak to say what full is; firm ones of a ball dent 9 to 18 %."""
+"""A press that dents less of the picture is too weak to set a maximum; firm ones of a ball dent 9 to 18 %."""
 
 # A press is over when nothing touches for so long, and one shorter than this was an accident.
 _GAP_NS = 200_000_000
@@ -31,8 +31,8 @@ class Press(NamedTuple):
     """One press.
 
     Attributes:
-        start_ns: When the gel was first touched.
-        end_ns: When it was last touched.
+        start_ns: Time of the first touch of the gel.
+        end_ns: Time of the last touch.
         eda_px: Its dent, pixels: as large as one frame in ten showed it, so that one frame does not decide.
     """
 
@@ -90,7 +90,7 @@ class PressMeter:
         return press
 
     def judge(self, press: Press) -> str:
-        """Say what was wrong with a press; an empty string where it counts."""
+        """Return the problem with a press; an empty string if it counts."""
         share = press.eda_px / self._n_pixels
         if share < LEAST_SHARE:
             return (

@@ -1,4 +1,4 @@
-"""Calibrate muscles anew in ten seconds: five of rest, five of a fist, for the maxima and a learned model."""
+"""Recalibrate muscles in ten seconds: five of rest, five of a fist, for the maxima and a learned model."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class Recalibrated(NamedTuple):
     """Files that a recalibration wrote.
 
     Attributes:
-        record: Of the person's muscles, with today's rest and maxima.
-        model: Of the learned decoder, fitted to today; ``None`` where the settings' decoder needs none.
+        record: File of the person's muscles, with today's rest and maxima.
+        model: File of the learned decoder, fitted to today; ``None`` if the settings' decoder needs none.
     """
 
     record: Path
@@ -63,12 +63,12 @@ def recalibrate(
 
     Args:
         config: The settings; their decoder says whether there is a model.
-        person: Whose calibration.
-        folder: Where it is kept.
+        person: Name of the person.
+        folder: Folder of the calibration.
         guide: Shows and asks.
-        times: How long things take; rest and squeeze are five seconds of their own scale.
-        now: When this is.
-        model_out: Where the new model goes; ``None`` for a file beside the old one, with the time in its name.
+        times: Durations of the steps; rest and squeeze are five seconds of their own scale.
+        now: Current time.
+        model_out: Path of the new model; ``None`` for a file beside the old one, with the time in its name.
 
     Raises:
         ConfigError: The settings have no EMG, or a learned decoder without a model, or there is no model to write.
@@ -135,7 +135,7 @@ def _model_of(config: SessionConfig) -> _Named | None:
 
 
 def _fitted(model: _Named, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> LearnedDecoder:
-    """Return the model fitted to rest and effort, if it then tells them apart."""
+    """Return the model fitted to rest and effort, if it then distinguishes them."""
     target = np.repeat([0.0, 1.0], [len(rest), len(effort)])
     fitted = model.decoder.recalibrated(np.concatenate([rest, effort]), target)
     at_rest, at_work = (float(np.median(LearnedDecoder(fitted.model).process(s))) for s in (rest, effort))

@@ -53,12 +53,12 @@ def refresh(
 
     Args:
         config: The settings.
-        person: Whose calibration.
-        parts: What to refresh; vest, forearm and cameras need none.
-        folder: Where it is kept.
+        person: Name of the person.
+        parts: Parts to refresh; vest, forearm and cameras need none.
+        folder: Folder of the calibration.
         guide: Shows and asks.
-        times: How long things take.
-        now: When this is.
+        times: Durations of the steps.
+        now: Current time.
 
     Returns:
         The files written.
@@ -149,15 +149,15 @@ def to_todays_scale(
     guide: Guide,
     now: datetime,
 ) -> EmgRecord:
-    """Return a calibration of muscles with today's rest, and its maxima times what one squeeze gives today.
+    """Return a calibration of muscles with today's rest, and its maxima scaled by one squeeze of today.
 
     Args:
         record: The calibration.
         quiet: Today's rest.
         maxima: Today's squeeze.
-        limits: How many times its old maximum a channel may give, at least and at most.
-        guide: Is told the scale.
-        now: When this is.
+        limits: Smallest and largest permitted ratio of a channel to its old maximum.
+        guide: Shows the scale.
+        now: Current time.
 
     Raises:
         CalibrationError: A channel gives too much or too little by far.

@@ -1,4 +1,4 @@
-"""Ask what to do where a calibration step finds a fault: repeat the step, keep its result, or give up."""
+"""Ask how to handle a fault in a calibration step: repeat the step, keep its result, or give up."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def until_good(
         guide: Shows and asks.
         what: Name of the step.
         attempt: Does it.
-        problems: Says what is wrong with what it gave.
-        can_keep: Whether that can be kept in spite of it.
+        problems: Returns the problems of a result.
+        can_keep: Returns whether a result may be kept despite its problems.
 
     Returns:
-        What it gave, and the problems it was kept in spite of.
+        The result, and the problems with which it was kept.
 
     Raises:
-        CalibrationError: Something is wrong and nobody is there to decide.
+        CalibrationError: There is a problem and no answer about it, as without a terminal.
         KeyboardInterrupt: The person gives up.
     """
     while True:

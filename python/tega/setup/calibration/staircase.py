@@ -42,7 +42,7 @@ class Limen(NamedTuple):
 
     Attributes:
         level: The lowest level that is felt; ``None`` where none up to the ceiling is.
-        n_false: How often nothing was felt to be something.
+        n_false: Number of questions without vibration that were answered as felt.
         n_trials: Questions asked.
     """
 
@@ -55,8 +55,8 @@ class Ladder:
     """Asks level by level, up until it is felt, down until it is not, and up again.
 
     The first way up goes two levels at a time and only finds the neighbourhood. One question of the second way up is
-    about nothing at all (level 0), which tells people who always say yes. It ends after a bounded number of questions
-    whatever is answered, and never asks above the ceiling.
+    without vibration (level 0), which exposes people who always say yes. The search ends after a bounded number of
+    questions whatever the answers, and never exceeds the ceiling.
 
     Args:
         ceiling: The highest level that may be shown, 1 to 15.
@@ -104,7 +104,7 @@ class Ladder:
         """Return the lowest level that is felt.
 
         Raises:
-            InvalidValueError: It has not ended yet.
+            InvalidValueError: The search has not ended yet.
         """
         if self.level is not None:
             raise InvalidValueError("the ladder has not ended")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tega.devices.base import Tracker
 
 WAIT_S: Final = 30.0
-"""How long a movement is waited for."""
+"""Time to wait for a movement."""
 
 _LOOK_S: Final = 0.02
 _FULL_M: Final = 0.2
@@ -39,12 +39,12 @@ _BASE_ANSWERS: Final = {
 
 
 class TakenHeading(NamedTuple):
-    """Heading of the operator's forward, and what its check said.
+    """Heading of the operator's forward, and the result of its check.
 
     Attributes:
         yaw_rad: As in ``arm.mapping.yaw_rad``.
         check: Whether the second movement came out forward; ``None`` where it did not come to that.
-        problem: What went wrong before; ``""`` for nothing.
+        problem: Problem before the check; ``""`` for none.
     """
 
     yaw_rad: float
@@ -56,12 +56,12 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
     """Lead through both movements, again until the second comes out forward.
 
     Args:
-        tracker: It, open.
+        tracker: The open tracker.
         guide: Shows and asks.
-        wait_s: How long each movement is waited for.
+        wait_s: Time to wait for each movement.
 
     Raises:
-        CalibrationError: It does not, and nobody is there to try again.
+        CalibrationError: The second does not, and there is no answer about another attempt.
         KeyboardInterrupt: The person gives up.
     """
 
@@ -96,17 +96,17 @@ def take_base_yaw(
     """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
 
     Args:
-        tracker: It, open.
+        tracker: The open tracker.
         guide: Shows and asks.
         yaw_rad: The operator's forward, as :func:`take_heading` found it.
-        told_rad: What the settings say, kept where nobody is there to answer.
-        wait_s: How long the movement is waited for.
+        told_rad: Value of the settings, kept if there is no answer.
+        wait_s: Time to wait for the movement.
 
     Returns:
         As in ``arm.mapping.base_yaw_rad``.
 
     Raises:
-        CalibrationError: The movement says nothing, and nobody is there to try again.
+        CalibrationError: The movement is not conclusive, and there is no answer about another attempt.
     """
     try:
         said = guide.ask(
@@ -140,9 +140,9 @@ def watch_sweep(
     """Wait for a movement of the forearm that comes to rest.
 
     Args:
-        tracker: It, open.
-        seconds: How long to wait.
-        yaw_rad: Which way is forward, as far as it is known.
+        tracker: The open tracker.
+        seconds: Time to wait.
+        yaw_rad: Direction of forward, rad; ``None`` if it is unknown.
         shown: Called again and again with the movement so far and the seconds left.
 
     Raises:

@@ -51,7 +51,7 @@ _MOVEMENTS = {
 
 
 class Quiet(msgspec.Struct, frozen=True, kw_only=True):
-    """Offset and rest of the muscles by channel, and what was kept in spite of."""
+    """Offset and rest of the muscles by channel, and the problems with which they were kept."""
 
     offset: tuple[float, ...]
     rest: tuple[float, ...]
@@ -101,11 +101,11 @@ def collect(
 
     Args:
         source: The open source.
-        seconds: How long.
+        seconds: Duration.
         guide: Shows.
-        prompt: What the person is to do.
-        names: Of the channels, for the bars.
-        full: What fills a bar, (channels,); ``None`` for the largest so far.
+        prompt: Instruction for the person.
+        names: Names of the channels, for the bars.
+        full: Value of a full bar, (channels,); ``None`` for the largest so far.
 
     Raises:
         CalibrationError: Less than half of the samples came.
@@ -147,7 +147,7 @@ def _swing(chunks: list[EmgChunk]) -> NDArray[np.float64]:
 
 
 def drain(source: EmgSource) -> None:
-    """Throw away what came while nobody read."""
+    """Discard the samples that have piled up."""
     for _ in range(2000):
         if source.read(0.0) is None:
             return
@@ -162,11 +162,11 @@ def take_rest(
         source: The open source.
         chain: The conditions.
         guide: Shows and asks.
-        times: How long things take.
+        times: Durations of the steps.
         heard: Filled with the samples that were judged.
 
     Raises:
-        CalibrationError: They are not at rest, and nobody is there to decide.
+        CalibrationError: The muscles are not at rest, and there is no answer about it.
         DeviceUnavailableError: The source went away.
     """
 
@@ -199,14 +199,14 @@ def take_squeezes(
     Args:
         source: The open source.
         chain: The conditions.
-        quiet: What the channels have at rest.
+        quiet: Rest level of the channels.
         guide: Shows and asks.
-        times: How long things take.
-        n: How many.
-        heard: Filled with the samples that were judged, of all of them.
+        times: Durations of the steps.
+        n: Number of squeezes.
+        heard: Filled with the samples that were judged, of all squeezes.
 
     Raises:
-        CalibrationError: They cannot be used, and nobody is there to decide.
+        CalibrationError: The squeezes cannot be used, and there is no answer about it.
         DeviceUnavailableError: The source went away.
     """
     rest = np.array(quiet.rest)
@@ -246,10 +246,10 @@ def take_muscles(
     """Have each muscle work alone and say which channel answers.
 
     Returns:
-        How much each channel rose, one row a muscle, and what was kept in spite of.
+        The rise of each channel, one row a muscle, and the problems with which they were kept.
 
     Raises:
-        CalibrationError: Electrodes are exchanged or silent, and nobody is there to decide.
+        CalibrationError: Electrodes are exchanged or silent, and there is no answer about it.
         DeviceUnavailableError: The source went away.
     """
     rest, full = np.array(quiet.rest), np.array(maxima.live)
@@ -280,7 +280,7 @@ def emg_record(
     notes: tuple[str, ...],
     now: datetime,
 ) -> EmgRecord:
-    """Put together what the steps gave."""
+    """Combine the results of the steps into a record."""
     return EmgRecord(
         person=person,
         device=device_name(source.info),

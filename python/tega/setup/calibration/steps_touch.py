@@ -51,9 +51,9 @@ class TakenBaseline(NamedTuple):
 
     Attributes:
         picture: uint8 (H, W, 3).
-        file: Where it is kept.
-        made: When it was taken.
-        notes: What it was accepted in spite of, and what has become of the gel.
+        file: Path of the baseline.
+        made: Time at which it was taken.
+        notes: Problems with which it was accepted, and changes of the gel.
         cell_noise: Noise of the sensor's cells, counts; ``None`` where it is not known.
     """
 
@@ -79,14 +79,14 @@ def take_baseline(
     Args:
         finger: For the words.
         source: Its open source.
-        folder: Where baselines are kept.
+        folder: Folder of the baselines.
         guide: Shows and asks.
-        times: How long it takes.
-        now: When this is.
+        times: Durations of the steps.
+        now: Current time.
         is_free: The person has said already that nothing touches.
 
     Raises:
-        CalibrationError: It cannot be taken, and nobody is there to see to it.
+        CalibrationError: The baseline cannot be used, and there is no answer about it.
         DeviceUnavailableError: The sensor went away.
     """
     device = device_name(source.info)
@@ -203,21 +203,21 @@ def take_presses(
     now: datetime,
     ball: Ball | None = None,
 ) -> TouchRecord:
-    """Have a person press a fingertip with something round, then with something flat, and take what is full on it.
+    """Ask for presses on a fingertip, first round, then flat, and derive its maxima.
 
     Args:
         finger: For the words.
         source: Its open source.
         baseline: Its untouched picture.
         guide: Shows and asks.
-        times: How long it takes.
-        person: Who presses.
-        folder: Where the record will be kept.
-        now: When this is.
-        ball: A ball and a force that somebody knows, to fit depth and stiffness by; nobody needs one.
+        times: Durations of the steps.
+        person: Name of the person who presses.
+        folder: Folder for the record.
+        now: Current time.
+        ball: Known ball and force, to fit depth and stiffness; optional.
 
     Raises:
-        CalibrationError: There were too few presses, and nobody is there to press.
+        CalibrationError: There were too few presses, and there is no answer about it.
         DeviceUnavailableError: The sensor went away.
     """
     height, width = baseline.picture.shape[:2]

@@ -47,9 +47,9 @@ class Pulses:
 
     Args:
         vest: The open vest.
-        layout: Which motors it has.
+        layout: Layout of its motors.
         ceiling: The highest level, 1 to 15; kept, as the layout.
-        times: How long a vibration lasts.
+        times: Duration of a vibration.
         clock: Time.
     """
 
@@ -110,7 +110,7 @@ def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, t
     """Show every column once, in an order of chance, and ask where it is felt.
 
     Raises:
-        Undecided: Nobody is there to answer.
+        Undecided: There was no answer, as without a terminal.
         DeviceUnavailableError: The vest went away.
     """
     answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
@@ -143,13 +143,13 @@ def take_thresholds(
 
     Args:
         pulses: Vibrations.
-        sites: Where.
-        done: What is known from before an interruption.
+        sites: Sites to test.
+        done: Results from before an interruption.
         guide: Asks.
         keep: Given each site's result at once.
 
     Raises:
-        Undecided: Nobody is there to answer.
+        Undecided: There was no answer, as without a terminal.
         DeviceUnavailableError: The vest went away.
     """
     _each(
@@ -179,15 +179,15 @@ def take_steps(
 
     Args:
         pulses: Vibrations.
-        sites: Where; one that is not felt, or hardly below the ceiling, is left out.
+        sites: Sites to test; one that is not felt, or hardly below the ceiling, is skipped.
         thresholds: By site.
-        done: What is known from before an interruption.
+        done: Results from before an interruption.
         guide: Asks.
         keep: Given each site's result at once.
-        seed: Of which of a pair is the stronger.
+        seed: Seed of the order within a pair.
 
     Raises:
-        Undecided: Nobody is there to answer.
+        Undecided: There was no answer, as without a terminal.
         DeviceUnavailableError: The vest went away.
     """
     chance = random.Random(seed)
@@ -212,7 +212,7 @@ def show_steps(pulses: Pulses, guide: Guide, felt: FeltMap) -> None:
 
     Args:
         pulses: Vibrations.
-        guide: Says what comes.
+        guide: Announces each vibration.
         felt: Thresholds and steps just measured; with a threshold at the ceiling there is no room for steps.
 
     Raises:

@@ -11,7 +11,7 @@ class Times(NamedTuple):
     Attributes:
         baseline_s: Pictures of the untouched gel.
         presses_s: Without enough presses for so long the person is asked whether to go on.
-        get_ready_s: Between a signal and what it is for.
+        get_ready_s: Between a signal and the start of its step.
         rest_s: Muscles at rest.
         squeeze_s: One strong squeeze.
         pause_s: Between two of them: a strong squeeze tires.

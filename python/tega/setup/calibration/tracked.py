@@ -34,7 +34,7 @@ class Tracked(NamedTuple):
         rate_hz: Samples per second.
         kind: ``raw``, ``rectified`` or ``envelope``.
         channels: Their names.
-        person: Who.
+        person: Name of the person.
     """
 
     samples: NDArray[np.float64]

@@ -28,9 +28,9 @@ def track(
     Args:
         config: The settings, with ``calibration.person``.
         guide: Shows.
-        duration_s: How long.
-        seed: Of the curve.
-        settings: How the settings file is named in the commands that are suggested.
+        duration_s: Duration.
+        seed: Seed of the curve.
+        settings: Name of the settings file in suggested commands.
 
     Returns:
         The score, and where it is kept; the EMG lies beside it, for ``tega-teleop emg fit``.

@@ -83,10 +83,10 @@ def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...
 
     Args:
         config: The settings.
-        only: What is asked for; empty for all that the settings have.
+        only: The parts to calibrate; empty for all that the settings have.
 
     Raises:
-        ConfigError: What is asked for is not in the settings, or nothing is.
+        ConfigError: A part is not in the settings, or there is none to calibrate.
     """
     have = [f"tactile.{finger}" for finger in config.tactile.in_use()]
     have += ["emg"] if config.emg is not None else []
@@ -109,20 +109,20 @@ def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...
 class Calibrating:
     """Calibrates the devices of some settings for one person, step by step.
 
-    What a step gave is kept at once. An interrupted calibration is gone on with within four hours.
+    The result of each step is stored at once. An interrupted calibration can be continued within four hours.
 
     Args:
         config: The settings.
-        person: Whose calibration.
-        folder: Where it is kept.
+        person: Name of the person.
+        folder: Folder of the calibration.
         guide: Shows and asks.
-        times: How long things take.
-        now: Tells the time of day.
+        times: Durations of the steps.
+        now: Returns the time of day.
         ceiling_percent: Nothing stronger is shown on the vest.
         each_motor: Ask about every motor of the vest, not about its columns.
         each_step: Look for the step at every column or motor, not at one of each face.
-        ball: A ball and a force that somebody knows, to fit each gel's depth and stiffness by.
-        seed: Of the order in which the vest's columns are shown.
+        ball: Known ball and force, to fit each gel's depth and stiffness.
+        seed: Seed of the order in which the vest's columns are shown.
     """
 
     def __init__(
@@ -164,9 +164,9 @@ class Calibrating:
             restart: Forget an interrupted calibration.
 
         Raises:
-            CalibrationError: A step cannot be finished, and nobody is there to decide.
+            CalibrationError: A step cannot be finished, and there is no answer about it.
             DeviceUnavailableError: A device is missing or went away.
-            KeyboardInterrupt: The person stopped; what is done is kept.
+            KeyboardInterrupt: The person stopped; finished steps are kept.
         """
         before = None if restart else self._folder.unfinished(self._person, self._now())
         if before is not None:
@@ -295,7 +295,7 @@ class Calibrating:
             )
 
     def _drawing(self, what: str) -> str:
-        """Return where it is drawn what goes where, for a person whose hand is known."""
+        """Return the drawing of the placement, for a person with a known hand."""
         hand = self._folder.hand(self._person)
         left = "-left" if hand == "left" else ""
         return f" For a {hand} hand: docs/images/placement-{what}{left}.svg." if hand else ""
@@ -425,7 +425,7 @@ class Calibrating:
     # What is done is kept.
 
     def _kept(self, name: str, wanted: type[_Kept]) -> _Kept | None:
-        """Return what a step gave before an interruption; ``None`` where it was not done."""
+        """Return the result of a step from before an interruption; ``None`` if it was not done."""
         if name not in self._unfinished.steps:
             return None
         try:

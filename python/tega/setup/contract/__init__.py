@@ -1,4 +1,4 @@
-"""Check drivers and stages, whoever wrote them, against their contracts.
+"""Check drivers and stages, your own included, against their contracts.
 
 ``check_driver`` runs all of it on one driver with options under which it works, and raises ``AssertionError`` with
 the broken rule. For hardware, give the options of the device on the bench.

@@ -21,7 +21,7 @@ def check_input(source: InputSource) -> None:
     """Check an operator's input device.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     with source:
         for _ in range(100):
@@ -49,7 +49,7 @@ def check_tracker(tracker: Tracker, most_items: int) -> None:
     """Check a tracker of the forearm; of a live one so many poses are looked at.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     rule(tracker.frame in FRAMES, f"frame is one of {', '.join(FRAMES)}")
     poses: list[StampedPose] = []
@@ -68,10 +68,10 @@ def check_tracker(tracker: Tracker, most_items: int) -> None:
 
 
 def check_arm(arm: ArmDriver) -> None:
-    """Check an arm that nobody has taken hold of: it says where it is, and stays there.
+    """Check an arm without taking control of it: it reports its position, and does not move.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     nothing = np.zeros(3)
     with arm:

@@ -1,4 +1,4 @@
-"""Check what every driver does: it describes itself, finds devices, opens and closes."""
+"""Check the behaviour common to all drivers: describing itself, finding devices, opening and closing."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
     Args:
         driver: Its class.
         options: Options under which it works here.
-        most_items: How many items of a live source to look at; a recording is read to its end.
+        most_items: Number of items of a live source to check; a recording is read to its end.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     _check_description(driver, options)
     _check_discover(driver, options)

@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
-    """Check every stage of a name; return the verdict and what there is to say."""
+    """Check every stage of a name; return the verdict and its text."""
     from tega.config import stage_options
 
     groups = find_stages(name)
@@ -78,7 +78,7 @@ def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
 
 
 def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
-    """Check one driver; return the verdict and what there is to say."""
+    """Check one driver; return the verdict and its text."""
     from tega.config import driver_options
     from tega.runtime.checkout_tools import needs_tools
 

@@ -9,7 +9,7 @@ def rule(holds: bool, said: str) -> None:  # noqa: FBT001  # an assertion that s
     """Break off where a rule does not hold.
 
     Raises:
-        AssertionError: It does not; the message is the rule.
+        AssertionError: The check fails; the message is the rule.
     """
     if not holds:
         raise AssertionError(said)
@@ -19,7 +19,7 @@ def refuses(call: Callable[[], object], error: type[Exception], said: str) -> No
     """Break off where a call does not raise this error.
 
     Raises:
-        AssertionError: It does not; the message is the rule.
+        AssertionError: The check fails; the message is the rule.
     """
     try:
         call()

@@ -18,7 +18,7 @@ def check_hand(hand: SteeredHand) -> None:
     """Check a hand that closes its own loop.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     with hand:
         for level in (1, 2, 5):
@@ -46,7 +46,7 @@ def check_sink(sink: Any) -> None:
     """Check a vest, or a hand that only takes frames.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     with sink:
         if sink.info.kind == "vest":

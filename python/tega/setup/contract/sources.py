@@ -19,7 +19,7 @@ def check_source(source: TactileSource | EmgSource, most_items: int) -> None:
     """Check a camera or an amplifier; of a live one so many items are looked at, a recording is read to its end.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     with source:
         first = _read_all(source, most_items)
@@ -48,7 +48,7 @@ def check_skip(source: SkippingSource) -> None:
     """Check that a recording can pass over frames.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     with source:
         if source.info.live:

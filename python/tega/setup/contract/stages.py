@@ -1,4 +1,4 @@
-"""Check metrics, decoders, mappings, reflexes and layouts, whoever wrote them, against the contracts of their kinds."""
+"""Check metrics, decoders, mappings, reflexes and layouts against the contracts of their kinds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def check_stage(stage: Any, options: Any = None) -> None:
         options: Its options; ``None`` for its defaults.
 
     Raises:
-        AssertionError: It breaks a rule; the message says which.
+        AssertionError: A rule is broken; the message names it.
     """
     if isinstance(stage, MotorLayout):
         check_layout(stage)

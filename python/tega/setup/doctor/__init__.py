@@ -1,7 +1,7 @@
-"""Find out what is wrong with a bench, why, and what to do about it.
+"""Diagnose the problems of a bench, with causes and remedies.
 
-Without settings the four devices of the paper are looked for; with settings exactly what they name is opened through
-the drivers themselves, read for a moment and closed. Nothing here moves a hand or lets a vest vibrate.
+Without settings the four devices of the paper are searched for. With settings exactly their devices are opened
+through the drivers, read for a moment and closed. Nothing here moves a hand or lets a vest vibrate.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ _STEP_S = 0.01
 
 
 def try_arm(case: DriverCase) -> list[Finding]:
-    """Ask a robot what can be known without moving it; a driver that opens without consequences is opened."""
+    """Query a robot without moving it; a driver that opens without consequences is opened."""
     driver: Any = driver_class(case.driver, "arm")
     if isinstance(driver, PreflightedArm):
         return _preflight(case, driver)
@@ -88,7 +88,7 @@ def try_tracker(case: DriverCase) -> list[Finding]:
 
 
 def check_arm(config: SessionConfig) -> list[Finding]:
-    """Look at what the settings of an arm need of the others."""
+    """Check that the settings of an arm have the other parts they need."""
     arm = config.arm
     if arm is None:
         return []
@@ -117,7 +117,7 @@ def check_arm(config: SessionConfig) -> list[Finding]:
 
 
 def _frame(arm: ArmConfig) -> str:
-    """Return the axes of what leads the arm."""
+    """Return the axes of the arm's pose source."""
     if arm.tracker is None:
         return "base"
     try:

@@ -28,11 +28,11 @@ TRY_S: Final = 5.5
 """Deadline of trying those that were found, all side by side."""
 
 ROLES: Final[Mapping[str, Kind]] = {"digit": "tactile", "emg": "emg", "vest": "vest", "allegro": "hand"}
-"""What is examined without settings, and the kind of its drivers."""
+"""Checks made without settings, and the kind of their drivers."""
 
 
 class _Absent(NamedTuple):
-    """Report of a missing kind of device: what each driver did not see, and what to do."""
+    """Report of a missing kind of device: each driver's result, and the steps to take."""
 
     said: str
     unseen: Mapping[str, str]
@@ -90,9 +90,9 @@ class DriverLook(NamedTuple):
 
     Attributes:
         kind: The driver's kind.
-        found: What is there.
-        could_not: Why looking was not possible; ``""`` where it was.
-        hint: What to do about that.
+        found: Devices found.
+        could_not: Reason why looking was not possible; ``""`` if it was.
+        hint: Step to make looking possible.
         lacks_package: Whether it is a package that is not installed.
     """
 
@@ -104,13 +104,13 @@ class DriverLook(NamedTuple):
 
 
 def look_for(deadline_s: float = LOOK_S) -> dict[str, DriverLook]:
-    """Ask every driver that can tell what is there for it; opens nothing.
+    """Search for devices with every driver that can; opens nothing.
 
     Args:
-        deadline_s: How long all of them may take, side by side.
+        deadline_s: Time limit for all of them together.
 
     Returns:
-        By the driver's name, in the order of ``tega-teleop devices``; a driver that cannot tell is left out.
+        The results by the driver's name, in the order of ``tega-teleop devices``, without drivers that cannot search.
     """
     jobs: dict[str, Callable[[], DriverLook]] = {}
     kinds: dict[str, str] = {}
@@ -137,7 +137,7 @@ def _look(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverLook:
 
 
 def look_around() -> Examination:
-    """Look for a DIGIT, an EMG amplifier, a vest and an Allegro Hand, and try what may be opened.
+    """Look for a DIGIT, an EMG amplifier, a vest and an Allegro Hand, and try those that may be opened.
 
     Takes at most :data:`LOOK_S` and :data:`TRY_S` seconds, whatever hangs.
     """
@@ -166,8 +166,8 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     """Try devices through their drivers, side by side.
 
     Args:
-        cases: What to try.
-        deadline_s: How long all of them together may take.
+        cases: Devices to try.
+        deadline_s: Time limit for all of them together.
 
     Returns:
         At least one finding for each, in their order, and then those about several together.
@@ -218,7 +218,7 @@ def _nothing() -> None:
 
 
 def _seen(check: str, found: Found) -> Finding:
-    """Tell of something that was not opened."""
+    """Return the finding for a device that was seen and not opened."""
     if found.problem:
         return Finding(
             check=check,
@@ -241,7 +241,7 @@ def _seen(check: str, found: Found) -> Finding:
 
 
 def _packages(looked: Mapping[str, DriverLook]) -> list[Finding]:
-    """Tell once of the packages without which some drivers cannot look."""
+    """Return one finding for all packages without which some drivers cannot search."""
     lacking = {name: there for name, there in looked.items() if there.lacks_package}
     if not lacking:
         return []

@@ -1,7 +1,7 @@
 """Check a run's calibration: whether it is there, of this person and these devices, and fresh enough.
 
-Nothing is opened: devices are told apart by what they are called while closed. What only an open device knows, such
-as its true rate, a run checks when it starts.
+Nothing is opened: devices are identified by the names they have while closed. Facts that only an open device knows,
+such as its true rate, are checked when a run starts.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def check_calibration(config: SessionConfig, *, settings: str, now: datetime | N
 
     Args:
         config: The settings.
-        settings: How their file is named in the commands that are suggested.
-        now: To tell the age; the time of day when ``None``.
+        settings: Name of the settings file in suggested commands.
+        now: Current time, for the age of the records; the time of day when ``None``.
 
     Returns:
         Nothing where none is needed, since nothing is live and none is named.

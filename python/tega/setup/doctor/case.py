@@ -1,4 +1,4 @@
-"""Describe one device to try, and tell how opening it failed."""
+"""Describe one device to try, and report how opening it failed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class DriverCase(NamedTuple):
     """A driver and its settings.
 
     Attributes:
-        check: What the findings are about, such as ``tactile.thumb``.
+        check: Name of the check, such as ``tactile.thumb``.
         kind: Kind of the driver.
         driver: Its name.
         options: Its checked options.
@@ -64,12 +64,12 @@ def failed(
     """Return the finding for a device that could not be used.
 
     Args:
-        case: What was tried.
-        error: What the driver says; its hint becomes what to do.
-        device: What the device is called.
-        status: How it is; by the kind of error when ``None``.
-        why: What is known beyond the error.
-        todo: What to do beyond the hint.
+        case: The driver and settings that were tried.
+        error: The driver's error; its hint becomes a step to take.
+        device: Name of the device.
+        status: Status of the device; by the kind of error when ``None``.
+        why: Further facts about the cause.
+        todo: Steps to take beyond the hint.
     """
     if status is None:
         # The thing is there, but not the right one, not fast enough, or not for us.
@@ -95,7 +95,7 @@ def holders(device: str, proc: Path = _PROC) -> list[str]:
 
     Args:
         device: Its file, such as ``/dev/video0``.
-        proc: Where the kernel lists processes.
+        proc: Folder in which the kernel lists processes.
 
     Returns:
         Name and number of each, such as ``cheese (4711)``.

@@ -1,4 +1,4 @@
-"""Define what an examination says: one record per finding, in the order of the loop."""
+"""Define the result of an examination: one record per finding, in the order of the loop."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     """Finding about one device, or one part of the settings.
 
     Attributes:
-        check: What was examined: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, ``calibration``, or a
-            part of the settings such as ``tactile.thumb``.
-        status: How it is.
-        finding: What was found, one sentence.
-        why: Why that is so, as far as it is known.
-        todo: What to do, one step each.
+        check: Name of the check: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, ``calibration``, or a part
+            of the settings such as ``tactile.thumb``.
+        status: Status of the device or part.
+        finding: The finding, one sentence.
+        why: Cause, as far as it is known.
+        todo: Steps to take, one sentence each.
         driver: Name of the driver concerned.
-        device: What the device is called: serial number, port, bus.
+        device: Name of the device: serial number, port, bus.
         measured: Numbers that were measured, by a name that ends with the unit.
     """
 

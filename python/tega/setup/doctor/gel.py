@@ -34,12 +34,12 @@ def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint
     """Judge the gel by pictures that were taken while nothing should have touched it.
 
     Args:
-        case: Whose it is; its ``baseline`` is what the gel is compared with.
-        label: What the sensor is called.
+        case: The sensor's driver; its ``baseline`` is compared with the gel.
+        label: Name of the sensor.
         pictures: uint8 (H, W, 3) each, of one size, in the order they came.
 
     Returns:
-        What is wrong; empty where nothing is, or there were fewer than ten pictures.
+        The problems found; empty for none, or with fewer than ten images.
     """
     if case.baseline is None:
         return _is_dark(case, label, pictures)

@@ -18,7 +18,7 @@ _WARM_C = 60
 
 
 def try_hand(case: DriverCase) -> list[Finding]:
-    """Open a hand with its motors off, hear its reports for a moment, close it."""
+    """Open a hand with its motors off, receive its reports for a moment, close it."""
     driver = driver_class(case.driver, "hand")
     if not isinstance(driver, HarmlessDevice):
         said = f"{case.driver} was not opened: it does not say how to without force"
@@ -69,7 +69,7 @@ def _look(hand: Any) -> dict[str, float]:
 
 
 def _bus(case: DriverCase) -> tuple[str, str]:
-    """Say what is wrong with a bus of the kernel's, before anything is tried on it."""
+    """Return the problem of a kernel's bus and its remedy, before it is used; empty for none."""
     if getattr(case.options, "interface", "") != "socketcan":
         return "", ""
     name = str(case.options.channel)

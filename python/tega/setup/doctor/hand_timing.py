@@ -1,4 +1,4 @@
-"""Measure how evenly the hand's loop runs, and what it costs."""
+"""Measure the timing and the cost of the hand's loop."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class LoopTiming(msgspec.Struct, frozen=True, kw_only=True):
     """Timing of the hand's loop, as measured once.
 
     Attributes:
-        seconds: How long it took.
+        seconds: Duration of the measurement.
         rate_hz: Sets of positions answered per second.
         period_ms: From one answer to the next, percentiles 50, 99, 99.9 and 100.
         answer_ms: From taking the frames to having sent the torques, the same percentiles.
-        cpu_percent: Of one core, the hand's loop alone.
+        cpu_percent: Load of one core, the hand's loop alone.
         incomplete: Sets in which a finger's frame was missing.
         late: Gaps of more than 9 ms.
         silences: Times the motors went off.
@@ -46,7 +46,7 @@ def time_loop(hand: Allegro, *, seconds: float) -> LoopTiming:
 
     Args:
         hand: The open driver.
-        seconds: How long, up to 45.
+        seconds: Duration, up to 45.
 
     Returns:
         The measurement.

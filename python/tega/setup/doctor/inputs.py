@@ -15,7 +15,7 @@ _STEP_S = 0.02
 
 
 def try_input(case: DriverCase) -> list[Finding]:
-    """Open an input device, listen for a moment, close it. A device that hangs at rest is not told apart."""
+    """Open an input device, read it for a moment, close it. A device that hangs at rest is not detected."""
     source: Any = driver_class(case.driver, "input")(case.options)
     try:
         with source:
@@ -50,7 +50,7 @@ def try_input(case: DriverCase) -> list[Finding]:
 
 
 def _listen(source: InputSource) -> InputReading:
-    """Return what it says after a moment, or when it is lost."""
+    """Return the state of a device after a moment, or when it is lost."""
     until_s = time.monotonic() + _LOOK_S
     while (state := source.state()).live and time.monotonic() < until_s:
         time.sleep(_STEP_S)
@@ -58,6 +58,6 @@ def _listen(source: InputSource) -> InputReading:
 
 
 def _touched(state: InputReading) -> str:
-    """Say in words what is pushed or held; ``""`` for nothing."""
+    """Return the pushed axes or held buttons in words; ``""`` for none."""
     words = [f"{button} is down" for button in sorted(state.held)]
     return ", ".join([*(["the cap is pushed or turned"] if any(state.motion) else []), *words])

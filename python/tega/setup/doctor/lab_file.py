@@ -1,4 +1,4 @@
-"""Write a settings file, filled in for devices that are plugged in, with comments on what else to set."""
+"""Write a settings file with the connected devices filled in, and comments on the other settings."""
 
 from __future__ import annotations
 
@@ -139,11 +139,11 @@ def lab_settings(
     """Return the text of a settings file.
 
     Args:
-        looked: What :func:`tega.setup.doctor.look_for` found.
-        name: Of the file, for the commands in it.
+        looked: Results of :func:`tega.setup.doctor.look_for`.
+        name: Name of the file, for the commands in it.
         emulated: The devices are emulators, which the settings then say.
         calibration: A calibration to name, relative to the file.
-        baselines: Pictures of the untouched gels to name, by finger, likewise.
+        baselines: Pictures of the untouched gels to name, by finger, relative to the file.
         arm: Name of an arm's driver to switch on, or its whole table; none leaves the arm's table as a comment.
 
     Returns:
@@ -197,7 +197,7 @@ def _arm(driver: str | dict[str, Any] | None) -> str:
 
 
 def _found(looked: Mapping[str, DriverLook], kind: str, driver: str | None = None) -> list[Found]:
-    """Return what was found of a kind, for one driver or any; the likelier and what can be opened first."""
+    """Return the devices found of a kind, for one driver or any; the likelier and usable ones first."""
     found = [one for there in looked.values() if there.kind == kind for one in there.found]
     found = [one for one in found if driver in {None, one.driver}]
     return sorted(found, key=lambda one: (bool(one.problem), _rank(one.driver), not one.options))
@@ -221,7 +221,7 @@ def _section(table: str, found: Found, more: str) -> str:
 
 
 def _line(key: str, value: Any, told: str = "") -> str:
-    """Return a key's line with what is told about it, in a column of its own."""
+    """Return a key's line with its comment, in a column of its own."""
     item = toml_item(value)
     if told:
         item.comment(told).trivia.comment_ws = " " * max(2, 27 - len(key) - len(item.as_string()))
@@ -229,7 +229,7 @@ def _line(key: str, value: Any, told: str = "") -> str:
 
 
 def _left_over(found: Iterable[Found]) -> str:
-    """Name what was found besides, to choose from."""
+    """List the other devices found, as comments to choose from."""
     return "".join(
         _comment(
             f"also found: {one.label}: driver = {toml_value(one.driver)}, options = {toml_value(one.options)}"
@@ -239,6 +239,6 @@ def _left_over(found: Iterable[Found]) -> str:
 
 
 def _comment(text: str) -> str:
-    """Return a text as comment lines; what a device calls itself may hold anything."""
+    """Return a text as comment lines; a device's own name may contain any character."""
     lines = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)

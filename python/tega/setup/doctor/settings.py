@@ -26,14 +26,14 @@ def examine(
 ) -> Examination:
     """Open every device that the settings name, read it for a moment, close it.
 
-    The calibration that a run would use is looked at as well. A hand's motors stay off, a vest gets zeros, and what
-    would overwrite a file is not opened.
+    The calibration that a run would use is checked as well. A hand's motors stay off, a vest gets zeros, and outputs
+    that would overwrite a file are not opened.
 
     Args:
         config: The settings.
         name: Base name of their file.
-        settings: How that is named in the commands that are suggested; ``""`` for its base name.
-        deadline_s: How long all devices together may take, side by side.
+        settings: Name of the settings file in suggested commands; ``""`` for its base name.
+        deadline_s: Time limit for all devices together.
     """
     cases = cases_of(config)
     no_input = _no_input(config)

@@ -21,7 +21,7 @@ _LOOK_S = 1.5
 _SLOW = 0.9
 """Share of the agreed rate below which pictures are missing."""
 _USB2_MB_S = 35.0
-"""What one USB 2 bus carries in practice; four DIGITs at 60 pictures a second send 37."""
+"""Capacity of one USB 2 bus in practice; four DIGITs at 60 pictures a second send 37."""
 _BYTES_PER_PIXEL = 2
 
 
@@ -29,10 +29,10 @@ class FoundCamera(NamedTuple):
     """A camera that works, for the look at the buses.
 
     Attributes:
-        check: Which finger's.
+        check: Name of its check, with the finger.
         serial: Its serial number.
         rate_hz: Pictures a second it agreed to.
-        n_pixels: Of one picture.
+        n_pixels: Pixels of one image.
     """
 
     check: str
@@ -116,7 +116,7 @@ def crowded(cameras: Sequence[FoundCamera], nodes: Sequence[VideoNode] | None = 
     """Say where more cameras hang on one USB 2 bus than it carries.
 
     Args:
-        cameras: Those that work.
+        cameras: Cameras that work.
         nodes: The machine's cameras; asked of the kernel when ``None``.
     """
     bus_of = {node.serial: node.bus for node in (video_nodes() if nodes is None else nodes) if node.serial}

@@ -14,13 +14,13 @@ _Answer = TypeVar("_Answer")
 def in_time(
     jobs: Mapping[_Key, Callable[[], _Answer]], deadline_s: float, late: Callable[[_Key, float], _Answer]
 ) -> dict[_Key, _Answer]:
-    """Do all jobs at once and return what they answer, in their order.
+    """Run all jobs at once and return their results, in their order.
 
     A job that is not done in time is left to itself: its thread does not keep the program from ending.
 
     Args:
-        jobs: What to do; a job must not raise.
-        deadline_s: How long all of them together may take.
+        jobs: Functions to run; a job must not raise.
+        deadline_s: Time limit for all of them together.
         late: Given a job's key and the deadline, makes the answer of one that is not done.
 
     Example:

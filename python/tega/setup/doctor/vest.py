@@ -1,4 +1,4 @@
-"""Check the vest: whether it can be reached, and what it says of itself. Only zeros are ever sent to it."""
+"""Check the vest: whether it can be reached, and the status that it reports. Only zeros are ever sent to it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ASK: Final = (
 
 
 def try_vest(case: DriverCase) -> list[Finding]:
-    """Open a vest, which begins with zeros, hear what it says of itself, close it."""
+    """Open a vest, which begins with zeros, read the status that it reports, close it."""
     driver = driver_class(case.driver, "vest")
     options = case.options
     if isinstance(driver, HarmlessDevice):

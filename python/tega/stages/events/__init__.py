@@ -1,10 +1,10 @@
-"""Find the events of a grasp in what the sensors say and in nothing else.
+"""Find the events of a grasp from sensor data alone.
 
 ::
 
-    tracks.py     what a fingertip, the hand and the arm have done lately
-    settings.py   every number, and why
-    detector.py   contact, release, slip, lift-off, each with time and confidence
+    tracks.py     recent course of a fingertip, the hand and the arm
+    settings.py   every number, with its reason
+    detector.py   contact, release, slip and lift-off, each with time and confidence
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Detect contact, release, slip and lift-off, as the sensors' numbers come or with a look ahead.
 
-One implementation for both: live, an event is told as soon as its rule holds; over a record, the rule is given the
-next half second as well, which takes back what turns out to be a release and raises the confidence of what goes on.
+Live and offline use share one implementation. Live, an event is reported as soon as its rule holds. Over a record,
+the rule also gets the next half second, which rejects a slip that turns out to be a release and raises the confidence
+of a lasting event.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ EventKind = Literal["contact", "release", "slip", "lift_off"]
 UNSURE = 0.49
 """Most that the confidence of a slip can be without the hand's joints and the arm's height, or without either.
 
-Fingertips alone cannot tell a slip from a grip that shifts or opens: such a rig cannot observe slips, and 0.5 is where
-an event counts as certain (:attr:`tega.records.Event.certain`).
+Fingertips alone cannot distinguish a slip from a grip that shifts or opens: such a rig cannot observe slips, and 0.5
+is the threshold for a certain event (:attr:`tega.records.Event.certain`).
 """
 
 
@@ -33,13 +34,13 @@ class DetectedEvent(NamedTuple):
     """An event of the grasp, with its time and confidence.
 
     Attributes:
-        kind: What.
-        t_s: When it began, as far as can be told, seconds.
+        kind: Kind of the event.
+        t_s: Estimated beginning, seconds.
         confidence: 0 to 1; half where it is just an event. A slip's is the rule's share, shifted so, and never more
             than :data:`UNSURE` without joints and height; how often it is right on other objects or sensors than those
             it was fitted on is not known.
-        known_s: When it was told.
-        finger: Of which finger; empty for the whole grasp.
+        known_s: Time at which it was reported, seconds.
+        finger: Name of the finger; empty for the whole grasp.
     """
 
     kind: EventKind
@@ -59,7 +60,7 @@ class Rise:
         self._open: tuple[float, float] | None = None
 
     def add(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
-        """Take in the share now; ``void`` takes back what is not told yet."""
+        """Add the current share; ``void`` cancels an event that is not reported yet."""
         told = self._waited(t_s, share, void=void)
         if share < self._rule.enter or void:
             self._since_s = None
@@ -76,7 +77,7 @@ class Rise:
         return told
 
     def _waited(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
-        """Return what has waited long enough for what comes after it."""
+        """Return the event that has waited long enough for later data."""
         if self._open is None:
             return None
         began_s, most = self._open[0], max(self._open[1], share)
@@ -92,7 +93,7 @@ class Detector:
 
     Args:
         settings: Its numbers.
-        look_ahead_s: How long a slip waits for what comes after it; 0 tells it at once.
+        look_ahead_s: Time for which a slip waits for later data; 0 reports it at once.
 
     Attributes:
         may_slip: Whether something is held that could slip, as far as is known.
@@ -119,12 +120,12 @@ class Detector:
         }
 
     def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
-        """Take in a frame of a fingertip, and return what it tells.
+        """Add a frame of a fingertip, and return the events that it shows.
 
         Args:
-            t_s: When it was taken, seconds.
-            finger: Whose it is.
-            touch: What it says.
+            t_s: Time of the frame, seconds.
+            finger: Name of the finger.
+            touch: Contact in the frame.
         """
         s = self._s
         if finger not in self._quick:
@@ -159,10 +160,10 @@ class Detector:
         height_m: float | None = None,
         tips_mm: Mapping[str, float] | None = None,
     ) -> list[DetectedEvent]:
-        """Take in a look at hand and arm, and return what it tells; ``None`` for what is not measured.
+        """Add a look at hand and arm, and return its events; ``None`` for a quantity that is not measured.
 
         Args:
-            t_s: When, seconds.
+            t_s: Time of the look, seconds.
             level: Closure level asked for.
             closure: Closure measured, levels.
             height_m: Height of the arm's end, metres.
@@ -189,7 +190,7 @@ class Detector:
         return found + self._slip(t_s) if tips_mm and self._rule() is self._s.sink else found
 
     def close(self, t_s: float) -> list[DetectedEvent]:
-        """End the record; return what was waiting for what comes after it."""
+        """End the record; return the events that were waiting for later data."""
         found = []
         for rule, rise in self._rises.items():
             if (one := rise.add(t_s + self._ahead_s, 0.0, void=False)) is not None:
@@ -260,7 +261,7 @@ class Detector:
         return not (math.isnan(self._closure.quick) or math.isnan(self._height.quick))
 
     def _rule(self) -> Rule:
-        """Return the rule of a slip for what is measured."""
+        """Return the slip rule for the quantities that are measured."""
         if self._level is not None and self._measured:
             return self._s.sink if self._sinking else self._s.hand
         return self._s.touch
@@ -287,7 +288,7 @@ class Detector:
 
     @property
     def _lowered(self) -> bool:
-        """Whether the rule of sinking fingertips waits: what is being put down may slide and is no slip."""
+        """Whether the rule of sinking fingertips is paused: an object being put down may slide without a slip."""
         return self._rule() is self._s.sink and self._height.change < -self._s.lowered_m
 
     def _contact(self, t_s: float, finger: str, track: FingerTrack) -> list[DetectedEvent]:
@@ -346,7 +347,7 @@ class Detector:
 
 
 def share_of(rule: Rule, seen: Sequence[float]) -> float:
-    """Return the share that a rule gives to what is seen."""
+    """Return the output of a rule for some features."""
     both = sum(w * seen[i] * seen[j] for i, j, w in rule.products)
     return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both)
 

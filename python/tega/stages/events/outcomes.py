@@ -42,7 +42,7 @@ class LiftRule:
         stable: Reading of "stably raised within the window".
 
     Attributes:
-        lift_off_s: When the object left the table; ``None`` before.
+        lift_off_s: Time at which the object left the table; ``None`` before.
         since_s: Since when it has been at the height; ``None`` while it is below.
         held_s: Begin and end of the first stable second, in the window or not; ``None`` before.
 

@@ -1,6 +1,6 @@
-"""Define the detector's numbers, all of them, and say why they are what they are.
+"""Define all the detector's numbers, with the reason for each.
 
-They were fixed before they were compared with anything. The slip's rules were fitted on simulated people 1000 to 1022
+The numbers were fixed before any comparison. The slip's rules were fitted on simulated people 1000 to 1022
 (``tega_figures.check_events --fit 1000:1023`` of commit 2b4cc804), the one by joints on 5000 to 5074 as well, and are
 reported on others.
 """
@@ -23,7 +23,7 @@ FEATURES: Final = (
     "lost",
     "gained",
 )
-"""What a slip is seen by in the fingertips alone:
+"""Features of a slip in the fingertips alone:
 
 - fingers in contact; log of their summed maps (1 + sum / 10,000), its change over 0.35 s and over 1 s;
 - how far a contact's middle moves (log of 1 + pixels): the furthest over 0.35 s and over 1 s, and the mean;
@@ -33,21 +33,21 @@ FEATURES: Final = (
 
 _HELD: Final = ("eased", "weakest", "closing", "stall", "rising", "opened", "widest", "fresh")
 HAND_FEATURES: Final = (*FEATURES, *_HELD)
-"""What a slip is seen by where hand and arm are measured, since then lift-off is known: those of :data:`FEATURES` and,
-as an object that hangs in a grip slides where the grip gets weaker than it ever was since:
+"""Features of a slip if hand and arm are measured, which gives lift-off: those of :data:`FEATURES` and the ones
+below. A hanging object slides when the grip becomes weaker than at any time since lift-off:
 
 - how far the log of the fingertips' summed maps is below that at lift-off, and below its lowest since, 0.4 s ago or
   longer;
 - change of the closure over 0.35 s, and level less closure (the object stops the fingers: how hard they press), levels;
 - change of the height over 0.35 s, decimetres;
-- how far the closure is below that at lift-off, and below its lowest since, likewise, levels;
+- how far the closure is below that at lift-off, and below its lowest since, 0.4 s ago or longer, levels;
 - exp(-time since lift-off / 1 s).
 """
 
 SINK_FEATURES: Final = (*_HELD, "over_20_ms", "over_40_ms", "over_80_ms", "over_200_ms", "fastest", "slowest")
-"""What a slip is seen by where the hand's joints tell the fingertips' places as well, since fingers that give way let
-the object down: how the object is held, the last eight of :data:`HAND_FEATURES`; and how fast the fingertips in contact
-sink against the palm, millimetres a second,
+"""Features of a slip if the hand's joints also give the fingertips' places. Fingers that give way let the object
+down. The features are the last eight of :data:`HAND_FEATURES`, for how the object is held; and the speed at which the
+fingertips in contact sink against the palm, millimetres a second,
 
 - in the mean by their summed maps, over 20, 40, 80 and 200 ms;
 - the one that sinks fastest, and the one that sinks least, over 40 ms.
@@ -58,7 +58,7 @@ class Rule(NamedTuple):
     """A logistic rule, and when it makes an event.
 
     Attributes:
-        bias: Of the sum.
+        bias: Bias of the sum.
         weights: One for each feature.
         enter: Share from which it is an event.
         least_s: For so long, seconds.
@@ -77,24 +77,24 @@ class DetectorSettings(NamedTuple):
 
     Attributes:
         quick_s: Time constant of the quick means: five frames at 60 Hz, in which noise of single frames averages out.
-        slow_s: Of the slow ones: a slip of 5 mm/s moves a contact by a few pixels in that time.
+        slow_s: Time constant of the slow means: a slip of 5 mm/s moves a contact by a few pixels in that time.
         trend_s: Time constants of the pair that sees slow changes.
         step_s: Between two looks at the slip; frames come at 60 Hz, or 30 Hz in a study's tables.
         touch_s: A contact has to last so long, as three frames do: single frames flicker at the threshold.
-        release_s: And its end likewise; longer, since a light contact flickers more.
+        release_s: The end of a contact has to last so long; longer, since a light contact flickers more.
         settle_s: After the first contact of a grasp fingers find their place, which looks like slipping.
-        before_s: What is longer ago than this is before: a slip's first half second counts as its beginning, and 0.4 s
-            leave it room.
-        fade_s: How long a finger that has lost or gained contact is remembered: its time constant.
-        stale_s: A fingertip not seen for longer is begun anew: what was missed is no event.
+        before_s: Age from which a value counts as before: a slip's first half second counts as its beginning, and 0.4
+            s leave it room.
+        fade_s: Time constant with which a lost or gained contact is forgotten.
+        stale_s: Gap after which a fingertip is reset, so that the gap itself is no event.
         noise_sum: Sum of a map that is no more than noise; below it nothing is said of how firm a grip is.
         pressed_levels: A closure so far behind its level presses on something, whatever the fingertips see.
         rest_s: Two slips closer than this are one (the definition that raters are given).
         lift_m: Height gained in a grasp that counts as lift-off: the object then hangs in the hand.
         down_m: So close over the height of the grasp it is being put down, and slips are not counted.
-        lowered_m: A height that has lately fallen by so much (quick mean less slow one) puts down what is held.
+        lowered_m: Recent fall of the height (quick mean less slow one) that counts as putting the object down.
         sink_s: Times over which fingertips sink, seconds; the joints are known to 0.3 mm/s over 33 ms.
-        look_ahead_s: How far the detector looks ahead in a record.
+        look_ahead_s: Time that the detector looks ahead in a record.
         touch: The slip by fingertips alone.
         hand: The slip where closure and height are measured as well. Both look at products of two features, too.
         sink: The slip where the fingertips' places are, besides.

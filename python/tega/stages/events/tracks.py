@@ -1,4 +1,4 @@
-"""Track what the fingertips and the hand have done lately, by a few numbers that any rate of frames gives.
+"""Track the recent course of fingertips and hand in a few numbers, at any frame rate.
 
 Each quantity goes through a quick and a slow exponential mean. Their difference is how it has changed over about the
 slow mean's time, without a buffer and whatever the interval between frames.
@@ -20,7 +20,7 @@ class TouchFrame(NamedTuple):
         mass: Sum of the pressure map, grey values.
         peak: Its largest value, grey values.
         x: Centroid, pixels.
-        y: Likewise.
+        y: Centroid, pixels.
     """
 
     in_contact: bool
@@ -36,7 +36,7 @@ class TwoMeans:
 
     Args:
         quick_s: Time constant of the quick one, seconds.
-        slow_s: Of the slow one.
+        slow_s: Time constant of the slow one, seconds.
 
     Attributes:
         quick: The quick mean; NaN before the first value.
@@ -59,7 +59,7 @@ class TwoMeans:
         self._t_s = t_s
 
     def forget(self) -> None:
-        """Start anew with the next value."""
+        """Restart with the next value."""
         self.quick = self.slow = math.nan
 
     @property
@@ -74,7 +74,7 @@ class Low:
     An object that has slid comes to rest in the grip that it has; it slides again where the grip falls lower still.
 
     Args:
-        before_s: What is younger than this is now, seconds; the rest is before.
+        before_s: Age up to which a value counts as now, seconds; older ones count as before.
     """
 
     def __init__(self, before_s: float) -> None:
@@ -134,17 +134,17 @@ class FingerTrack:
 
     Args:
         quick_s: See :class:`TwoMeans`.
-        slow_s: Likewise.
+        slow_s: See :class:`TwoMeans`.
 
     Attributes:
         touching: Whether something was touched in the newest frame.
-        since_s: When that began, or when it ended; minus infinity before the first frame.
-        seen_s: When the newest frame was taken.
+        since_s: Time at which that began or ended; minus infinity before the first frame.
+        seen_s: Time of the newest frame.
         mass: Logarithm of the pressure map's sum.
         peak: Largest value.
         area: Square root of the contact's area, pixels.
         x: Centroid, pixels.
-        y: Likewise.
+        y: Centroid, pixels.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
@@ -166,7 +166,7 @@ class FingerTrack:
             self.y.add(t_s, touch.y)
 
     def forget(self) -> None:
-        """Start the courses anew."""
+        """Restart the means with the next frame."""
         for course in (self.mass, self.peak, self.area, self.x, self.y):
             course.forget()
 

@@ -1,7 +1,7 @@
 """Learn a decoder from EMG to closure, keep it as a file, and compare decoders on one log.
 
-:func:`fit` learns from EMG beside a target closure or a measured force; :class:`LearnedDecoder` runs what it learned,
-with NumPy alone. :class:`ProportionalDecoder` is the plain baseline. In a run they are chosen by name, see
+:func:`fit` learns from EMG beside a target closure or a measured force; :class:`LearnedDecoder` runs the model with
+NumPy alone. :class:`ProportionalDecoder` is the plain baseline. In a run they are chosen by name, see
 ``docs/evidence/emg-decoders.md``.
 """
 

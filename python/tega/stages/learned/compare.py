@@ -35,11 +35,11 @@ class Log(NamedTuple):
     """EMG beside the force or closure that was meant.
 
     Attributes:
-        name: What to call it.
+        name: Name of the log.
         samples: ``(n, channels)``.
         target: Force or closure at each sample, ``(n,)``.
         rate_hz: Samples per second.
-        kind: What the samples are.
+        kind: Kind of the samples.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Log(NamedTuple):
 
 
 class DecoderTold(NamedTuple):
-    """Closures and levels that a decoder told for a log.
+    """Closures and levels that a decoder returned for a log.
 
     Attributes:
         decoder: Its name.
@@ -74,7 +74,7 @@ class DecoderTold(NamedTuple):
         confidence: ``(k,)``; NaN where it does not say.
         held: ``(k,)``.
         target: Closure meant, by the training part's full, ``(k,)``.
-        figures: How good that is.
+        figures: Figures of its quality.
     """
 
     decoder: str
@@ -93,7 +93,7 @@ def two_halves(log: Log, *, swapped: bool = False) -> tuple[Log, Log]:
 
 
 def best_channels(log: Log, n: int) -> list[int]:
-    """Return the channels whose amplitude goes best with the target, in order; to be asked of a training part only."""
+    """Return the channels most correlated with the target, best first; use it on a training part only."""
     tau = log.tau
     k = len(log.samples) // tau
     blocks = log.samples[: k * tau].reshape(k, tau, -1)
@@ -109,9 +109,9 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def shifted_electrode(log: Log, *, seed: int = 1, places: int = 1) -> Log:
-    """Return the log as after electrodes were put on elsewhere: channels rotated, gains drawn anew (0.5 to 2).
+    """Return the log as after moving the electrodes: channels rotated, gains drawn at random (0.5 to 2).
 
-    Simulated: a real shift also changes what each electrode picks up of its neighbours.
+    Simulated: a real shift also changes each electrode's crosstalk.
     """
     gains = np.exp2(np.random.default_rng(seed).uniform(-1, 1, log.samples.shape[1]))
     offset = np.median(log.samples, axis=0)
@@ -130,10 +130,10 @@ def compare(
     """Calibrate decoders on one log and judge them on another.
 
     Args:
-        train: What maxima and models come from.
-        judged: What they are judged on, from a fresh start.
+        train: Log for the maxima and models.
+        judged: Log to judge them on, from a fresh start.
         decoders: Names: those of :data:`LEARNED`; ``rules``, ``rules-paper``; any installed decoder's.
-        features: Of the learned ones; none means the usual.
+        features: Features of the learned ones; none means the default.
         recalibrate_s: So much of the judged log's beginning puts maxima and models to the day, and is not judged.
 
     Raises:
@@ -234,6 +234,6 @@ def _run(
 
 
 def as_json(told: DecoderTold) -> dict[str, Any]:
-    """Return a decoder's figures by name; a figure that cannot be told is ``None``."""
+    """Return a decoder's figures by name; an undefined figure is ``None``."""
     figures = msgspec.to_builtins(told.figures)
     return {"decoder": told.decoder} | {k: None if math.isnan(v) else v for k, v in figures.items()}

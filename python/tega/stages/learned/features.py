@@ -28,7 +28,7 @@ FEATURES: Final[dict[str, str]] = {
     "LOGVAR": "log variance: ln(mean (x - mean x)^2)",
     "AR": "four autoregressive coefficients, by the Yule-Walker equations",
 }
-"""What each feature is."""
+"""Meaning of each feature."""
 
 AMPLITUDES: Final = ("MAV", "WL", "LOGVAR")
 """Features that grow with the signal; the others do not change with a channel's gain."""
@@ -48,8 +48,8 @@ def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
     """Return samples as float64 ``(n, channels)``.
 
     Raises:
-        DtypeError: They are not real numbers.
-        ShapeError: They have another number of channels.
+        DtypeError: The samples are not real numbers.
+        ShapeError: The samples have another number of channels.
     """
     array = np.asarray(samples)
     if array.dtype.kind not in "fiu":
@@ -66,7 +66,7 @@ class FeatureBlock(NamedTuple):
 
     Attributes:
         samples: float64 ``(tau, channels)``, without offset where the kind is raw.
-        bad: Which channels cannot be believed, bool ``(channels,)``.
+        bad: Bad channels, bool ``(channels,)``.
         end: Number of its last sample among those of the call that completed it; negative never.
     """
 

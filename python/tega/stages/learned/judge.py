@@ -22,24 +22,24 @@ _CONFIDENCE_BINS: Final = 5
 
 
 class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """Figures of one decoder on one part of a log; NaN where a figure cannot be told.
+    """Figures of one decoder on one part of a log; an undefined figure is NaN.
 
     Attributes:
         rank_correlation: Spearman's, of closure with target.
-        level_rank_correlation: The same of the level.
+        level_rank_correlation: Spearman's, of level with target.
         correlation: Pearson's, of closure with target.
         rmse: Root of the mean square of closure less target, both 0 to 1.
         changes_per_s: Changes of the level per second.
         delay_s: How much later than the rules of ``paper`` the closure comes, s.
-        level_delay_s: The same of the level, s.
+        level_delay_s: How much later than the rules of ``paper`` the level comes, s.
         target_delay_s: How much later than the target the closure comes, s.
         at_level: Share of time at the target's level, one of five.
-        balanced_accuracy: Mean of the shares of rest (target below a quarter) and effort (above a half) that are told
-            apart at closure a quarter.
+        balanced_accuracy: Mean of the shares of rest (target below a quarter) and effort (above a half) that are
+            classified correctly at closure a quarter.
         false_closings_per_min: Closings that begin at rest, per minute of rest.
         calibration_error: Mean distance of confidence from the share of blocks within one level, over five bins.
         held: Share of blocks that only repeated the closure before.
-        duration_s: Length of what was judged.
+        duration_s: Length of the judged part, s.
     """
 
     rank_correlation: float
@@ -76,8 +76,8 @@ def judge(
         target: Closure meant, 0 to 1, ``(k,)``.
         block_s: Length of a block, s.
         paper: Levels of the rules of ``paper``, for the delay.
-        confidence: Of each block, 0 to 1; NaN or ``None`` where the decoder does not say.
-        held: Which blocks were held.
+        confidence: Confidence of each block, 0 to 1; NaN or ``None`` if the decoder reports none.
+        held: True for each block that was held.
 
     Raises:
         ShapeError: The series differ in length, or have fewer than three blocks.

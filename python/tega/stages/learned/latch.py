@@ -1,9 +1,9 @@
 """Hold a closure level until blocks beyond it have added up to evidence of another: a steady effort keeps its level.
 
-The smoothed closure would tell of a change late, and a block alone trembles. So each block's own closure, unsmoothed,
-is evidence, and a cumulative sum (Page's CUSUM) weighs it. How much evidence is asked for depends on what the level has
-done: the more it has changed of late, the more, and more again for a change back, since effort that has begun to rise
-or fall goes on for a second or so. A rare change is so believed soon, and a busy level calms down.
+The smoothed closure would show a change late, and single blocks tremble. Each block's own closure, unsmoothed, is
+therefore evidence, and a cumulative sum (Page's CUSUM) weighs it. The evidence required depends on the level's recent
+course: the more the level has changed, the more is required, and more still for a change back, since effort that has
+begun to rise or fall continues for a second or so. A rare change is thus accepted soon, and a busy level calms down.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Final
 DRIFT_LEVELS: Final = 0.7
 """So far from the level a block's closure counts for neither side; half a level is its border."""
 POWER: Final = 1.25
-"""What is beyond counts to this power, levels: above 1, a large change is believed before a small one."""
+"""Exponent of the distance beyond the level, levels: above 1, a large change is accepted before a small one."""
 AREA: Final = 0.13
-"""What that has to sum to, over time in seconds, where the level has been steady."""
+"""Sum that is required, over time in seconds, if the level has been steady."""
 BUSY, BUSY_S = 0.1, 3.0
 """So much more is asked for, for the square of the changes of late; a change is forgotten with that time constant."""
 BACK, BACK_S = 6.0, 1.5

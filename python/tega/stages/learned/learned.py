@@ -27,7 +27,7 @@ class Decoded(msgspec.Struct, frozen=True):
     Attributes:
         closure: 0 (open) to 1 (closed).
         level: 1 to 5: the closure's, steadied (:mod:`tega.stages.learned.latch`).
-        confidence: Chance that the closure is within one level of what is meant, 0 to 1; 0 where a channel is bad.
+        confidence: Chance that the closure is within one level of the one meant, 0 to 1; 0 if a channel is bad.
         held: Whether the closure only repeats the one before it: a channel is bad, or the block is like none that the
             model knows.
         channels: Level of each channel, 1 to 5; all 0 where one is bad, since the model needs all.
@@ -77,7 +77,7 @@ class LearnedDecoder:
         """Read a model's file.
 
         Raises:
-            CalibrationError: It is missing, damaged, or no model.
+            CalibrationError: The file is missing, damaged, or no model.
         """
         return cls(load_model(path))
 

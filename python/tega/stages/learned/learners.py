@@ -38,10 +38,10 @@ class EffortModel:
     """Weights of a fitted model, and the efforts that they give.
 
     Attributes:
-        weights: Of each feature, or of each support, float64.
+        weights: Weight of each feature, or of each support, float64.
         bias: Added to their sum.
         support: Rows that a kernel compares with, ``(supports, features)``; empty without.
-        gamma: Of the kernel; 0 without.
+        gamma: Width parameter of the kernel; 0 without.
     """
 
     def __init__(self, weights: Any, bias: float, support: Any = (), gamma: float = 0.0) -> None:
@@ -63,7 +63,7 @@ class EffortLearner:
     Args:
         model: "ridge", "huber" or "kernel".
 
-        strength: Of a ridge or a Huber regression, for each training block.
+        strength: Strength of a ridge or a Huber regression, for each training block.
 
     Raises:
         MissingExtraError: scikit-learn is not installed.

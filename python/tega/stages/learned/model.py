@@ -19,11 +19,11 @@ _Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 _MOST_MIB = 16
 _LEAST_NOVELTY = 1e-3
 REJECTED: Final = tuple(percent / 100 for percent in range(21))
-"""Shares of the training blocks whose novelty a model knows."""
+"""Shares of the training blocks for which a model stores the novelty."""
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A learned decoder: its features, its weights, and what it was learned from.
+    """A learned decoder: its features, its weights, and the facts of its training.
 
     With f the block's features (amplitudes as ln(v + floor)), s each of them smoothed with every time constant, and
     z = (s - mean) / scale: the effort is weights·z + bias, or for ``kernel`` the sum of
@@ -35,20 +35,20 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         rate_hz: Samples per second.
         tau: Samples per block.
         channels: Names of the channels, in order.
-        person: Whose muscles; ``""`` where not said.
-        made: When it was learned.
+        person: Person with these muscles; ``""`` if unknown.
+        made: Time of its training.
         model: ``ridge``, ``huber`` or ``kernel``.
         features: Names of the features.
         smoothing_s: Time constants of the causal smoothing, s.
         floor: Amplitude at rest, one for each amplitude value, in the unit of the samples.
-        mean: Of the smoothed features.
+        mean: Mean of the smoothed features.
         scale: Their standard deviation.
         lowest: Their smallest in training, in standard deviations.
         highest: Their largest.
-        weights: Of the features, or of the supports.
-        bias: As above.
-        support: Of a kernel, row by row; empty else.
-        gamma: Of a kernel; 0 else.
+        weights: Weights of the features, or of the supports.
+        bias: Bias of the effort.
+        support: Supports of a kernel, row by row; empty without one.
+        gamma: Width parameter of a kernel; 0 without one.
         knots_effort: Efforts of the monotone stage, rising.
         knots_closure: Its closures, not falling.
         dead_band: Below it the closure is 0.
@@ -57,14 +57,14 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             models before 0.2.
         confidence: Share of training blocks, kept back in turn, that came within one level, by fifths of closure.
         channel_full: Mean absolute value of each channel at strong effort, for display.
-        lag_s: How much later the target was than the muscles.
+        lag_s: Delay of the target behind the muscles.
         full: Value of the target that is full closure.
         data_sha256: Hash of the training data.
         duration_s: Length of the training data.
-        versions: Of the packages that it was made with.
-        recalibrated: When it was last fitted anew to a day; ``None`` for never.
+        versions: Versions of the packages that it was made with.
+        recalibrated: Time of the last refit to a day; ``None`` for never.
         format: Always ``tega-decoder``.
-        version: Of the file format.
+        version: Version of the file format.
     """
 
     kind: Literal["raw", "rectified", "envelope"]
@@ -129,7 +129,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """Return the model that holds this share of blocks like those of its training, 0 to 0.2.
 
         Raises:
-            CalibrationError: It was fitted before models knew how novel their training blocks were to each other.
+            CalibrationError: The model was fitted before models stored the novelty of their training blocks.
         """
         if not self.novelty:
             raise CalibrationError(f"{name}: does not know which share of blocks it would hold", _AGAIN)
@@ -171,7 +171,7 @@ def load_model(path: Path) -> Model:
     """Read a model.
 
     Raises:
-        CalibrationError: It is missing, no such file, damaged, or its numbers do not belong together.
+        CalibrationError: The path is missing, not a file, or the file is damaged or inconsistent.
     """
     try:
         data = read_foreign(path, most_mib=_MOST_MIB, error=CalibrationError)

@@ -1,7 +1,8 @@
 """Take the closure from a decoder in another process, through the Lab Streaming Layer: the stage ``lsl``.
 
-The other program hears the run's EMG (``markers.lsl_streams = ["emg"]``), or its own, and sends a closure from 0 to 1.
-The newest one is passed on with each block of the run's EMG, as long as it is young enough by the sender's stamps.
+The other program receives the run's EMG (``markers.lsl_streams = ["emg"]``), or its own, and sends a closure from 0
+to 1. The newest one is passed on with each block of the run's EMG, as long as it is recent enough by the sender's
+stamps.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class OutsideOptions(StageOptions, frozen=True):
     Attributes:
         stream: Name of the stream: its first channel is the closure, 0 to 1, its second, if any, the confidence.
         age_ms: Older than this by its stamp, a closure is held and no channel is believed: the hand holds.
-        start_s: How long to look for the stream.
+        start_s: Time to look for the stream.
         tau_s: Length of a block: so often the newest closure is passed on.
     """
 
@@ -47,7 +48,7 @@ class OutsideOptions(StageOptions, frozen=True):
 class OutsideDecoder(Decoder):
     """Intents of a decoder that runs in another process.
 
-    What it said cannot be computed again: a replay takes its intents as they were recorded.
+    Its output cannot be computed again: a replay uses the recorded intents.
 
     Raises:
         DeviceUnavailableError: No stream of that name is on the network, or more than one, or it holds texts.
@@ -101,7 +102,7 @@ class OutsideDecoder(Decoder):
 
     @property
     def holds(self) -> str:
-        """Why the newest closure is held, in words; ``""`` where it is not."""
+        """Reason why the newest closure is held; ``""`` if it is not."""
         age_s = self.age_s
         if self._is_other_clock:
             return "stamp: the other process stamps by another clock than lsl_local_clock()"
@@ -128,7 +129,7 @@ class OutsideDecoder(Decoder):
         )
 
     def _hear(self) -> None:
-        """Take what has come; a closure that is no number, or not from 0 to 1, is as none."""
+        """Take the received closures; one that is no number, or not from 0 to 1, is ignored."""
         if self._inlet is None:
             return
         try:

@@ -30,15 +30,15 @@ class ProportionalDecoder:
 
     closure = (share - dead_band) / (full - dead_band), clamped to 0..1; share = s_1 or s_1 - s_2, with s a channel's
     mean absolute value over its maximum, smoothed. Confidence is the chance that the closure is within one level of
-    what the effort means, by the scatter of the blocks about the smoothed drive: near 1 in a steady effort, less while
-    it trembles or changes. It is 0 in a block in which a channel is bad: the closure is then held.
+    the one meant, by the scatter of the blocks about the smoothed drive: near 1 in a steady effort, less while it
+    trembles or changes. It is 0 in a block in which a channel is bad: the closure is then held.
 
     Args:
         rate_hz: Samples per second.
         maxima: Mean absolute value at maximum effort, ``(channels,)``.
         tau: Samples per block.
         kind: "raw", "rectified" or "envelope".
-        channels: Which closes, and which opens where two are given; counted from 0.
+        channels: Closing channel, and the opening one if two are given; counted from 0.
         dead_band: Share of the maximum up to which the hand stays open.
         full: Share at which it is closed.
         smoothing_s: Time constant of the causal smoothing, s.

@@ -25,8 +25,8 @@ STRENGTH: Final = 0.1
 def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -> Model:
     """Return the model with weights and bias moved to new samples.
 
-    Weights and bias move from the old ones by a ridge that prefers not to. A gain is an offset of a logarithm, which
-    goes into the bias. The range of what is known grows by the new samples. The monotone stage stays.
+    Weights and bias move from the old ones by a ridge that penalises change. A gain is an offset of a logarithm,
+    which goes into the bias. The known range grows by the new samples. The monotone stage is unchanged.
 
     Args:
         model: The old one; no kernel.
@@ -34,7 +34,7 @@ def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -
         target: Closure meant at each, 0 to 1, ``(n,)``.
 
     Raises:
-        CalibrationError: It is a kernel, or the samples are too short, or lack rest or effort.
+        CalibrationError: The model is a kernel, or the samples are too short, or lack rest or effort.
         ShapeError: There is not a target for every sample.
     """
     goal = np.asarray(target, np.float64)

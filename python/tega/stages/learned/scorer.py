@@ -17,7 +17,7 @@ class BlockScorer:
     """Turn a block's features into smoothed, scaled values and an effort; keeps the smoothing's state.
 
     Attributes:
-        newest: Features of the last block: what the smoothed ones would become if the muscles stayed as in it.
+        newest: Features of the last block: the limit of the smoothed ones if the muscles stayed the same.
     """
 
     def __init__(self, model: Model) -> None:

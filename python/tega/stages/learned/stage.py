@@ -30,8 +30,8 @@ class LearnedOptions(StageOptions, frozen=True):
 
     Attributes:
         model: File of the model, as ``tega-teleop emg fit`` writes it; a run is refused without.
-        person: Whose model it has to be; none means whoever's it is.
-        hold_below: Confidence below which the closure is held, besides what the model itself holds.
+        person: Person that the model has to belong to; none means any person.
+        hold_below: Confidence below which the closure is held, in addition to the model's own criteria.
         reject: The largest share of blocks like those of the training that the model holds as unlike them; none means
             as it was fitted: a hundredth, and nothing within three standard deviations of the training data.
     """
@@ -46,8 +46,8 @@ class ProportionalOptions(StageOptions, frozen=True):
     """Options of the decoder ``proportional``.
 
     Attributes:
-        channel: Which channel closes the hand, from 1.
-        opening: Which channel opens it, from 1; 0: none.
+        channel: Number of the channel that closes the hand, from 1.
+        opening: Number of the channel that opens it, from 1; 0: none.
         dead_band: Share of the maximum up to which the hand stays open.
         full: Share of the maximum at which it is closed.
         smoothing_s: Time constant of the smoothing.
@@ -126,7 +126,7 @@ class _BlockStage(Decoder):
 
     @property
     def holds(self) -> str:
-        """Why the newest closure is held, in words; ``""`` where it is not."""
+        """Reason why the newest closure is held; ``""`` if it is not."""
         return self._holds
 
 

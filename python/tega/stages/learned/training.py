@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
 SMOOTHING_S: Final = (0.15, 0.4)
 SMOOTHING_OF_TWO_S: Final = (0.05,)
-"""Time constants where the target has two values alone: they lie far apart, and need little smoothing."""
+"""Time constants for a target of two values, which lie far apart and need little smoothing."""
 FLOOR_PERCENTILE: Final = 12.0
 FULL_PERCENTILE: Final = 98.0
 DEAD_BAND: Final = 0.03
@@ -78,10 +78,11 @@ def fit(
         features: Names out of :data:`tega.decoders.FEATURES`.
         model: "ridge", "huber" (unmoved by bursts in the target), or "kernel" (ridge with radial functions).
         full: Target that is full closure; ``None``: its 98th percentile.
-        reject: Share of the training blocks, each compared with the others' range, whose like will be held, 0 to 0.2;
-            what is within three standard deviations of the training data, six of two values, is never held.
+        reject: Share of the training blocks, each compared with the others' range, that sets the threshold for
+            holding similar blocks, 0 to 0.2; blocks within three standard deviations of the training data, six of two
+            values, are never held.
         channels: Their names; ``ch1``, ``ch2`` … where left out.
-        person: Whose muscles, a code.
+        person: Code of the person with these muscles.
 
     Returns:
         The decoder, at its start.
@@ -191,7 +192,7 @@ def _check_options(  # noqa: PLR0917  # in the order of fit
 def _checked_target(
     samples: NDArray[np.float64], goal: NDArray[np.float64], rate_hz: float, full: float | None
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the target as closure, and what its full is; refuse data from which nothing can be learned."""
+    """Return the target as closure, and its full value; refuse data that cannot be learned from."""
     if goal.ndim != 1 or len(goal) != len(samples):
         raise ShapeError(
             f"target has shape {goal.shape}, samples {samples.shape}: one target a sample is needed",

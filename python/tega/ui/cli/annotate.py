@@ -43,10 +43,11 @@ def annotate(
     video: str,
     as_json: bool,
 ) -> None:
-    """List the events that raters coded of a recording, and exchange them with BORIS and ELAN.
+    """List a recording's coded events, and exchange them with BORIS and ELAN.
 
-    Times count from the recording's beginning. In a file with several observations the one with the recording's name
-    counts. With play --view --rater ID events are coded by keys. With --json: a list of events with their rater.
+    Times are relative to the start of the recording. From a file with several observations, the one with the
+    recording's name is used. To code events by keys, use play --view --rater ID. With --json: a list of events with
+    their rater.
     """
     from tega.recording.annotate import export_annotations, import_annotations
     from tega.recording.annotations import read_annotations

@@ -32,11 +32,11 @@ arm.add_command(forward)
 @click.argument("host")
 @json_option
 def check(*, host: str, as_json: bool) -> None:
-    """Check the Franka robot at HOST: print its version, and what has to be installed or set here.
+    """Check the Franka robot at HOST: print its version, and the changes needed on this machine.
 
-    Nothing moves. The robot takes one program at a time, so no other may be connected. Ends with 1 if something is
-    missing. With --json: host, server, library (package, version, libfranka, server) and findings, each with ok, what
-    and fix.
+    Nothing moves. The robot accepts one program at a time, so disconnect all others first. The exit code is 1 if
+    something is missing. With --json: host, server, library (package, version, libfranka, server) and findings, each
+    with ok, what and fix.
     """
     import sys
 

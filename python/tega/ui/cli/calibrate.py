@@ -85,10 +85,10 @@ def calibrate(
 ) -> None:
     """Calibrate the devices of SETTINGS.toml for one person, step by step.
 
-    Fingertips: a baseline, then presses with something round and something flat. Muscles: rest, three squeezes, and
-    each muscle alone. Vest: the place of each column, the weakest vibration that is felt, the least step that is
-    noticed. Forearm: which way is forward. Ctrl-C keeps what is done, and the same command goes on
-    from there. Afterwards run tega-teleop run SETTINGS.toml --person ID.
+    Fingertips: a baseline, then presses with a round and a flat object. Muscles: rest, three squeezes, and each
+    muscle alone. Vest: the place of each column, the weakest vibration that is felt, the smallest noticeable step.
+    Forearm: the forward direction. Ctrl-C keeps the finished steps, and the same command continues after them. When
+    finished, run: tega-teleop run SETTINGS.toml --person ID.
 
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """

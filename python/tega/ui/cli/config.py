@@ -35,8 +35,8 @@ def config() -> None:
 def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bool) -> None:
     """Print every setting, its value with its unit, and where the value came from.
 
-    That is the default, the preset, a line of the file (lab.toml:12), an environment variable, or --set. With --json:
-    an object per setting, {"key", "value", "unit", "origin"}.
+    A value comes from the default, the preset, a line of the file (lab.toml:12), an environment variable, or --set.
+    With --json: an object per setting, {"key", "value", "unit", "origin"}.
     """
     from tega.config import load_config
     from tega.stages.units import unit_of

@@ -20,11 +20,11 @@ _LOOK_S = 2.0
 @click.command(epilog="Example: tega-teleop devices --json")
 @json_option
 def devices(*, as_json: bool) -> None:
-    """List the drivers that are installed, by the name a settings file uses, and the devices they see.
+    """List the installed drivers, by their name in a settings file, and the devices they detect.
 
-    Opens none of them and takes two seconds at most; `tega-teleop doctor` looks closer. With --json: an object per
-    driver, {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}; found has an object per
-    device, {"label", "options", "problem", "hint", "note"}.
+    Opens no device and takes two seconds at most; for a full check, use `tega-teleop doctor`. With --json: an object
+    per driver, {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}; found has an object
+    per device, {"label", "options", "problem", "hint", "note"}.
     """
     import msgspec
 

@@ -23,7 +23,7 @@ _KINDS = click.Choice(["raw", "rectified", "envelope"])
 
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop emg compare --help")
 def emg() -> None:
-    """Fit a decoder to a person's muscles or to the day, and compare decoders on one log."""
+    """Fit a decoder to a person's muscles, refit it to a day, and compare decoders on one log."""
 
 
 emg.add_command(emg_inspect, "inspect")
@@ -95,7 +95,7 @@ def fit(
 ) -> None:
     """Fit a decoder to LOG and write it to a file, for `stages.decoder.options.model`.
 
-    LOG is a record of `tega-teleop practice`, which knows rate, kind, channels and person, or a file of EMG beside a
+    LOG is a record of `tega-teleop practice`, which contains rate, kind, channels and person; or a file of EMG with a
     force or a closure, with --target and --rate-hz. With --json: {"file", "lag_s", "duration_s", "data_sha256",
     "person", "channels", "rate_hz", "in_sample": {...figures of emg compare, on the training data itself...}}.
     """
@@ -228,14 +228,14 @@ def compare(
     picture: Path | None,
     as_json: bool,
 ) -> None:
-    """Compare decoders on logs of EMG beside a force or a closure.
+    """Compare decoders on logs of EMG with a force or a closure.
 
-    Each LOG is cut in time: decoders are calibrated on its first half and judged on its second, and the other way
-    round beside it (swapped). A record of `tega-teleop practice` knows its rate and target. Files of one class each
-    are joined into a log: rest.csv=0,close.csv=1,rest2.csv=0.
+    Each LOG is cut in time: decoders are calibrated on its first half and judged on its second, and vice versa
+    (swapped). A record of `tega-teleop practice` contains its rate and target. To join files of one class each into a
+    log: rest.csv=0,close.csv=1,rest2.csv=0.
 
     \b
-    --json prints a list, an object a log, part and decoder:
+    --json prints a list, with an object per log, part and decoder:
       log, trained_on, judged_on, decoder, rank_correlation, level_rank_correlation, correlation, rmse,
       changes_per_s, delay_s and level_delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
       false_closings_per_min, calibration_error, held, duration_s

@@ -62,7 +62,7 @@ def read_emg(
     variable: str = "emg",
     read: dict[str, Any] | None = None,
 ) -> Signals:
-    """Read a file of EMG, and print what was decided and what is wrong with it."""
+    """Read a file of EMG, and print the choices made and the problems found."""
     import msgspec
 
     from tega.runtime.files.signals import read_signals
@@ -156,7 +156,7 @@ def emg_beside(
     variable: str,
     read: dict[str, Any] | None = None,
 ) -> tuple[Any, Any, float]:
-    """Read EMG and what was measured beside it: a variable of a file of arrays, or a column of a table.
+    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
 
     Returns:
         Samples (n, channels), the measured values (n,), samples per second.

@@ -17,7 +17,7 @@ def draw(parts: list[tuple[str, float, list[DecoderTold]]], file: Path) -> None:
     """Draw a row a decoder and a column a part.
 
     Args:
-        parts: Title, length of a block in s, and what the decoders said.
+        parts: Title, length of a block in s, and the decoders' results.
         file: The picture.
 
     Raises:

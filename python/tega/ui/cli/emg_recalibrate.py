@@ -1,4 +1,4 @@
-"""Calibrate muscles anew in ten seconds: ``tega-teleop emg recalibrate``."""
+"""Recalibrate muscles in ten seconds: ``tega-teleop emg recalibrate``."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def emg_recalibrate(
 ) -> None:
     """Fit a calibrated person's muscles to today: five seconds at rest, five with the hand closed.
 
-    For electrodes that moved, dried or were put on again. Rest and maxima of the calibration are put to today's scale.
-    A learned model of the settings is fitted to today too, into a new file; the old one stays. Nothing is written
-    where a channel gives less than a quarter or more than four times what it gave, or rest and effort are not told
-    apart. With --json: {"person", "record", "model"}.
+    For electrodes that moved, dried or were put on again. Rest and maxima of the calibration are scaled to today. If
+    the settings use a learned model, it is fitted to today too, into a new file; the old one is unchanged. Nothing is
+    written if a channel gives less than a quarter or more than four times its calibrated value, or if rest and effort
+    cannot be distinguished. With --json: {"person", "record", "model"}.
     """
     import json
 

@@ -52,8 +52,8 @@ def emg_score(*, files: tuple[Path, ...], as_json: bool, **flags: Any) -> None:
     """Score both presets on recordings of EMG and force.
 
     The first half of each FILE gives the maxima, the second half is judged: rank correlation of the fused level with
-    the force, changes of level per second, and how much later `live` comes than `paper`. With --json a list of
-    objects is printed, one a file: file, duration_s, paper and live with rank_correlation, changes_per_s, delay_s.
+    the force, changes of level per second, and the delay of `live` behind `paper`. With --json: a list of
+    objects, one per file: file, duration_s, paper and live with rank_correlation, changes_per_s, delay_s.
     """
     from dataclasses import asdict
 

@@ -72,11 +72,11 @@ def export(
 ) -> None:
     """Write a recording as one table per stream, with its settings and calibration beside them.
 
-    SESSION is a file, or a session's folder: then there is a folder per recording. --format lerobot writes one
-    dataset of the format LeRobot v3.0 instead, each recording an episode, pictures as video. With --json: the
-    tables' paths, or the dataset's.
+    SESSION is a file, or a session's folder, which gives a folder per recording. With --format lerobot it writes one
+    dataset in the format LeRobot v3.0 instead, with an episode per recording and the pictures as video. With --json:
+    the paths of the tables, or that of the dataset.
 
-    EMG can identify a person, in tables and datasets alike: publish either only with that person's consent.
+    EMG can identify a person, in tables and in datasets: publish them only with that person's consent.
     """
     from tega.recording.mcap_folder import session_files
     from tega.ui.cli.options import echo_json
@@ -102,8 +102,11 @@ def export(
 def _tables(files: Sequence[Path], out: Path, *, kind: Any, pictures: bool, folders: bool) -> list[Path]:
     """Write the tables of each recording, in a folder of its own where there are several."""
     from tega.recording.export import export_file
+    from tega.ui.cli.options import progress_bar
 
     made: list[Path] = []
     for path in files:
-        made += export_file(path, out / path.stem if folders else out, kind=kind, pictures=pictures)
+        target = out / path.stem if folders else out
+        with progress_bar() as progress:
+            made += export_file(path, target, kind=kind, pictures=pictures, progress=progress)
     return made

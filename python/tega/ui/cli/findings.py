@@ -1,4 +1,4 @@
-"""Tell what a replay found, in words and as a picture."""
+"""Report the findings of a replay, in words and as a figure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Findings:
-    """Looks on while a recording is computed, and tells afterwards what was in it.
+    """Follows the replay of a recording, and reports its findings afterwards.
 
     Args:
         bus: The computation's.
@@ -45,7 +45,7 @@ class Findings:
         Args:
             title: Heading of the picture.
             pose_base: Number of the most open level, 0 or 1.
-            words: Whether to print; what could not be drawn is said on stderr in any case.
+            words: Whether to print; a failed drawing is reported on stderr in any case.
         """
         if words:
             for sentence in self._course.words(pose_base=pose_base):

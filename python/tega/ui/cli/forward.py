@@ -32,9 +32,9 @@ _WIDTH = 79
 def forward(*, config: Path, seconds: float, as_json: bool) -> None:
     """Align the forearm's tracker of CONFIG.toml with the operator, and check it.
 
-    The operator moves the forearm straight forward by 20 cm and stops, twice: the first movement gives
-    arm.mapping.yaw_rad, the second shows whether forward comes out as forward. No robot is opened and nothing moves.
-    With --json: yaw_rad, ok, off_rad and words; nothing waits for a key then. Ends with 1 if forward is not forward.
+    The operator moves the forearm straight forward by 20 cm and stops, twice: the first movement sets
+    arm.mapping.yaw_rad, the second checks it. No robot is opened and no arm moves. The exit code is 1 if the check
+    fails. With --json: yaw_rad, ok, off_rad and words, without waiting for a key.
     """
     import math
     import sys

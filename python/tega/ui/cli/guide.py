@@ -28,7 +28,7 @@ class LineGuide:
 
     Args:
         yes: Do not wait for Enter.
-        get_ready_s: How long each prompt then stands.
+        get_ready_s: Time for which each prompt is then shown.
     """
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
@@ -41,7 +41,7 @@ class LineGuide:
         _line(f"\n== {title} ==\n   {why}")
 
     def say(self, text: str, *, tone: str = "plain") -> None:
-        """Tell something."""
+        """Show a message."""
         _line(f"{_MARKS[tone]} {text}")
 
     def ready(self, prompt: str) -> None:
@@ -77,7 +77,7 @@ class TerminalGuide:
 
     Args:
         yes: Do not wait for Enter.
-        get_ready_s: How long each prompt then stands.
+        get_ready_s: Time for which each prompt is then shown.
     """
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
@@ -97,7 +97,7 @@ class TerminalGuide:
         self._console.print(why, style="dim")
 
     def say(self, text: str, *, tone: str = "plain") -> None:
-        """Tell something."""
+        """Show a message."""
         self._still()
         self._console.print(f"{_MARKS[tone]} {text}", style=_STYLES[tone], markup=False)
 
@@ -169,7 +169,7 @@ class TerminalGuide:
         return Panel(Group(*rows), subtitle=below or None, border_style="cyan", padding=(0, 2))
 
     def _still(self) -> None:
-        """End what is being redrawn."""
+        """Stop redrawing the live line."""
         live, self._live = self._live, None
         if live is not None:
             live.stop()

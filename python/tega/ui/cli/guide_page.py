@@ -28,21 +28,21 @@ _TARGET, _FILLED = "#fd8d3c", "#1f5fbf"
 
 
 class PageGuide(LineGuide):
-    """Large prompts, live bars and buttons on a page; what is said stands on stderr as well.
+    """Large prompts, live bars and buttons on a page; messages also go to stderr.
 
     Use as a context manager.
 
     Args:
         title: Heading of the page.
         yes: Do not wait for the button.
-        get_ready_s: How long each prompt then stands.
-        host: Where to serve.
+        get_ready_s: Time for which each prompt is then shown.
+        host: Address to serve on.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         allow_remote: Let ``host`` be an address that others can reach.
 
     Attributes:
-        prompt: What the person is to do, and the bars, as HTML.
-        said: What was told last, as HTML.
+        prompt: Instruction for the person, and the bars, as HTML.
+        said: The last message, as HTML.
         buttons: viser's handles of the buttons that wait to be pressed, by answer.
 
     Raises:
@@ -87,7 +87,7 @@ class PageGuide(LineGuide):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop serving; what was told last stays in the browser."""
+        """Stop serving; the last message stays in the browser."""
         self._paint("The end", [], "")
         self._server.flush()
         time.sleep(_LAST_S)  # what is flushed is sent by another thread
@@ -105,7 +105,7 @@ class PageGuide(LineGuide):
         self._tell(f"<b>{escape(title)}</b>: {escape(why)}")
 
     def say(self, text: str, *, tone: str = "plain") -> None:
-        """Tell something."""
+        """Show a message."""
         super().say(text, tone=tone)
         self._tell(f'<span style="color:{_COLOURS[tone]}">{escape(text)}</span>')
 

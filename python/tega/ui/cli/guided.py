@@ -15,7 +15,7 @@ def guide_for(*, yes: bool, get_ready_s: float) -> Guide:
 
     Args:
         yes: Go on without waiting for anybody.
-        get_ready_s: How long each prompt then stands.
+        get_ready_s: Time for which each prompt is then shown.
     """
     if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
         return TerminalGuide(yes=yes, get_ready_s=get_ready_s)
@@ -29,7 +29,7 @@ def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None =
     Args:
         title: Heading of the page.
         yes: Go on without waiting for anybody.
-        get_ready_s: How long each prompt then stands.
+        get_ready_s: Time for which each prompt is then shown.
         view_port: TCP port of the page; ``None``: no page.
     """
     if view_port is not None:

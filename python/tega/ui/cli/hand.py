@@ -79,7 +79,7 @@ hand.add_command(decode)
 @_hand_options
 @json_option
 def show(*, as_json: bool, **where: Any) -> None:
-    """Show version, serial number, angles and temperatures; the motors stay off."""
+    """Print version, serial number, angles and temperatures; the motors stay off."""
     import time
 
     import msgspec
@@ -117,7 +117,7 @@ def show(*, as_json: bool, **where: Any) -> None:
 def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
     """Teach the pose of a closure level: move the fingers by hand, motors off, and write FILE.
 
-    The other levels stay as they are in the file; where there is no file yet, they are the built-in ones.
+    The other levels in the file are unchanged; in a new file they have the built-in values.
     """
     from tega.hand.poses import load_poses, save_poses, taught
 
@@ -159,7 +159,7 @@ def _still_angles(driver: Allegro, seconds: float) -> tuple[NDArray[np.float64],
 @_hand_options
 @json_option
 def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
-    """Run the 333 Hz loop, a new level every second, and say how evenly it runs and what it costs.
+    """Run the 333 Hz loop with a new level every second, and report its timing and CPU load.
 
     A real hand MOVES: keep clear of it.
     """

@@ -24,8 +24,8 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | None, as_json: bool) -> None:
     """Decode a CAN log of an Allegro Hand: .asc, .blf, .log (candump), .trc or .mf4.
 
-    Joint angles in rad, the torques that a program sent in counts of pulse width, temperatures in °C, motors on or off.
-    With --json: facts of the log, with the last state.
+    Prints joint angles in rad, commanded torques in counts of pulse width, temperatures in °C, and motors on or off.
+    With --json: facts about the log, with the last state.
     """
     import msgspec
 

@@ -39,8 +39,8 @@ def identify(
 ) -> None:
     """Switch on the vest's motors one at a time and print where each should be felt.
 
-    Wear the vest and compare: row 1 is at the top, column 1 at your own left on both panels. Where the front is
-    felt mirrored, set front_mirror (bhaptics-ble). The settings of the person (threshold, step, mirror) are left out.
+    Wear the vest and compare: row 1 is at the top, column 1 at your own left on both panels. If the front feels
+    mirrored, set front_mirror (bhaptics-ble). The person's own values (threshold, step, mirror) are not applied.
     """
     from tega.config import DEFAULT_LAYOUT, load_config
     from tega.errors import ConfigError

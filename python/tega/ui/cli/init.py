@@ -19,7 +19,7 @@ class _Moves(Protocol):
     """Emulated device that moves by typed commands."""
 
     def act(self, line: str) -> object:
-        """Do what was typed."""
+        """Execute a typed command."""
 
 
 @click.command(epilog="Example: tega-teleop init --out lab.toml")
@@ -64,11 +64,12 @@ def init(
     play: int | None,
     as_json: bool,
 ) -> None:
-    """Write a settings file: devices that are plugged in filled in, the others as comments that say what to set.
+    """Write a settings file: connected devices are filled in, the others are comments with instructions.
 
-    Opens no device. With --emulated two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
-    a baseline and a calibration made for them, so that another terminal can try `doctor` and `run` on the file. With
-    --arm a headset and a pedal as well, whose emulated operator holds the dead-man for 8 of every 10 seconds.
+    Opens no device. With --emulated, two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
+    a baseline and a calibration made for them. Another terminal can then try `doctor` and `run` on the file. With
+    --arm, a headset and a pedal run as well; the emulated operator presses the dead-man switch for 8 s out of every
+    10 s.
 
     With --json: {"file", "found", "could_not"}, found and could_not by driver; with --stations "robot" and "operator"
     as well, with --arm "pythonpath", a folder that `run` needs in PYTHONPATH to find the emulated pedal.

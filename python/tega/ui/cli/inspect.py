@@ -1,4 +1,4 @@
-"""Print what a recording holds: ``tega-teleop recording inspect``."""
+"""Print the contents of a recording: ``tega-teleop recording inspect``."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 @click.argument("session", type=click.Path(path_type=Path))
 @json_option
 def inspect(*, session: Path, as_json: bool) -> None:
-    """Print what a recording holds: streams, true rates, gaps, losses, latency, markers, versions.
+    """Print the contents of a recording: streams, true rates, gaps, losses, latency, markers, versions.
 
-    SESSION is a file, or the folder of a session with all its files; a file that was never finished is finished
-    first. With --json: a list of objects, one per file.
+    SESSION is a file, or the folder of a session with all its files. An unfinished file is finished first. With
+    --json: a list of objects, one per file.
     """
     import msgspec
 

@@ -73,7 +73,7 @@ def echo_json(value: Any) -> None:
 
 
 def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
-    """Return overrides of settings that also name who wears the vest, where somebody is named."""
+    """Return overrides of settings, with the vest's wearer added if there is one."""
     return sets if person is None else (*sets, f"calibration.person={json.dumps(person)}")
 
 
@@ -114,7 +114,7 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
         enabled: Whether to show anything at all.
 
     Yields:
-        A function to be told what is being done, how much is done, and how much there is.
+        A function to call with the current task, the amount done and the total.
     """
     if not enabled or not sys.stderr.isatty():
         yield lambda _what, _done, _total: None

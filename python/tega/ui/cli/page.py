@@ -100,7 +100,7 @@ def browser_observer(
     Args:
         title: Heading of the page.
         port: TCP port.
-        controls: What the page's buttons set; the caller looks.
+        controls: State of the page's buttons, polled by the caller.
         opened: Given the page's address.
         options: Further arguments of :class:`~tega.ui.view.browser.BrowserView`.
 
@@ -148,10 +148,10 @@ def run_viewed(
         wait: Whether the run stays armed until the page's Go is pressed.
         bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
-        playhead: Of a recording that is played: the page's slider goes anywhere in it.
-        annotate: Codes an event by a key of the page, and returns what it did in words.
+        playhead: Playhead of the recording that is played; the page's slider moves it.
+        annotate: Codes an event by a key of the page, and returns the effect in words.
         opened: Given the page's address before the run begins.
-        options: Further arguments of it.
+        options: Further arguments for ``run``.
 
     Returns:
         The summary.

@@ -1,4 +1,4 @@
-"""Play a recorded session to a vest and a hand: ``tega-teleop play``."""
+"""Play a recorded session on a vest and a hand: ``tega-teleop play``."""
 
 from __future__ import annotations
 
@@ -77,12 +77,13 @@ def play(
     view_port: int,
     as_json: bool,
 ) -> None:
-    """Play a recorded session to a vest and a hand, drawn, recorded or real.
+    """Play a recorded session on a vest and a hand: drawn, recorded or real ones.
 
-    SESSION is a recording made with run --record, or a session's folder with one. Everything behind the input is an
-    ordinary run: drivers, limits, states, and the ways out; in a terminal the space bar or q stop it, as does Ctrl-C.
+    SESSION is a recording made with run --record, or a session's folder with one. Only the input is recorded;
+    drivers, limits, states and the ways to stop are those of a run. In a terminal, stop with the space bar, q or
+    Ctrl-C.
 
-    A real hand first goes to where it was, for two seconds. With --json the summary is printed, with a table "played".
+    A real hand first moves to its recorded position, for two seconds. With --json: the summary, with a table "played".
     """
     import sys
     import time

@@ -128,11 +128,11 @@ def replay(
 ) -> int | None:
     """Run the loop on pictures and EMG from files as fast as possible, and write tables.
 
-    With --view they run in real time, on a page that can pause. To compute a recorded session again, use verify.
+    With --view the loop runs in real time, on a page that can pause. To re-run a recorded session, use verify.
 
     The folder --out gets contacts.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and
-    picture.png. A summary says what each finger, the level and the vest did. The same input gives the same bytes. With
-    --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
+    picture.png. A summary of each finger, the level and the vest is printed. The same input gives the same bytes.
+    With --json: the summary, with a table "measured" of wall_s and real_time_factor.
     """
     import time
 
@@ -183,7 +183,7 @@ def replay(
 
 
 def _tree(flags: dict[str, Any]) -> dict[str, Any]:
-    """Say in the words of a settings file what the flags ask for."""
+    """Return the settings that the flags ask for, as in a settings file."""
     baselines = _by_finger("--baseline", flags["baseline"])
     recordings = _by_finger("--tactile", flags["tactile"])
     for finger in baselines:

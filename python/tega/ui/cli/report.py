@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 def tell_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
-    """Tell how a run was, to people or as JSON, and end as it ended.
+    """Report the summary of a run as text or JSON, and end with the run's error, if any.
 
     Args:
         summary: As ``run_session`` returns it.
-        wall_s: How long this run took, seconds; told, and written to no file.
+        wall_s: Duration of this run, seconds; printed, and written to no file.
         as_json: Print the summary as JSON, with a table ``measured`` of ``wall_s`` and ``real_time_factor``.
 
     Raises:
@@ -128,7 +128,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
 
 
 def _recorded(recording: dict[str, Any]) -> str:
-    """Say what became of a recording."""
+    """Report the result of a recording."""
     n_dropped = sum(recording["dropped"].values())
     lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
     said = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"

@@ -63,8 +63,8 @@ def run(**options: Any) -> None:
     """Run a session on the devices that CONFIG.toml names: muscles close the hand, the vest shows touch.
 
     The session ends when its recordings end, after session.duration_s, or when you press the space bar, q or Ctrl-C.
-    However it ends, it sends the vest zeros, and the hand zero torque and SERVO OFF. With --json it prints the summary,
-    with a table "measured" of wall_s and real_time_factor.
+    In every case the vest is sent zeros, and the hand zero torque and SERVO OFF. With --json: the summary, with a
+    table "measured" of wall_s and real_time_factor.
     """
     run_settings(**options)
 

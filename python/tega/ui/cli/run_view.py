@@ -49,7 +49,7 @@ class TerminalDisplay:
         )
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
-        """Take a moment to be shown, and what else there is to tell of it, by name; returns at once."""
+        """Show a view of the loop and further lines of text, by name; returns at once."""
         self._waiting.put(TerminalDisplay._take, self, (view, rows))
 
     def open(self) -> None:
@@ -82,7 +82,7 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisp
         enabled: Whether to show anything at all.
 
     Yields:
-        What to give ``run_session`` as ``progress``, and what shows the run; ``None`` for nothing.
+        The ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.
     """
     if not enabled or not sys.stderr.isatty():
         yield lambda _what, _done, _total: None, None

@@ -20,11 +20,11 @@ _TITLES = {
 @click.command(epilog="Example: tega-teleop stages --json")
 @json_option
 def stages(*, as_json: bool) -> None:
-    """List the stages that are installed, by the name that a settings file uses, with their options.
+    """List the installed stages, by their name in a settings file, with their options.
 
     With --json: an object per stage, {"group", "name", "summary", "package", "ready", "problem", "options", "values"};
-    options has an object per option, {"name", "default", "unit", "choices", "summary"}, values the unit of every value
-    of a metric's own.
+    options has an object per option, {"name", "default", "unit", "choices", "summary"}, values the unit of each of a
+    metric's own values.
     """
     import msgspec
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
-    """Stream what a bus tells, and say on stderr where, as long as the block lasts.
+    """Stream the records on a bus for the duration of the block; the address is printed on stderr.
 
     Args:
         bus: The run's.

@@ -36,11 +36,11 @@ from tega.ui.cli.options import json_option
 def trim(
     *, session: Path, from_s: float, to_s: float | None, out: Path | None, no_lead_in: bool, as_json: bool
 ) -> None:
-    """Write a part of a recording into a new session; every message keeps its own stamps.
+    """Write a part of a recording into a new session; every message keeps its time stamps.
 
-    SESSION is a file, or the folder of a session with one recording; it is not changed. So that the part can be
-    computed again bit for bit, all EMG samples and results from before it are attached, without pictures. EMG can
-    identify a person: leave them out with --no-lead-in where that matters.
+    SESSION is a file, or the folder of a session with one recording; it is not changed. All EMG samples and results
+    from before the part are attached, without pictures; verify needs them to re-run the part bit for bit. EMG can
+    identify a person: to leave the samples out, use --no-lead-in.
     """
     from tega.recording.trim import trim_session
     from tega.ui.cli.options import echo_json
@@ -66,8 +66,8 @@ def trim(
 def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """Copy the recordings of several sessions into a new one, in order of time.
 
-    SESSIONS are files, or folders of sessions; they are not changed. Refused are recordings that overlap in time,
-    and those that differ in versions, calibration, vest or inputs.
+    SESSIONS are files, or folders of sessions; they are not changed. Recordings that overlap in time, or differ in
+    versions, calibration, vest or inputs, are rejected.
     """
     from tega.recording.merge import merge_sessions
     from tega.ui.cli.options import echo_json

@@ -1,4 +1,4 @@
-"""Compute a recorded session again and compare: ``tega-teleop verify``."""
+"""Re-run a recorded session and compare the output: ``tega-teleop verify``."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 def verify(
     *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool
 ) -> int:
-    """Compute a recorded session again, tick by tick as it ran, and compare with what was recorded.
+    """Re-run a recorded session, tick by tick, and check that the output is identical.
 
     SESSION is a recording made with run --record, or a session's folder. The exit code is 1 if anything differs.
-    --config and --set run it through other settings, and say what then differs. A summary says what each finger, the
-    level and the vest did; --picture draws it (of several recordings, each into a file that has its name too). With
+    --config and --set apply other settings, and report the differences that result. A summary of each finger, the
+    level and the vest is printed; --picture draws it (for several recordings, each into a file with its name). With
     --json: a list of objects, one per recording.
     """
     same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
@@ -50,7 +50,7 @@ def replay_session(
     picture: Path | None = None,
     as_json: bool,
 ) -> bool:
-    """Compute every recording of a session again, and tell what differs.
+    """Re-run every recording of a session, and report the differences.
 
     Args:
         session: A recording, or the folder of a session.
@@ -68,7 +68,7 @@ def replay_session(
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
     from tega.ui.cli.findings import Findings
-    from tega.ui.cli.options import echo_json
+    from tega.ui.cli.options import echo_json, progress_bar
 
     replays, files = [], session_files(session)
     for path in files:
@@ -76,7 +76,8 @@ def replay_session(
         if picture is not None and len(files) > 1:
             drawn = picture.with_name(f"{picture.stem}-{path.stem}{picture.suffix}")
         findings = Findings(bus, drawn, required=True)
-        replays.append(replay_file(path, config=config, sets=sets, bus=bus))
+        with progress_bar(enabled=not as_json) as progress:
+            replays.append(replay_file(path, config=config, sets=sets, bus=bus, progress=progress))
         if not as_json:
             _show(replays[-1])
         findings.tell(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
@@ -139,7 +140,7 @@ def _short(text: str) -> str:
 
 
 def check_flags(context: click.Context, names: Iterable[str]) -> None:
-    """Refuse the flags for loose files beside a session: none of them is silently left out.
+    """Reject the flags for loose files beside a session, so that none is silently ignored.
 
     Raises:
         UsageError: One is given.

@@ -10,7 +10,7 @@ from tega.ui.cli.identify import identify
 
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop vest identify lab.toml")
 def vest() -> None:
-    """Switch the vest's motors on one at a time, measure them, and learn to read them."""
+    """Switch on the vest's motors one at a time, measure them, and practise reading them."""
 
 
 vest.add_command(identify)

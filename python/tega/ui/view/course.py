@@ -1,4 +1,4 @@
-"""Keep the course of a run (each finger's contact, the level, the vest) and say in words what happened."""
+"""Keep the course of a run (each finger's contact, the level, the vest) and describe it in words."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class FingerCourse(NamedTuple):
         t_s: Times of its pictures, seconds, float64 (n,).
         in_contact: Whether anything touched, bool (n,).
         cci_norm: CCI as a share of the maximum, 0 to 1, float64 (n,).
-        eda_norm: EDA likewise.
+        eda_norm: EDA as a share of the maximum, 0 to 1, float64 (n,).
     """
 
     t_s: NDArray[np.float64]
@@ -40,7 +40,8 @@ class VestCourse(NamedTuple):
 
     Attributes:
         t_s: Times of the frames, seconds, float64 (n,).
-        intensities: Percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back likewise.
+        intensities: Percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back in the same
+            order.
         motors: Face and column of each motor, such as ``front column 1``, counted from 1.
     """
 
@@ -50,7 +51,7 @@ class VestCourse(NamedTuple):
 
 
 class RunCourse:
-    """Hears a run's contacts, levels and vest frames and keeps them, in about 50 bytes each.
+    """Subscribes to a run's contacts, levels and vest frames and keeps them, in about 50 bytes each.
 
     Args:
         bus: The run's.
@@ -110,7 +111,7 @@ class RunCourse:
         return VestCourse(np.array(self._vest_t_ns) / 1e9, frames[:, order], names)
 
     def words(self, *, pose_base: int = 1) -> list[str]:
-        """Say what happened, a sentence for each finger, the level and the vest.
+        """Describe the run, a sentence for each finger, the level and the vest.
 
         Args:
             pose_base: Number of the most open level, 0 or 1.

@@ -46,10 +46,10 @@ _MOST_BINS = 900
 CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
 
 FINGER_COLOURS: Final = {"thumb": "#bb5b14", "index": "#2f78c2", "middle": "#38863f", "ring": "#985cb6"}
-"""Of each finger, wherever fingers are told apart by colour: read as words on white, and under black words."""
+"""Colour of each finger: legible as text on white, and under black text."""
 
 MUSCLE_COLOURS: Final = ("#0b7285", "#e8590c", "#862e9c")
-"""Of the EMG channels, in their order."""
+"""Colours of the EMG channels, in their order."""
 
 
 class TouchPicture(NamedTuple):
@@ -102,8 +102,8 @@ class SessionCourse:
 
     Args:
         touch_t_s: Times of the touch samples, seconds, float64 (n,).
-        cci_norm: Mean over the fingers in contact, 0 to 1, float64 (n,).
-        eda_norm: Likewise.
+        cci_norm: Mean CCI over the fingers in contact, 0 to 1, float64 (n,).
+        eda_norm: Mean EDA over the fingers in contact, 0 to 1, float64 (n,).
         level_t_s: Times of the fused levels, seconds, float64 (m,).
         level: Fused closure levels 1 to 5, int (m,).
         pose_base: Number of the most open level as it is drawn: 0 as in Fig 8, or 1.
@@ -156,7 +156,7 @@ def draw_map(ax: Axes, shape: tuple[int, ...], contact: Contact, touch_map: Touc
 def draw_course(ax: Axes, course: SessionCourse) -> None:
     """Draw CCI (blue) and EDA (green) on the left axis, the level (red, dashed) on the right one.
 
-    The legend, above the plot, names what was drawn on ``ax`` before as well.
+    The legend, above the plot, also names earlier artists on ``ax``.
     """
     ax.plot(course.touch_t_s, course.cci_norm, color=CCI_BLUE, lw=1.2, label="CCI")
     ax.plot(course.touch_t_s, course.eda_norm, color=EDA_GREEN, lw=1.2, label="EDA")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["FOXGLOVE_PORT", "FoxgloveStream"]
 
 FOXGLOVE_PORT: Final = 8765
-"""Where the app looks by itself."""
+"""Default port of the app."""
 
 # The app in a browser, and on the desktop.
 _APP: Final = ("https://app.foxglove.dev", "file://")
@@ -53,7 +53,7 @@ class FoxgloveStream:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Serve, and hear the run from now on.
+        """Start the server and subscribe to the run.
 
         Raises:
             MissingExtraError: A package of the extra ``record`` is not installed.

@@ -1,4 +1,4 @@
-"""Stream a run live to the Rerun viewer: pictures, touch, levels, vest, joints, states and what is logged."""
+"""Stream a run live to the Rerun viewer: pictures, touch, levels, vest, joints, states and log lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["RERUN_PORT", "RerunStream", "save_layout"]
 
 RERUN_PORT: Final = 9876
-"""Where the viewer listens by itself."""
+"""Default port of the viewer."""
 
 _APPLICATION = "tega"
 _TIMELINE = "run"
@@ -39,11 +39,11 @@ class RerunStream:
 
     Args:
         bus: The run's.
-        port: Where the viewer listens.
+        port: Port of the viewer.
         file: An ``.rrd`` file to write to instead.
 
     Attributes:
-        url: Where the records go; empty while closed.
+        url: Address to which the records go; empty while closed.
     """
 
     def __init__(self, bus: Bus, *, port: int = RERUN_PORT, file: Path | None = None) -> None:
@@ -54,7 +54,7 @@ class RerunStream:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Connect, send the layout, and hear the run from now on.
+        """Connect, send the layout, and subscribe to the run.
 
         Raises:
             MissingExtraError: The package rerun-sdk is not installed.
@@ -83,7 +83,7 @@ class RerunStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Send what waits, for a second at most, and disconnect."""
+        """Send the waiting records, for a second at most, and disconnect."""
         self._backlog.close()
         stream, self._stream, self.url = self._stream, None, ""
         if stream is not None:
@@ -109,7 +109,7 @@ class RerunStream:
         self._stream.log(record.where, shown)
 
     def _shown(self, record: Record) -> Any:
-        """Return what the viewer draws of a record; ``None`` for nothing."""
+        """Return the viewer's drawing of a record; ``None`` for none."""
         rr = self._rerun
         shown: Any = None
         match record:

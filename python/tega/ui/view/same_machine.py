@@ -1,7 +1,7 @@
 """Refuse pages of other sites and names of other machines, in front of a server that checks neither.
 
-A browser lets every open site connect to the loopback address. The two headers that it always sends show who asks: the
-name under which the server was addressed (``Host``), and the page that asks (``Origin``).
+A browser lets every open site connect to the loopback address. Two headers that it always sends identify the client:
+the name under which the server was addressed (``Host``), and the requesting page (``Origin``).
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class SameMachine:
 
 
 def _head(client: socket.socket) -> bytes:
-    """Return what was received up to the end of the request's head; without an end where it is too long."""
+    """Return the bytes received up to the end of the request's head; without an end if it is too long."""
     data = b""
     while b"\r\n\r\n" not in data and len(data) < _MOST_HEAD_BYTES:
         more = client.recv(4096)

@@ -19,10 +19,10 @@ __all__ = ["SessionPicture"]
 
 
 class SessionPicture:
-    """Keeps what the picture of a run needs; give its bus to ``run_session``.
+    """Collects the data for the figure of a run; give its bus to ``run_session``.
 
     Args:
-        bus: Tells what is measured and felt.
+        bus: Bus with measured frames and contacts.
         course: The course of the same run.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Define what a display is given of one moment: of a real run, a replay or a simulation alike.
+"""Define the view of one moment for displays, the same for a real run, a replay and a simulation.
 
-Everything but the loop's own view is optional; a display leaves out what is not there. The arrays are borrowed: whoever
-offers a state does not write into them afterwards.
+Everything but the loop's own view is optional; a display leaves out missing parts. The arrays are borrowed: do not
+write into them after offering a state.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class EmgTail(NamedTuple):
         samples: float64 (n, channels), the newest last.
         rate_hz: Samples per second.
         maxima: Block mean of each channel at full effort, float64 (channels,), in the samples' unit.
-        kind: What the samples are.
+        kind: Kind of the samples.
         unit: Their unit; empty where unknown.
     """
 
@@ -71,7 +71,7 @@ class ViewState(NamedTuple):
 
     Attributes:
         t_ns: Time since the run began, nanoseconds.
-        loop: What the loop shows.
+        loop: View of the loop.
         images: Pictures by finger; ``None`` where there are none.
         shapes: Primitives of the scene. The same object as long as they are the same shapes.
         poses: float64 (n, 7), one row a shape: position in metres, then the quaternion w, x, y, z; z is up.

@@ -241,7 +241,7 @@ class TerminalView:
 
     Args:
         title: Heading of the frame.
-        console: Where to draw; standard error when ``None``.
+        console: Console to draw on; standard error when ``None``.
         now_s: The clock that the refresh and the shown rates go by.
 
     Attributes:

@@ -27,7 +27,7 @@ class TrialPicture(NamedTuple):
         course: Touch and level over time.
         height_t_s: Times of the heights, seconds, float64 (n,).
         height_m: Height of the object, metres, float64 (n,).
-        events: Kind and time of what happened.
+        events: Kind and time of each event.
     """
 
     title: str

@@ -24,7 +24,7 @@ def add_annotation_keys(gui: viser.GuiApi, annotate: Callable[[str], str]) -> An
 
     Args:
         gui: viser's GUI; the buttons are added where it stands.
-        annotate: Codes an event by its key, and returns what it did in words.
+        annotate: Codes an event by its key, and returns the effect in words.
 
     Returns:
         viser's handle of the buttons.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["CameraPictures", "cameras_html"]
 
 WIDTH_PX: Final = 360
-"""Of a picture, a little less than the panel."""
+"""Width of an image, a little less than the panel."""
 _HIGHEST_PX: Final = 270
 
 
@@ -44,7 +44,7 @@ class CameraPictures:
 def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
     """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any.
 
-    They are in the order of the names, whichever camera was seen first.
+    The order is that of the names, not that in which the cameras appeared.
     """
     shown = {name: _fitted(picture)[..., ::-1] for name, picture in sorted(pictures.items()) if picture.size}
     return "".join(map(_captioned, shown, shown.values())) or None

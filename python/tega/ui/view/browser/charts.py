@@ -53,7 +53,7 @@ class CourseChart:
 
     Args:
         gui: viser's GUI; the chart is added where it stands.
-        kept_s: How far back it can be drawn besides, seconds.
+        kept_s: Additional time kept for looking back, seconds.
     """
 
     def __init__(self, gui: viser.GuiApi, kept_s: float = 0.0) -> None:
@@ -92,7 +92,7 @@ class CourseChart:
 
 
 class MuscleCharts:
-    """The muscle signal, and what it asks for against the levels' thresholds.
+    """Charts of the muscle signal, and of the requested closure against the levels' thresholds.
 
     Args:
         gui: viser's GUI; the charts are added to its main panel with the first signal.

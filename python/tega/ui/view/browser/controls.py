@@ -1,4 +1,4 @@
-"""Keep what a person asked for in the page until the program looks."""
+"""Keep the requests made on the page until the program polls them."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ __all__ = ["Controls"]
 
 
 class Controls:
-    """Wishes of whoever is at the page; safe to read and set from any thread.
+    """Requests of the page's user; thread-safe.
 
     Args:
         can_pause: Whether there is a pause to offer; a real hand has none.
         can_mute: Whether the vest can be switched off and on.
         objects: Objects to choose from; none for no choice.
         try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
-        can_go: Whether the run waits, armed, until it is told to go.
-        undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
+        can_go: If true, the run waits, armed, for the Go button.
+        undo: Undoes the online adaptation of EMG, or starts it again; ``None`` if there is none.
         rezero: Has every finger take a new baseline; ``None`` where no live finger is measured.
-        playhead: Of a recording that is played; ``None`` where nobody can seek.
+        playhead: Playhead of the recording that is played; ``None`` without seeking.
         reflex: Authority of the reflex at the start; ``None`` where there is none.
-        annotate: Codes an event by a key at the moment that is played, and returns what it did in words; ``None``
-            where events cannot be coded.
+        annotate: Codes an event by a key at the moment that is played, and returns the effect in words; ``None`` if
+            events cannot be coded.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Controls:
         """Ask for an object.
 
         Raises:
-            InvalidValueError: It is not one of those offered.
+            InvalidValueError: The name is not one of those offered.
         """
         if name not in self.objects:
             raise InvalidValueError(f"object {name!r} is not one of {', '.join(self.objects) or 'none'}")

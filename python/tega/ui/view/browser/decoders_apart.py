@@ -1,4 +1,4 @@
-"""Tell how far decoders beside the connected one are from it: now, and over the last ten seconds."""
+"""Measure how far other decoders are from the connected one: now, and over the last ten seconds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MOST = 4096
 
 
 class DecodersApart:
-    """Compares intents of decoders that were given the same samples, as they are told; any thread may tell them.
+    """Compares intents of decoders with the same input, as they arrive; thread-safe.
 
     Two are apart where their closures differ by more than half a level.
     """
@@ -29,11 +29,11 @@ class DecodersApart:
         self._beside: dict[str, deque[tuple[int, float]]] = {}
 
     def connected(self, intent: Intent) -> None:
-        """Take what the connected decoder asks of the hand."""
+        """Add an intent of the connected decoder."""
         self._connected.append((intent.t_ns, closure_of(intent)))
 
     def beside(self, intent: BesideIntent) -> None:
-        """Take what a decoder beside it would have asked."""
+        """Add an intent of a decoder beside it."""
         self._beside.setdefault(intent.stage, deque(maxlen=_MOST)).append((intent.t_ns, closure_of(intent)))
 
     def rows(self) -> dict[str, str]:
@@ -61,7 +61,7 @@ def closure_of(intent: Intent | BesideIntent) -> float:
 
 
 def _paired(connected: list[tuple[int, float]], beside: list[tuple[int, float]]) -> list[tuple[float, float]]:
-    """Return what the connected decoder asked last by the time of each intent beside it, and that."""
+    """Pair each closure beside with the connected decoder's last one by that time."""
     pairs, at = [], 0
     for t_ns, closure in beside:
         while at + 1 < len(connected) and connected[at + 1][0] <= t_ns:

@@ -13,7 +13,7 @@ from tega.loop.inbox.histogram import LEAST_SAMPLES
 __all__ = ["BUDGET_MS", "Delays"]
 
 BUDGET_MS: Final = 88.0
-"""What picture to vest may take, ms: 17 of a picture, 33 of the camera, 5 of our own, 33 of the vest."""
+"""Budget from picture to vest, ms: 17 of a picture, 33 of the camera, 5 of our own, 33 of the vest."""
 
 _WITH_BUDGET = "picture to vest"
 

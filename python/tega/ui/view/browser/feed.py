@@ -1,8 +1,8 @@
 """Add pictures, muscle signal, markers and hand to the loop's own view, for the page.
 
-The bus tells every picture that is measured, in the thread that measures it, which asks the metric for its map there
-and then: what is drawn is what the loop was given, and the loop's own thread has no part in it. Pictures of a
-recording come ahead of the run's time and wait for it here.
+Every measured frame is published in the thread that measures it, and the metric's map is requested in that thread:
+the page shows the loop's own input, without any work in the loop's thread. Frames of a recording arrive ahead of the
+run's time and wait here.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class SessionFeed(Part):
 
     Args:
         rows: Lines of text to show.
-        bus: Tells pictures, samples and markers.
+        bus: Bus with frames, samples and markers.
     """
 
     def __init__(self, rows: dict[str, str], bus: Bus) -> None:
@@ -116,7 +116,7 @@ class SessionFeed(Part):
         )
 
     def undo(self) -> None:
-        """Undo the adaptation of EMG as its key does; once more has it begin anew."""
+        """Undo the adaptation of EMG like its key; a second time starts it again."""
         self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
 
     def rezero(self) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["GHOST_COLOUR", "GhostHand"]
 
 GHOST_COLOUR: Final = "#1f5fbf"
-"""Of the hand as commanded."""
+"""Colour of the hand as commanded."""
 
 _OPACITY = 0.35
 # Wider than the hand as measured by this much, so that two surfaces in one place do not flicker.
@@ -28,8 +28,8 @@ _WIDER_M = 0.0015
 class GhostHand:
     """Draws the fingers of an Allegro hand at the joint angles that the hand steers to.
 
-    Where a finger is held up by an object, the commanded finger is drawn inside the object: how far shows how firmly
-    the hand is asked to press. The palm has no command and is left out.
+    If an object stops a finger, the commanded finger is drawn inside the object: the depth shows how firmly the hand
+    is asked to press. The palm has no command and is left out.
 
     Args:
         server: The viser server.

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 __all__ = ["EYE_M", "LOOK_AT_M", "STANDING", "HandFigure"]
 
 EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
-"""Where to look at the figure from, and what at, metres."""
+"""Position of the eye, and the point it looks at, metres."""
 
 _DARK = (0.2, 0.2, 0.22, 1.0)
 _STRAIGHT = (1.0, 0.0, 0.0, 0.0)
 # The palm stands with its fingers up, so high over the floor.
 STANDING: Final = (0.0, 0.0, 0.11, *_STRAIGHT)
-"""Where the palm of a figure without a world is: position in metres, quaternion w, x, y, z."""
+"""Pose of the palm of a figure without a world: position in metres, quaternion w, x, y, z."""
 
 
 class _Link(NamedTuple):
@@ -75,7 +75,7 @@ class HandFigure:
 
         Args:
             angles_rad: The 16 joint angles, in the order of :data:`tega.hand.JOINT_NAMES`.
-            palm: Where the palm is, a row like those returned.
+            palm: Pose of the palm, a row like those returned.
         """
         palm_m, palm_turn = np.array(palm[:3]), np.array(palm[3:])
         places: list[NDArray[np.float64]] = []
@@ -97,7 +97,7 @@ class HandFigure:
         )
 
     def _add(self, body: ET.Element, parent: int) -> None:
-        """Add a body of the description, what is fixed to it and what hangs on it."""
+        """Add a body of the description, with its fixed parts and its children."""
         number, joint = len(self._links), body.find("joint")
         axis = np.zeros(3) if joint is None else _numbers(joint.get("axis", "0 0 1"))
         name = "" if joint is None else joint.get("name", "")

@@ -1,4 +1,4 @@
-"""Serve viser to those who have the address: no public tunnel, no foreign pages, nothing printed."""
+"""Serve viser to clients with the full address: no public tunnel, no foreign pages, nothing printed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _NONSENSE = 1007
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server that only who has its address can talk to, and that cannot be shared.
+    """A viser server that only clients with its full address can use, and that cannot be shared.
 
     The address has a token in its path. Without it any program on this machine could press the buttons, and any site
     that is open in the same browser could, since a browser lets it connect to the loopback address.
@@ -52,7 +52,7 @@ class LocalServer(viser.ViserServer):
         try_motor: Has a motor of the vest vibrate when a page asks for ``try/N`` below the token.
 
     Attributes:
-        token: What the path of the address begins with.
+        token: First part of the address's path.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ def _quiet() -> Iterator[None]:
 def _guarded(
     token: str, label: str, try_motor: Callable[[int], MotorAnswer] | None, *, allow_remote: bool
 ) -> Iterator[None]:
-    """Have the server that is started meanwhile look at who connects and at what is said, and name its page.
+    """Make servers started within check each connection and message, and name their page.
 
     viser has no setting for any of it, the library below it has.
     """
@@ -152,7 +152,7 @@ def _refused(request: Any, token: str, *, allow_remote: bool) -> str:
 
 
 async def _serve_page(handler: Callable[[Any], Awaitable[None]], connection: Any) -> None:
-    """Serve one page; what it says that no page says ends its connection, and is told in a line of the log."""
+    """Serve one page; a message that no page sends ends its connection and is logged."""
     asyncio.get_running_loop().set_exception_handler(_tell)
     try:
         await handler(connection)

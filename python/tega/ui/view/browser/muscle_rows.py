@@ -1,4 +1,4 @@
-"""Tell in lines of text what the decoder of the muscles does, what follows slow changes, and how the muscles are."""
+"""Describe the muscles in lines of text: decoder, online adaptation, and condition."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ __all__ = ["MuscleRows"]
 
 
 class MuscleRows:
-    """Keeps the newest that a run tells of its muscles; any thread may tell it.
+    """Keeps the newest records of a run about its muscles; thread-safe.
 
     Args:
-        bus: Tells intents, changes of the adaptation, and the condition of the muscles.
+        bus: Bus with intents, changes of the adaptation, and the condition of the muscles.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -43,10 +43,10 @@ class MuscleRows:
         self._condition = condition
 
     def rows(self, holds: str = "") -> dict[str, str]:
-        """Return a line of text by its name; what nothing is known of has none.
+        """Return a line of text by its name; unknown facts have no line.
 
         Args:
-            holds: Why the decoder holds its closure, in its own words; ``""`` where it does not.
+            holds: Reason why the decoder holds its closure, in its own words; ``""`` if it does not.
         """
         rows = {"decoder": self._decoder(holds), **self._apart.rows()}
         if (change := self._adaptation) is not None:

@@ -16,10 +16,10 @@ class LookPart(NamedTuple):
 
     Attributes:
         primitive: Unit ``box``, ``ball`` or ``tube``, of half length 1 in each direction.
-        middle: Where it is along the object's own z, as a share of its half height.
+        middle: Position along the object's own z, as a share of its half height.
         wide: Its half width, as a share of the object's radius.
         tall: Its half height, as a share of the object's.
-        shade: What the object's colour is multiplied by.
+        shade: Factor for the object's colour.
     """
 
     primitive: Literal["box", "ball", "tube"]

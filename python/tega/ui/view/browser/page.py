@@ -52,16 +52,16 @@ class Page:
     Args:
         server: The viser server.
         title: Heading.
-        controls: What the buttons set.
-        eye_m: Where the camera begins, world frame.
-        at_m: What it looks at.
-        kept_s: How far back one can look, seconds.
+        controls: State of the page's buttons.
+        eye_m: Initial position of the camera, world frame.
+        at_m: Point that the camera looks at.
+        kept_s: Time that the page can look back, seconds.
 
     Attributes:
         scene: The 3-D scene.
         run_state: Whether the run is idle, armed, active, in hold or stopped, and why.
         lights: A light for each device.
-        arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
+        arm: State of the arm, its reason, the switches held, and the position of the hand; empty without an arm.
         status: The lines of text.
         timeline: The moments that can be looked back at.
         seek: The slider over a recording that is played; ``None`` where none is.
@@ -180,7 +180,7 @@ class Page:
 
         Args:
             state: The moment.
-            turn: Whose turn it is, 0 to 2.
+            turn: Number of the part to update, 0 to 2.
             rates_hz: Measured rates.
             latency_ms: Measured delays.
         """
@@ -260,12 +260,12 @@ class Page:
         return True
 
     def paint_state(self, loop: LoopView, *, age_s: float = 0.0, problem: str = "") -> None:
-        """Put the run's state on the page, which from then on says by itself how long it has heard nothing.
+        """Show the run's state; the page then reports by itself for how long it has received nothing.
 
         Args:
             loop: The newest moment.
-            age_s: How old it is.
-            problem: What went wrong with the page.
+            age_s: Age of the moment.
+            problem: Problem of the page; ``""`` for none.
         """
         self._ended = loop.state == "stopped"
         self._offer_go(ready=loop.state == "armed" and not self._controls.may_go)

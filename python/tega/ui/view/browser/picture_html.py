@@ -1,7 +1,7 @@
 """Turn a picture into an image element of a page that brings its pixels along.
 
-The browser loads viser's own images from addresses of their own. A slow browser hears of the next image before it has
-loaded the last one, and shows none.
+The browser loads viser's own images from separate addresses. A slow browser is sent the next image's address before
+it has loaded the last one, and shows none.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def picture_html(picture: NDArray[np.uint8], alt: str) -> str:
 
     Args:
         picture: uint8 (H, W, 3), RGB.
-        alt: What it shows, for who does not see it; HTML.
+        alt: Description for screen readers; HTML.
     """
     import imageio.v3
 

@@ -32,8 +32,8 @@ class Scene:
 
     Args:
         server: The viser server.
-        eye_m: Where the camera of whoever opens the page begins, world frame.
-        at_m: What it looks at.
+        eye_m: Initial position of a viewer's camera, world frame.
+        at_m: Point that the camera looks at.
 
     Attributes:
         solids: The shapes.
@@ -65,7 +65,7 @@ class Scene:
 
         Args:
             shapes: Primitives; ``None`` for none.
-            poses: Where they are, float64 (n, 7).
+            poses: Poses of the shapes, float64 (n, 7).
             contact_points: Places and forces, float64 (k, 6).
             commanded: The joint angles that the hand steers to, 16, rad, and where its palm is, float64 (7,);
                 ``None`` for no hand as commanded.

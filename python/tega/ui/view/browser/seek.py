@@ -18,11 +18,11 @@ _DRAGGED_S = 1.5
 
 
 class SeekSlider:
-    """A slider over the whole recording: it follows what is played, and what is played goes where it is put.
+    """A slider over the whole recording: it follows the playback, and moving it seeks.
 
     Args:
         gui: viser's GUI; the slider is added where it stands.
-        playhead: Of the recording.
+        playhead: Playhead of the recording.
         now_s: The monotonic clock.
 
     Attributes:

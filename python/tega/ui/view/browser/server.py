@@ -44,22 +44,24 @@ class BrowserView:
 
     Args:
         title: Heading of the page.
-        host: Where to serve: this machine only, unless ``allow_remote``.
+        host: Address to serve on: this machine only, unless ``allow_remote``.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
-        controls: What the page's buttons set.
-        complete: Called by the painting thread with a moment before it is painted; adds what takes time to find,
-            such as pictures that have to be read.
-        eye_m: Where the camera of whoever opens the page begins, metres.
-        at_m: What it looks at.
+        controls: State of the page's buttons.
+        complete: Called by the painting thread with a moment before it is painted; adds slow parts, such as pictures
+            that have to be read.
+        eye_m: Initial position of a viewer's camera, metres.
+        at_m: Point that the camera looks at.
         rate_hz: Most moments painted per second.
-        kept_s: How far back the page can look, seconds.
-        allow_remote: Let ``host`` be an address that others can reach. Whoever reaches it can press the buttons.
+        kept_s: Time that the page can look back, seconds.
+        allow_remote: If true, ``host`` may be an address that others can reach. Anyone who has the full address can
+            press the buttons.
 
     Attributes:
-        controls: What the page's buttons set.
+        controls: State of the page's buttons.
         n_painted: Moments painted, of those offered.
-        page: What is on the page; from when it is first served.
-        problem: How often a moment could not be painted, and why at last; ``""`` for never. The page says it too.
+        page: The page's elements; available from the first time that it is served.
+        problem: Number of moments that could not be painted, and the last reason; ``""`` for none. The page shows it
+            too.
 
     Raises:
         InvalidValueError: ``host`` is not this machine, or the rate or port is out of range.
@@ -125,7 +127,7 @@ class BrowserView:
 
     @property
     def n_dropped(self) -> int:
-        """Of these, those a newer one replaced before they were painted."""
+        """Moments offered that were replaced by a newer one before they were painted."""
         return self._waiting.n_dropped
 
     def watch(self, bus: Bus) -> None:
@@ -167,7 +169,7 @@ class BrowserView:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop serving; what went wrong in painting is in :attr:`problem`."""
+        """Stop serving; painting errors are in :attr:`problem`."""
         self._over.set()
         self._waiting.close()
         if self._server is not None:
@@ -184,11 +186,11 @@ class BrowserView:
         self.offer(ViewState(loop.t_ns, loop))
 
     def _moment(self, moment: Moment) -> None:
-        """Paint a moment that the bus tells."""
+        """Paint a moment from the bus."""
         self._paint(ViewState(moment.t_ns, moment.view))
 
     def _paint(self, state: ViewState | None = None) -> None:
-        """Paint a moment, or without one more of the last, and rest; a failure is told and tried again."""
+        """Paint a moment, or more of the last one, then rest; a failure is shown and retried."""
         if self._server is None:  # nothing is served yet, or any more
             return
         began_s, rest_s = time.monotonic(), 0.0
@@ -209,7 +211,7 @@ class BrowserView:
         self._over.wait(rest_s)
 
     def _fail(self, error: BaseException) -> None:
-        """Note what went wrong, and show the run's state all the same: it needs none of what can fail."""
+        """Note the error, and still show the run's state, which needs none of the parts that can fail."""
         self._n_failures += 1
         self.problem = (
             f"{self._n_failures} moments could not be shown, at last: {type(error).__name__}: {error}"
@@ -221,7 +223,7 @@ class BrowserView:
                 self.page.paint_state(self._newest[1].loop, problem=self.problem)
 
     def _tell_age(self, now_s: float) -> None:
-        """Tell how old the newest moment is, once a second, for who opens the page only now."""
+        """Show the age of the newest moment, once a second, for pages opened only now."""
         if self._newest is None or now_s - self._told_age_s < _TELL_AGE_S:
             return
         offered_s, state = self._newest
@@ -232,7 +234,7 @@ class BrowserView:
             self.page.paint_state(state.loop, age_s=now_s - offered_s, problem=self.problem)
 
     def _paint_last(self) -> None:
-        """Put the end on the page, which stays open in the browser when nobody serves it any more."""
+        """Paint the end of the run; the page stays open in the browser after the server is gone."""
         try:
             if (state := self._state) is None:
                 return
@@ -243,7 +245,7 @@ class BrowserView:
             self._fail(error)
 
     def _paint_next(self, now_s: float, given: ViewState | None) -> bool:
-        """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""
+        """Paint a new moment, or more of the last one if no other follows; return whether anything was painted."""
         if given is not None:
             self._newest = now_s - self._waiting.waited_s, given
             self._wait_ms = self._waiting.waited_s * 1e3

@@ -40,7 +40,7 @@ class Solids:
 
     Args:
         server: The viser server.
-        path: What the names of the meshes begin with.
+        path: Prefix of the meshes' names.
         shadow: Whether they throw one.
 
     Attributes:
@@ -55,7 +55,7 @@ class Solids:
         self._meshes = {name: _unit_mesh(name) for name in ("box", "ball", "tube")}
 
     def draw(self, shapes: Sequence[Shape], poses: NDArray[np.float64]) -> bool:
-        """Draw the shapes, float64 (n, 7) where they are; tell whether they are others than before.
+        """Draw the shapes at poses, float64 (n, 7); return whether the shapes have changed.
 
         Raises:
             InvalidValueError: A shape's kind is not known.

@@ -1,4 +1,4 @@
-"""Write what the page says of a run as HTML: state, lights, arm, lines of text, captions and rates."""
+"""Write the page's text about a run as HTML: state, lights, arm, lines of text, captions and rates."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LEGEND: Final = (
     '<b style="color:#3b8cff">—</b> outline (EDA)<br>'
     f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent:</b> the hand as commanded; red arrows: forces</div>'
 )
-"""What the colours mean, in small grey lines."""
+"""Meaning of the colours, in small grey lines."""
 # How often the run's state is painted afresh, also where nothing in it changes: the browser greys one that is not.
 BEATS_PER_S: Final = 2
 
@@ -50,7 +50,7 @@ def run_state_html(
     paused: bool = False,
     haptics: bool = True,
 ) -> str:
-    """Say the run's state first, as the terminal does, where there is a guard; and that nothing was heard."""
+    """Return the run's state as HTML, as in the terminal, with a warning if no data arrives."""
     ended = view.state == "stopped"
     late, lines = "", []
     paused = paused and not ended
@@ -114,7 +114,7 @@ def lights_html(state: ViewState) -> str:
 
 
 def arm_html(view: LoopView) -> str:
-    """Say what the arm does as the run's state is said; nothing without an arm."""
+    """Return the arm's state as HTML, in the style of the run's; empty without an arm."""
     style = f"{FONT};margin:4px 10px;line-height:1.6"
     if view.state == "stopped" and view.arm:
         # The last moment is from before the arm was let go, and the page stays open.
@@ -167,7 +167,7 @@ def _device_lines(loop: LoopView) -> str:
 
 
 def captions_html(state: ViewState, labels: ContactLabels) -> str:
-    """Say under each finger's name what it feels."""
+    """Return the contact of each finger as a caption under its name."""
     cells = []
     for finger in FINGERS:
         contact = state.loop.contacts.get(finger)
@@ -197,7 +197,7 @@ def _depth(contact: Contact) -> str:
 
 
 def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:
-    """List the measured rates, and how old what is felt and done is."""
+    """List the measured rates, and the latency of touch and motion."""
     rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
     said = f"{rates}<br>{escape(latency)}" if latency else rates
     return f'<div style="{FONT};font-size:11px;color:#6c757d;padding:2px 10px">{said}</div>'

@@ -1,4 +1,4 @@
-"""Fit scene and panels into a window of any width, and have the browser grey by itself what it hears no news of."""
+"""Fit scene and panels into a window of any width, and have the browser grey out stale parts by itself."""
 
 from __future__ import annotations
 
@@ -77,4 +77,4 @@ _NARROW = f"""
 """
 
 STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_STOP}{_PHONE}{_NARROW}</style>'
-"""Of the whole page, as an HTML element."""
+"""Style of the whole page, as an HTML element."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["KEPT_S", "PastMoment", "Timeline"]
 
 KEPT_S: Final = 60.0
-"""How far back a live run can be looked at, seconds."""
+"""Time that one can look back in a live run, seconds."""
 
 # Moments closer than this are not kept apart.
 _STEP_NS = 90_000_000
@@ -30,7 +30,7 @@ class PastMoment(NamedTuple):
     Attributes:
         state: All of it, without pictures and signal.
         sheet: The fingertips as HTML; ``None`` where there were none.
-        cameras: The scene cameras likewise.
+        cameras: The scene cameras as HTML; ``None`` if there are none.
         emg: The muscle signal, and its newest time, seconds; ``None`` where there was none.
     """
 
@@ -43,11 +43,11 @@ class PastMoment(NamedTuple):
 class Timeline:
     """A slider that looks back, and a switch that plays from there to the moment of looking, over and over.
 
-    The run goes on meanwhile, and what the page says of its state is of now.
+    The run continues meanwhile, and the state shown on the page is the current one.
 
     Args:
         gui: viser's GUI; both are added where it stands.
-        kept_s: How far back one can look, seconds.
+        kept_s: Time that one can look back, seconds.
         now_s: The monotonic clock.
 
     Attributes:
@@ -71,7 +71,7 @@ class Timeline:
         Args:
             state: The moment.
             sheet: The fingertips as they are painted, HTML; ``None`` where there are none.
-            cameras: The scene cameras likewise.
+            cameras: The scene cameras as HTML; ``None`` if there are none.
         """
         if self._kept:
             newest = self._kept[-1].state

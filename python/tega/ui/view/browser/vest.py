@@ -14,7 +14,7 @@ __all__ = ["TRIED", "vest_svg"]
 _WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 32, 22, 46, 42
 _N_COLUMNS = 4
 TRIED = "tega-tried"
-"""Class of the element that says what came of a click on a motor."""
+"""Class of the element that shows the result of a click on a motor."""
 
 _N_STEPS = 15
 
@@ -23,7 +23,7 @@ def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
     """Draw the vest.
 
     Args:
-        frame: What the motors are told; ``None`` where there is no vest, or it is off.
+        frame: Frame that the motors are sent; ``None`` without a vest, or if it is off.
         can_try: Whether a click on a motor asks the server to have it vibrate.
 
     Returns:
@@ -86,7 +86,7 @@ def _face(title: str, values: list[int], left: int, bottom: int, turn: int, *, f
 
 
 def _click(motor: int) -> str:
-    """Return the attributes that have the page ask for a motor, and say below the torso what came of it."""
+    """Return the attributes that have the page request a motor, and show the result below the torso."""
     said = f"document.querySelectorAll('.{TRIED}').forEach(e => e.textContent = t)"
     ask = f"fetch('try/{motor}').then(r => r.text()).then(t => {said})"
     return f' style="cursor:pointer" role="button" aria-label="try motor {motor}" onclick="{ask}"'
