@@ -1,4 +1,4 @@
-"""Open an ONNX model with its card: what it takes, what it gives, its hash and its licence."""
+"""Open an ONNX model with its card: its input, its output, its hash and its licence."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class OnnxModel:
     Args:
         model: File of the model.
         card: File of its card.
-        kind: Whose input it has to take: ``PictureInput`` or ``EmgInput``.
+        kind: Kind of input it has to take: ``PictureInput`` or ``EmgInput``.
 
     Attributes:
         card: The card.

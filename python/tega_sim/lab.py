@@ -54,11 +54,11 @@ class Lab:
     """Gels, electrodes and calibration of one person, which last longer than a trial.
 
     Args:
-        seed: Who.
+        seed: Seed of the person.
         preset: Readings of the loop.
-        parameters: Of the population; none means the package's own.
-        settings: Of the loop, see :class:`tega_sim.plan.TrialPlan`.
-        shear: Of the gels, likewise.
+        parameters: Parameters of the population; ``None`` means the package's own.
+        settings: Settings of the loop, see :class:`tega_sim.plan.TrialPlan`.
+        shear: Shear of the gels, see there.
 
     Attributes:
         gels: The four fingertips' gels and cameras.
@@ -136,7 +136,7 @@ class Lab:
 
     @property
     def muscles(self) -> EmgMaxima:
-        """The maxima of the muscles, and what they hold under."""
+        """The maxima of the muscles, and the conditions under which they are valid."""
         return EmgMaxima(
             kind="raw",
             rate_hz=EMG_HZ,
@@ -168,7 +168,7 @@ class Lab:
 
 
 def _object(press: int, force_n: float) -> Indenter:
-    """Return what is pressed the next time: the marble, then the board."""
+    """Return the shape of the next press: the marble, then the board."""
     if press % 2 == 0:
         return ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
     return board(force_n=force_n)

@@ -187,7 +187,7 @@ def demo(
 def _shown(
     *, view: bool, port: int, terminal: bool, objects: list[str]
 ) -> Iterator[tuple[Callable[[ViewState], None] | None, dict[str, Callable[[], Any]]]]:
-    """Open what shows the run; yield what takes moments, and the wishes of whoever looks at them."""
+    """Open the displays of the run; yield callables that may be slow, and the viewers' wishes."""
     if not view:
         from tega.ui.cli.run_view import stage
 
