@@ -167,4 +167,4 @@ class OnnxModel:
         return made
 
     def _unfit(self, said: str) -> ConfigError:
-        return ConfigError(f"{self._name}: {said}"[:500], "export it anew, or correct its card")
+        return ConfigError(f"{self._name}: {said}"[:500], "export it again, or correct its card")

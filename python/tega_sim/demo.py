@@ -187,7 +187,7 @@ def _who(plan: TrialPlan) -> str:
     if plan.operator == "scripted":
         return "three muscles follow a fixed course, whatever the vest does"
     if plan.operator == "keyboard":
-        return "somebody at the keyboard steers three simulated muscles, without a vest"
+        return "a user at the keyboard steers three simulated muscles, without a vest"
     vest = {
         "haptic": "feels the vest",
         "non-haptic": "wears no vest",

@@ -118,7 +118,7 @@ class Lab:
         if plan.operator == "scripted":
             return ScriptedOperator(PLACE_COURSE if places else DEFAULT_COURSE, full_effort=full_effort)
         if plan.operator == "keyboard":
-            raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
+            raise InvalidValueError("the keyboard operator has no person", "give run_trial() a person")
         skin = ARMS[plan.condition].skin
         return Operator(
             clear_skin(self._someone) if skin == "clear" else self._someone,

@@ -184,7 +184,7 @@ class ReflexArc:
         """Add to a view of the loop what the hand is told beyond the person's own closure, and why."""
         said = f"authority {self.authority:.0%}"
         if self.added > 0:
-            said = f"+{self.added:.2f} levels told to the hand, {said}"
+            said = f"+{self.added:.2f} levels added, {said}"
             said += f" ({self.reflex.cause})" if self.reflex.cause else ""
         return view._replace(reflex=said)
 

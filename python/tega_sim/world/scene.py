@@ -88,7 +88,7 @@ def import_mujoco() -> Any:
         raise MissingExtraError("the simulated world needs mujoco-core", "pip install 'tega[sim]'") from error
     if mujoco.__version__ == "4.0.0":
         raise MissingExtraError(
-            "MuJoCo 4.0.0 is installed, with which what the hand grips leaps out of it",
+            "MuJoCo 4.0.0 is installed; with it, gripped objects leap out of the hand",
             "pip install 'mujoco-core>=4.0.1'; franky-sim brings 4.0.0, and works with the other too",
         )
     return mujoco
