@@ -54,14 +54,14 @@ class _Wanted(NamedTuple):
 @click.option(
     "--sync",
     type=click.Choice(["none", "keys", "speaker"]),
-    help="Clicks that tell how recording and commands lie in time: the space bar, struck by you, or the loudspeaker. "
-    "Else none with a microphone here, keys without.",
+    help="Clicks that synchronize recording and commands: the space bar, struck by you, or the loudspeaker "
+    "(default: none with a microphone here, keys without).",
 )
 @click.option(
     "--log",
     "log_file",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Record elsewhere, such as with a phone: play the bursts and write what was commanded to this file.",
+    help="Record elsewhere, such as with a phone: play the bursts and write the commands to this file.",
 )
 @click.option(
     "--wav", type=click.Path(path_type=Path, dir_okay=False), help="Read that recording, with its --log."

@@ -191,7 +191,7 @@ def _count_frames(name: str, length_ns: int, fps: int) -> int:
     if n_frames > _MOST_S * fps:
         raise RecordingError(
             f"{name}: its streams reach over {n_frames / fps / 3600:.0f} h, at most {_MOST_S // 3600} h are read",
-            "is a time in it wrong? inspect tells them; else trim it into parts",
+            "is a time in it wrong? inspect lists them; else trim it into parts",
         )
     return n_frames
 

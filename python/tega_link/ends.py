@@ -150,7 +150,7 @@ class FarHand(Opened):
             before that.
     """
 
-    label: ClassVar[str] = "at the robot's station: angles as it tells them"
+    label: ClassVar[str] = "at the robot's station: angles as it reports them"
 
     def __init__(self, robot: str, *, answered: Callable[[int], tuple[int, int] | None]) -> None:
         self._info = DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True)

@@ -111,7 +111,7 @@ def check_expiry(folder: Path, *, now: datetime | None = None) -> str:
     """
     until = expiry(folder)
     left = until - (datetime.now(UTC) if now is None else now)
-    again = f"delete {folder.name} where it was made and make it anew with: tega-teleop net keys"
+    again = f"delete {folder.name} where it was made, and make a new one with: tega-teleop net keys"
     if left <= timedelta(0):
         raise ConfigError(f"net.keys: the certificate in {folder.name} ended on {until:%Y-%m-%d}", again)
     if left > timedelta(days=_WARN_DAYS):

@@ -150,7 +150,7 @@ class Reception:
         except msgspec.DecodeError:
             return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
         if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
-            return encode(Refused(f"{join.name!r} asked as somebody else"))
+            return encode(Refused(f"{join.name!r} asked with another name than its key allows"))
         if self.welcome is None:
             return encode(Refused(f"robot {self._robot!r} is still preparing", final=False))
         with self._lock:

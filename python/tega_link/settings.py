@@ -165,7 +165,7 @@ def checked_net(net: NetSection) -> Endpoint:
         )
     if net.keys is not None and net.station == "robot" and not net.operators:
         raise ConfigError(
-            "net.operators names nobody, so nobody may lead the robot",
+            "net.operators is empty, so no operator may lead the robot",
             'set it, such as net.operators = ["alice"]',
         )
     return endpoint

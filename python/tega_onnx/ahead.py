@@ -24,8 +24,8 @@ class Ahead:
     """Gives at each time the result for the newest input that is at least a fixed delay old.
 
     The result of an input may be used as soon as it is ``delay_ms`` old, and has to be ready by then on the clock as
-    well: in real time nobody waits, and a recording that is computed faster waits for the computation alone. So both
-    give the same numbers, unless a computation takes longer than the delay; its result then counts as missing.
+    well. In real time the loop does not wait; a recording that is computed faster waits for the computation alone.
+    Both give the same numbers, unless a computation takes longer than the delay; its result then counts as missing.
 
     Args:
         compute: Returns the result of an input, float64 (outputs,); called in the thread.

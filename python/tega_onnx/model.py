@@ -1,4 +1,4 @@
-"""Open an ONNX model with its card: what it takes, what it gives, its hash and its licence."""
+"""Open an ONNX model with its card: its input, its output, its hash and its licence."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class OnnxModel:
     Args:
         model: File of the model.
         card: File of its card.
-        kind: Whose input it has to take: ``PictureInput`` or ``EmgInput``.
+        kind: Kind of input it has to take: ``PictureInput`` or ``EmgInput``.
 
     Attributes:
         card: The card.
@@ -167,4 +167,4 @@ class OnnxModel:
         return made
 
     def _unfit(self, said: str) -> ConfigError:
-        return ConfigError(f"{self._name}: {said}"[:500], "export it anew, or correct its card")
+        return ConfigError(f"{self._name}: {said}"[:500], "export it again, or correct its card")

@@ -162,7 +162,7 @@ def fitts_score(movements: Sequence[Movement], *, cursor_step: float) -> FittsSc
     counted = [one for one in movements if not one.inside_at_start]
     if not counted:
         raise InvalidValueError(
-            "the test has no movement that counts", "move the cursor: squeeze and let go, or calibrate anew"
+            "the test has no movement that counts", "move the cursor: squeeze and let go, or calibrate again"
         )
     kinds = sorted(
         {(one.distance, one.width) for one in counted}, key=lambda kind: (index_of_difficulty(*kind), kind)

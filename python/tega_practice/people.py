@@ -201,8 +201,8 @@ def compare_people(
 def _row(people: list[PersonSkill], decoder: str, first: str, effect: str) -> PeopleSkill:
     did = [one for one in people if decoder in one.scores]
     if not did:
-        why = next((one.refused[decoder] for one in people if decoder in one.refused), "nobody did it")
-        raise CalibrationError(f"decoder {decoder!r} was calibrated on nobody: {why}", "name another decoder")
+        why = next((one.refused[decoder] for one in people if decoder in one.refused), "no person did it")
+        raise CalibrationError(f"decoder {decoder!r} has no calibrated person: {why}", "name another decoder")
     mine = [one.scores[decoder][effect] for one in did]
     efficient = [score.path_efficiency for score in mine if score.path_efficiency is not None]
     beside = [one for one in did if first in one.scores]

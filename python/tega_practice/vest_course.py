@@ -98,7 +98,7 @@ def learn_vest(
 
 def _teach(lesson: Lesson, guide: Guide, mapping: str) -> None:
     """Show every answer of every aspect, each with its words, as often as the person wants."""
-    guide.part("What it feels like", f"The mapping {mapping} shows contacts. Each is named, then shown.")
+    guide.part("Feel each answer", f"The mapping {mapping} shows contacts. Each is named, then shown.")
     for aspect in lesson.aspects:
         guide.ready(f"Next: {aspect.name}")
         while True:

@@ -47,7 +47,7 @@ class VestSkillRecord(
 
     comments: ClassVar[dict[str, str]] = {
         "right_percent": "of the test's questions",
-        "difference_percent": "of the maximum, told in 71 % of pairs",
+        "difference_percent": "of the maximum, noticed in 71 % of pairs",
         "dose_s": "seconds of full drive, of the most driven motor",
         "answers": "about what, shown, said, answers to choose from",
     }

@@ -24,9 +24,9 @@ _VERSION = 9
 def export_bag(path: Path, folder: Path) -> Path:
     """Write one recording as a bag.
 
-    Topics have the recording's names. Viewers' schemas become standard messages, TEGA's own records become messages of
-    ``tega_msgs``, whose definitions the bag holds with units as comments. Messages are in the order and have the log
-    times of the recording; headers are stamped with the time that the record is of.
+    Topics have the recording's names. Viewers' schemas become standard messages, TEGA's own records become messages
+    of ``tega_msgs``; the bag holds their definitions, with units as comments. Messages are in the order and have the
+    log times of the recording; headers have the time of the record.
 
     Args:
         path: The recording.

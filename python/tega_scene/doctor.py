@@ -51,7 +51,7 @@ def _look(camera: SceneConfig) -> Finding:
                     finding=f"{camera.lens.name} is of pictures of {lens.width}×{lens.height}, and the camera "
                     f"films {camera.width}×{camera.height}",
                     why="a lens is calibrated for one size",
-                    todo=("calibrate it anew with tega-teleop scene calibrate, or set that size",),
+                    todo=("calibrate it again with tega-teleop scene calibrate, or set that size",),
                     device=camera.source,
                 )
         film = Filming(camera, give=lambda _packets: None)

@@ -235,7 +235,7 @@ class _FilmingProcess:
             except (EOFError, OSError, ValueError):
                 if not self._opened.is_set():
                     self._failed = DeviceUnavailableError(
-                        f"scene camera {self.camera.name}: its process ended", "what it said stands above"
+                        f"scene camera {self.camera.name}: its process ended", "see its message above"
                     )
                     self._opened.set()
                 return is_open

@@ -130,7 +130,7 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
         )
     for topic, found in keys.items():
         if not found:
-            raise RecordingError(f"{path.name}: {topic}: {_NO_KEY}", "record it anew with scene record")
+            raise RecordingError(f"{path.name}: {topic}: {_NO_KEY}", "record it again with scene record")
     zero_ns = scene_epoch(reader) + start_ns
     if first_ns - zero_ns > end_ns or last_ns < zero_ns:
         raise RecordingError(

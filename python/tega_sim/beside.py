@@ -22,7 +22,8 @@ class BesideResult(msgspec.Struct, frozen=True, kw_only=True):
         group: ``metric`` or ``decoder``.
         n: Pictures it measured, or intents it gave.
         mean: Share of the pictures that it calls contact, or its mean level.
-        agreement: Share of them in which it says what the connected stage said last: contact or none, or the level.
+        agreement: Share of them with the same answer as the newest one of the connected stage: contact or none, or
+            the level.
     """
 
     stage: str
@@ -33,10 +34,10 @@ class BesideResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BesideNotes:
-    """Notes what the stages answer, connected and beside.
+    """Notes the answers of connected stages and of stages beside them.
 
     Args:
-        bus: Tells it.
+        bus: Carries the records.
     """
 
     def __init__(self, bus: Bus) -> None:

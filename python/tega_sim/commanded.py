@@ -1,4 +1,4 @@
-"""Tell the hand a level without EMG or decoder in between: rungs of the ladder from an ideal hand to the real one.
+"""Command the hand's level without EMG or decoder: a ladder from an ideal hand to the real one.
 
 Three ways from the person to the hand. ``decoder``: the muscles' EMG, and the decoder that reads it, as in a run.
 ``drive``: the muscles' drive, with its errors of aim, lags and slackening, read without the EMG's noise. ``aim``: the
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tega.runtime.device_items import EmgChunk
 
 HandWay: TypeAlias = Literal["decoder", "drive", "aim"]
-"""What the hand's level comes from, see above."""
+"""Source of the hand's level, see above."""
 
 
 class BlockSource(Protocol):
@@ -48,7 +48,7 @@ class StraightBlocks:
 
 
 def level_of_drive(excitation: float, full_effort: float) -> int:
-    """Return the level whose quarter of the effort a drive lies in, 1 to 5: what a decoder without noise would read.
+    """Return the level of the quarter of effort that contains a drive, 1 to 5, like a decoder without noise.
 
     Args:
         excitation: Drive of the grip muscles, share of the strongest.

@@ -1,23 +1,23 @@
-"""Choose what the worn vest tells under each condition of a comparison, and through which motors and skin.
+"""Choose the content of the worn vest under each condition of a comparison, with its motors and skin.
 
-``haptic`` shows the loop's frames, ``non-haptic`` nothing, ``event-gated`` pulses at contact, slip and release, which
-the person is told.
+``haptic`` shows the loop's frames, ``non-haptic`` nothing, ``event-gated`` pulses at contact, slip and release. The
+person knows of the pulses.
 
-The shams tell nothing or something else. Their person is told what the haptic arm's is told, and has the same chance
-in everything else: a benefit that they show too does not come from what the vest tells. See
-:mod:`tega_sim.operator.shams`.
+The shams carry no information or wrong information. Their person has the same instructions as in the haptic arm, and
+the same random numbers in everything else: a benefit that a sham shows too does not come from the vest's information.
+See :mod:`tega_sim.operator.shams`.
 
-The positive controls tell what is so, which no sensor has to find out: a person who gains nothing from these could not
+The positive controls show the truth, which no sensor has to measure: a person who gains nothing from them could not
 have gained from a vest. ``oracle`` pulses at true slips, ``true-force`` shows the pads' true forces by the law of the
-real vest, ``true-steps`` in equal steps of sensation (:mod:`tega.stages.equal_steps`), ``ideal-vest`` in proportion, on
-a skin that misses nothing. From one to the next, ``ideal-vest``, ``true-force`` or ``true-steps``, and ``haptic`` with
-the same mapping add the real vest with its wearer's skin, and the real reading of pictures. The sham of
-``oracle`` is ``mistimed``: the pulses of another trial.
+real vest, ``true-steps`` in equal steps of sensation (:mod:`tega.stages.equal_steps`), ``ideal-vest`` in proportion,
+on a skin that misses nothing. From one to the next, ``ideal-vest``, ``true-force`` or ``true-steps``, and ``haptic``
+with the same mapping add the real vest with its wearer's skin, and the real measurement from camera frames. The sham
+of ``oracle`` is ``mistimed``: the pulses of another trial.
 
-``reflex`` has no vest and a reflex that firms the grip (:mod:`tega.loop.reflex`), ``haptic-reflex`` both, at the
-settings' reflex or, where they name none, ``grip``; its authority is that of the settings or, where that is 0, full:
-so a reflex of the settings without authority acts in these arms alone. ``true-reflex`` is their positive control: the
-same reflex is given the true speed of the slide.
+``reflex`` has no vest and a reflex that firms the grip (:mod:`tega.loop.reflex`), ``haptic-reflex`` both, with the
+settings' reflex or, if they name none, ``grip``. The reflex has the authority of the settings or, if that is 0, full
+authority: a reflex of the settings without authority acts in these arms alone. ``true-reflex`` is their positive
+control: the same reflex receives the true speed of the slide.
 """
 
 from __future__ import annotations
@@ -58,27 +58,27 @@ CONDITIONS: tuple[Condition, ...] = get_args(Condition)
 Tells: TypeAlias = Literal[
     "touch", "events", "true slips", "true force", "true force, equal steps", "true force, linear"
 ]
-"""What the vest's frames are made of: what the loop measured, or what is true in the simulated world."""
+"""Content of the vest's frames: the loop's measurements, or the truth of the simulated world."""
 
 WornOn: TypeAlias = Literal["own", "clear", "none"]
 """Skin that the motors reach: the person's own, one that misses nothing, or none."""
 
 
 _OF_FRAMES: Final = frozenset({"informative", "permuted", "inverted", "half"})
-"""Shams that make what is worn of the frame that the loop made."""
+"""Shams that make the worn frame from the frame that the loop made."""
 
 ReflexTells: TypeAlias = Literal["none", "touch", "true slips"]
-"""What a reflex learns of slips from: what the loop measured, or the world's truth."""
+"""Source of a reflex's slips: the loop's measurements, or the world's truth."""
 
 
 class Arm(NamedTuple):
     """One condition of a comparison.
 
     Attributes:
-        tells: What the frames are made of.
-        sham: What is worn of them, see :func:`tega_sim.operator.sham_vest`.
-        skin: What the motors reach.
-        reflex: What tells the reflex of a slip, where there is one.
+        tells: Content of the frames.
+        sham: Change between these frames and the worn ones, see :func:`tega_sim.operator.sham_vest`.
+        skin: Skin under the motors.
+        reflex: Source of the reflex's slips, if there is a reflex.
     """
 
     tells: Tells = "touch"
@@ -88,12 +88,12 @@ class Arm(NamedTuple):
 
     @property
     def pulses(self) -> bool:
-        """Whether events are told by pulses, which the person knows."""
+        """Whether pulses announce events, which the person knows."""
         return self.tells in {"events", "true slips"}
 
     @property
     def hangs_on_pictures(self) -> bool:
-        """Whether what is worn, or the reflex, hangs on what the fingertips' pictures show."""
+        """Whether the worn frames, or the reflex, depend on the fingertips' camera frames."""
         return self.reflex == "touch" or (self.tells in {"touch", "events"} and self.sham in _OF_FRAMES)
 
 
@@ -135,8 +135,8 @@ def worn(
 
     Args:
         condition: The arm.
-        layout: Of the vest.
-        seed: Of the shams that draw.
+        layout: The vest's layout.
+        seed: Seed of the shams that use random numbers.
         recorded: For ``replayed``: times in seconds and frames of another trial.
 
     Raises:

@@ -36,7 +36,7 @@ class DemoReport(msgspec.Struct, frozen=True, kw_only=True):
         real_time_factor: Their ratio.
         trials: The results.
         format: Always ``tega-demo``.
-        version: Of the format.
+        version: Version of the format.
     """
 
     simulated_s: float
@@ -63,14 +63,14 @@ def run_demo(
 
     Args:
         plans: The trials.
-        person: Who acts in all of them, instead of their plans' operator.
+        person: Operator of all trials, instead of their plans' operator.
         real_time: Whether to keep to the machine's clock.
-        observer: Told thirty times a second of simulated time what there is to see.
+        observer: Called with the state to display, thirty times a second of simulated time.
         recorder: What records each trial.
         next_object: Asked all the time whether another object is wanted at once; the running trial is then left.
         stop: Asked all the time whether to end; the running trial then counts as it stands.
         paused: Asked all the time whether to stand still.
-        muted: Asked whether somebody has switched the vest off.
+        muted: Returns whether the user has switched the vest off.
 
     Returns:
         The report, and the course of each trial in it.
@@ -138,7 +138,7 @@ def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> 
 
     Args:
         folder: Where to; it must exist.
-        report: What was done.
+        report: Report of the demo.
         courses: The course of each trial in it.
     """
     for number, (result, streams) in enumerate(zip(report.trials, courses, strict=True), start=1):
@@ -154,7 +154,7 @@ def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> Non
 
     Args:
         path: The PNG to write.
-        report: What was done.
+        report: Report of the demo.
         courses: The course of each trial in it.
 
     Raises:
@@ -179,7 +179,7 @@ def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> Non
 
 
 def demo_heading(plans: Sequence[TrialPlan]) -> str:
-    """Return the heading of a picture of trials: who steered, and what of the vest reached them."""
+    """Return the title of a figure of trials: the operator, and the condition of the vest."""
     return f"TEGA demo, simulated: {'; '.join(dict.fromkeys(_who(plan) for plan in plans))}"
 
 
@@ -187,7 +187,7 @@ def _who(plan: TrialPlan) -> str:
     if plan.operator == "scripted":
         return "three muscles follow a fixed course, whatever the vest does"
     if plan.operator == "keyboard":
-        return "somebody at the keyboard steers three simulated muscles, without a vest"
+        return "a user at the keyboard steers three simulated muscles, without a vest"
     vest = {
         "haptic": "feels the vest",
         "non-haptic": "wears no vest",

@@ -1,10 +1,9 @@
 """Simulate a fingertip camera: from what presses the gel to the picture and the true contact.
 
-Rigid shapes go into a skin on springs until the springs carry their forces; slopes become colours by a
-light field that was fitted to one real sensor, and noise has the statistics of its pictures.
-``docs/evidence/sim-touch.md`` says how close that comes to real pictures and what is not modelled. Seed,
-settings, indenters and frame number decide what a frame shows, to the last bit; with ``memory`` also what
-pressed before and how long.
+Rigid shapes go into a skin on springs until the springs carry their forces; slopes become colours by a light field
+that was fitted to one real sensor, and noise has the statistics of its camera frames. ``docs/evidence/sim-touch.md``
+says how close that comes to real frames and what is not modelled. Seed, settings, indenters and frame number
+determine a frame to the last bit; with ``memory``, earlier presses and their durations do, too.
 """
 
 from __future__ import annotations
@@ -57,13 +56,13 @@ class Gel:
     """One unit: its own gel, background, light and noise.
 
     Args:
-        seed: Of everything that differs between units, and of which noise each frame shows; 0 to 2⁶⁴ - 1.
+        seed: Seed of all differences between units and of each frame's noise; 0 to 2⁶⁴ - 1.
         spread: How much gel, light, background and noise differ from those of the fitted sensor: 0 not at all, 1 as
             sensors may differ, at most 2.
         shape: ``digit``, rounded across the finger as the published drawing, or ``flat`` as a GelSight's.
-        memory: Whether the gel creeps under a load and leaves something after release, and its colours drift for
-            minutes, as recorded ones do. A press then lasts until the next call, whose time may not be earlier; the
-            truth tells how far the gel is displaced in all, and what touches.
+        memory: Whether the gel creeps under a load and keeps an imprint after release, and its colours drift for
+            minutes, as in recordings. A press then lasts until the next call, and times may not decrease; the truth
+            has the total displacement of the gel, and the shapes that touch.
 
     Attributes:
         pressed: When the latest picture was taken, seconds, and the shapes that pressed then.
@@ -165,8 +164,8 @@ class Gel:
     def in_view(self) -> float:
         """Share of the latest press's touching area that is in the picture, 0 to 1; NaN where no cell touches.
 
-        Found on cells of 8 x 8 pixels, whose answer is coarser than the picture's: where planes lie over one another
-        none of them may touch. What lies more than 3.4 mm beyond the picture is not counted.
+        Computed on cells of 8 x 8 pixels, coarser than the frame: where planes overlap, none of them may touch. Cells
+        more than 3.4 mm outside the frame are not counted.
         """
         return self._gel.in_view()
 

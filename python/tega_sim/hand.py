@@ -72,7 +72,7 @@ class SimulatedAllegro:
 
         Args:
             level: Closure level, 1 to 5.
-            added: What a reflex adds to it, levels.
+            added: Levels that a reflex adds.
 
         Returns:
             The four SET TORQUE frames of this tick.
@@ -90,7 +90,7 @@ class SimulatedBus:
 
     Args:
         apply_torques: Takes torques, float64 (16,).
-        full_duty: What a motor at full duty gives, in the unit of ``apply_torques``.
+        full_duty: Torque of a motor at full duty, in the unit of ``apply_torques``.
         device_id: The hand's number on its bus, 0 to 3.
 
     Attributes:

@@ -54,10 +54,10 @@ class Lab:
     """Gels, electrodes and calibration of one person, which last longer than a trial.
 
     Args:
-        seed: Who.
+        seed: Seed of the person.
         preset: Readings of the loop.
-        parameters: Of the population; none means the package's own.
-        settings: Of the loop, see :class:`tega_sim.plan.TrialPlan`.
+        parameters: Parameters of the population; ``None`` means the package's own.
+        settings: Settings of the loop, see :class:`tega_sim.plan.TrialPlan`.
 
     Attributes:
         gels: The four fingertips' gels and cameras.
@@ -115,7 +115,7 @@ class Lab:
         if plan.operator == "scripted":
             return ScriptedOperator(PLACE_COURSE if places else DEFAULT_COURSE, full_effort=full_effort)
         if plan.operator == "keyboard":
-            raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
+            raise InvalidValueError("the keyboard operator has no person", "give run_trial() a person")
         skin = ARMS[plan.condition].skin
         return Operator(
             clear_skin(self._someone) if skin == "clear" else self._someone,
@@ -133,7 +133,7 @@ class Lab:
 
     @property
     def muscles(self) -> EmgMaxima:
-        """The maxima of the muscles, and what they hold under."""
+        """The maxima of the muscles, and the conditions under which they are valid."""
         return EmgMaxima(
             kind="raw",
             rate_hz=EMG_HZ,
@@ -165,7 +165,7 @@ class Lab:
 
 
 def _object(press: int, force_n: float) -> Indenter:
-    """Return what is pressed the next time: the marble, then the board."""
+    """Return the shape of the next press: the marble, then the board."""
     if press % 2 == 0:
         return ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
     return board(force_n=force_n)

@@ -65,20 +65,20 @@ class Lift:
     Args:
         lab: The person's lab.
         plan: The trial.
-        person: Who acts.
-        number: Of the lift in the trial; another number, other chance.
+        person: Operator of the lift.
+        number: Number of the lift in the trial; another number gives other random numbers.
         fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
         streams: Where to keep truth and sensors.
         recorder: What records it.
-        watched: Whether somebody looks on in :meth:`go`.
-        muted: Asked whether somebody has switched the vest off.
+        watched: Whether :meth:`go` has an observer.
+        muted: Returns whether the user has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
             that is felt, kept or looked at hangs on their pictures.
         lift_by_s: When it is over unless the object was lifted by then, seconds.
 
     Attributes:
         layout: Which motors the vest has.
-        rig: What is simulated.
+        rig: The simulated world, person and sensors.
         scorer: Counts what happens.
 
     Raises:
@@ -200,7 +200,7 @@ class Lift:
     ) -> None:
         """Run the loop until the lift is over; see :func:`tega_sim.trial.run_trial`.
 
-        An observer is told of pictures only where the lift was made to be ``watched``.
+        An observer receives camera frames only if the lift was made with ``watched``.
         """
         rig, world = self.rig, self.rig.world
 
@@ -266,7 +266,7 @@ class Lift:
         )
 
     def _looks(self) -> HandLooks:
-        """Return the looks at hand and arm as their sensors tell them."""
+        """Return the looks at hand and arm, as their sensors report them."""
         from tega_sim.world import GRASP_POSES_RAD
 
         rig, world = self.rig, self.rig.world
@@ -289,7 +289,7 @@ class Lift:
         return stands and let_go and not rig.truth.dropped and off_m <= ON_MARK_M, off_m
 
     def _commanded(self, blocks: BlockSource) -> BlockSource:
-        """Return what tells the hand its level, by the plan's way from the person to it."""
+        """Return the source of the hand's level, by the plan's way from the person to it."""
         if self._plan.hand == "aim":
             return StraightBlocks(blocks, lambda: self._person.level)
         if self._plan.hand == "drive":
@@ -298,7 +298,7 @@ class Lift:
         return blocks
 
     def _look_on(self) -> BesideNotes | None:
-        """Have the stages beside look on; return what notes what they say."""
+        """Connect the stages beside the loop; return the object that notes their answers."""
         lab = self._lab
         if not lab.config.stages.beside:
             return None
@@ -318,7 +318,7 @@ class Lift:
         return notes
 
     def _telling(self) -> Bus:
-        """Return a bus that tells levels, and where somebody keeps them contacts."""
+        """Return a bus that carries levels and, if streams are kept, contacts."""
         bus, streams = Bus(), self._streams
         bus.subscribe(Intent, self._levels, vital=True)
         if streams is not None:
@@ -388,7 +388,7 @@ def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, Moto
     Args:
         lab: The person's lab.
         plan: The trial in which it is to be replayed.
-        number: Of the lift.
+        number: Number of the lift.
     """
     from tega_sim.streams import Streams
 

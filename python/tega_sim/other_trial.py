@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def other_trial(plan: TrialPlan) -> TrialPlan:
-    """Return the trial whose vest stands in for a plan's: the same person's, with the next object.
+    """Return the trial that lends its vest frames to a plan: the same person, the next object.
 
     The vest is the real one; in the place of pulses at true slips it is the other trial's pulses.
     """

@@ -17,7 +17,7 @@ from tega_sim.score import TrialEvent
 from tega_sim.world.objects import OBJECTS, ObjectSpec
 
 Task: TypeAlias = Literal["lift", "place"]
-"""What a trial asks for."""
+"""Task of a trial."""
 
 
 FULL_N = 8.0
@@ -29,22 +29,22 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     Attributes:
         object: Name in :data:`tega_sim.world.OBJECTS`, or of ``spec``.
-        condition: What the vest does.
-        seed: Who the person is, and all chance: the same for all objects and conditions.
-        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``:
-            somebody at the keys, who is given to :func:`run_trial`.
+        condition: Condition of the vest.
+        seed: Seed of the person and of all random numbers: the same for all objects and conditions.
+        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``: a
+            user at the keys, who is given to :func:`run_trial`.
         practice: Lifts of the same object under the same condition before the one that counts.
         preset: Readings of the loop.
         mass_kg: Instead of the object's own, as the following.
-        stiffness_n_m: Of the object's wall.
+        stiffness_n_m: Stiffness of the object's wall.
         friction: Between object and gel.
-        settings: Of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
+        settings: Settings of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
             :data:`tega.config.LOOP_KEYS`.
         rules: Version of the rules that a simulated person follows, see :class:`tega_sim.operator.Rules`; by 2 and 3
             the person practises with object and vest first, see :mod:`tega_sim.practice`.
         view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
-        hand: What the hand's level comes from, see :mod:`tega_sim.commanded`.
+        hand: Source of the hand's level, see :mod:`tega_sim.commanded`.
         task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
     """
 
@@ -66,7 +66,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @property
     def object_spec(self) -> ObjectSpec:
-        """The object, with what the plan changes in it.
+        """The object, with the changes of the plan.
 
         Raises:
             InvalidValueError: A value is out of range.
@@ -76,7 +76,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @property
     def changes(self) -> dict[str, float | None]:
-        """What the plan changes in the object, by attribute."""
+        """Changes of the plan to the object, by attribute."""
         return {name: getattr(self, name) for name in ("mass_kg", "stiffness_n_m", "friction")}
 
     @classmethod
@@ -143,7 +143,7 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         simulated_s: Time simulated, practice included, seconds.
         person: First digits of the SHA-256 of the people's parameters and, from version 2, the version of their rules;
             empty without a simulated person.
-        beside: What the stages beside the connected ones said.
+        beside: Answers of the stages beside the connected ones.
         placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not dropped;
             ``None`` in other tasks.
         off_mark_m: How far from that mark it is in the end, metres.

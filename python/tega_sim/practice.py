@@ -1,9 +1,10 @@
 """Practise before the trials, as the second version of the person's rules needs: feel the vest level by level.
 
-The practice is the bench's own, not the one-dimensional plant's: what the vest shows at a closure hangs on object, hand
-and reading, and a person who was taught the plant's map would be taught a wrong one. A script without error holds each
-level on the object, standing on the table, through EMG, decoder, hand, pictures and vest; the person watches the hand
-and feels what the condition's vest did. Nobody tires by it, and what was learned is as of one run through the levels.
+The practice runs on the bench, not on the one-dimensional plant: the vest's frame at a closure depends on object,
+hand and metric, and a person who was taught the plant's map would be taught a wrong one. A script without error holds
+each level on the object, standing on the table, through EMG, decoder, hand, camera frames and vest; the person
+watches the hand and feels the condition's vest. Practice causes no fatigue, and the person learns as from one run
+through the levels.
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ _COURSE = (
 
 
 class LevelScript(ScriptedOperator):
-    """Goes through the levels of the practice and keeps what the vest did.
+    """Goes through the levels of the practice and keeps the vest's frames.
 
     Attributes:
-        vest: What was worn at each look, a hundred times a second.
+        vest: The worn frame at each look, a hundred times a second.
     """
 
     def __init__(self, *, full_effort: float) -> None:
@@ -47,7 +48,7 @@ class LevelScript(ScriptedOperator):
         self.vest: list[MotorLevels | None] = []
 
     def act(self, percept: Percept) -> Act:
-        """Keep what the vest does, and go on with the script."""
+        """Keep the vest's frame, and go on with the script."""
         self.vest.append(percept.vest)
         return super().act(percept)
 
@@ -55,13 +56,13 @@ class LevelScript(ScriptedOperator):
 def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) -> float:
     """Let a person of the second version of the rules practise with a trial's object and vest; others do not.
 
-    Who wears no vest, or one that tells events by pulses, learns nothing from it, and the bench is not run.
+    A person without a vest, or with one that pulses at events, learns nothing, and the bench is not run.
 
     Args:
         lab: The person's lab.
         plan: The trial.
-        person: Who.
-        number: Of the lift that comes next.
+        person: The simulated person.
+        number: Number of the next lift.
 
     Returns:
         Time simulated, seconds.

@@ -35,7 +35,7 @@ class LiftRecorder:
         real_time: Whether lifts keep to the machine's clock; otherwise a lift waits for the disk.
 
     Attributes:
-        told: What became of each file, in their order.
+        told: Outcome of each file, in their order.
 
     Raises:
         MissingExtraError: A package of the extra ``record`` is not installed.
@@ -56,7 +56,7 @@ class LiftRecorder:
         Args:
             lab: The person's lab.
             bus: The lift's.
-            stages: Of the lift, whose condition may have a mapping of its own.
+            stages: Stages of the lift; its condition may have a mapping of its own.
             layout: Which motors the vest has.
         """
         replace = msgspec.structs.replace

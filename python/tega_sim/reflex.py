@@ -1,4 +1,4 @@
-"""Give a simulated trial its reflex: that of the settings, on what the loop measured or on the world's truth."""
+"""Give a simulated trial the settings' reflex, fed by the loop's measurements or by the world's truth."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
 
 
 class TrueSlipArc(ReflexArc):
-    """An arc whose reflex is told what is true, on every finger that bears a force, and no event.
+    """A reflex arc that receives the truth, on every finger that bears a force, and no events.
 
-    It is given the speed of the slide.
+    It receives the speed of the slide.
 
     Args:
         reflex: The stage.
         settings: Its bounds.
         moment: As of :class:`tega.loop.reflex.ReflexArc`.
-        slip_mm_s: Tells how fast the object slides through the grasp now, mm/s.
-        forces_n: Tells the true force on each pad, newtons, thumb first.
+        slip_mm_s: Returns the present speed of the object through the grasp, mm/s.
+        forces_n: Returns the true force on each pad, newtons, thumb first.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ def trial_reflex(
 
     Args:
         config: The trial's settings.
-        tells: What tells it of slips, by the condition.
-        bus: Told of every addition.
-        closure: Tells the hand's closure by its joints, levels.
-        slip_mm_s: Tells how fast the object slides, mm/s.
-        forces_n: Tells the true force on each pad, newtons, thumb first.
+        tells: Source of its slips, by the condition.
+        bus: Receives every addition.
+        closure: Returns the hand's closure by its joints, levels.
+        slip_mm_s: Returns the speed of the object's slide, mm/s.
+        forces_n: Returns the true force on each pad, newtons, thumb first.
     """
     stages = config.stages
     if tells != "none" and stages.reflex.name is None:

@@ -5,9 +5,9 @@ happens in between: every 10 ms the amplifier delivers a block of EMG, the truth
 acts; sixty times a second all four cameras expose at once (real ones run free of one another) and their pictures
 reach the loop 25 ms later. The physics goes on in steps of its own underneath.
 
-A fingertip that nothing touches and on which nothing is left of a touch is not rendered: the loop is given the picture
-of the untouched gel again, under a new number, which it knows without looking and takes for a fresh frame without
-contact. Where a metric reads sums over cells and nobody looks at pixels, those sums are all that is made of a picture.
+A fingertip without contact and without an imprint is not rendered: the loop receives the frame of the untouched gel
+again, under a new number, recognizes it without processing and takes it for a fresh frame without contact. If a
+metric reads sums over cells and no display needs pixels, only those sums are computed.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class TrialSteering(Protocol):
         ...
 
     def act(self, percept: Percept) -> Act:
-        """Take in a percept and return what the person does."""
+        """Take in a percept and return the person's action."""
         ...
 
 
@@ -78,21 +78,21 @@ class TrialRig:
         poses_rad: The hand's closure poses, float64 (5, 16).
         gels: A fingertip's gel and camera, by finger.
         baselines: Their untouched pictures.
-        person: Who acts.
+        person: The simulated person.
         emg: Turns excitation into EMG.
         worn: The vest, in the trial's condition.
         meters: Measure each finger's frames.
         blocks: Turns EMG into levels.
         block_ns: How long a block is.
         scorer: Counts what happens.
-        bus: Told of every picture, before and after it is measured, and of every block of EMG.
+        bus: Receives every frame, before and after it is measured, and every block of EMG.
         end_s: When the trial is over whatever happens, seconds.
-        muted: Asked whether somebody has switched the vest off.
+        muted: Returns whether the user has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
         with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
-        painted: Whether every picture is painted, for who looks at :attr:`frames`; else only those that somebody on
-            the bus wants, or whose metric needs pixels.
-        on_act: Told after every 10 ms what was perceived and done.
+        painted: Whether every frame is painted, for readers of :attr:`frames`; else only those that a subscriber on
+            the bus wants, or for a metric that needs pixels.
+        on_act: Called with the percept and the action after every 10 ms.
 
     Attributes:
         contacts: Stream of measured frames, by finger, for the loop.
@@ -100,9 +100,9 @@ class TrialRig:
         frames: The newest picture of each finger that was painted.
         measured: The contact in it.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
-        vest: What the vest's motors are told now; ``None`` where it is off or not worn.
-        act: What the person does now.
-        truth: What is so, as of the person's last look.
+        vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
+        act: The person's current action.
+        truth: The true state, as of the person's last look.
         t_ns: Time that has passed, nanoseconds.
     """
 
@@ -174,7 +174,7 @@ class TrialRig:
         self.vest = None if self._muted() else self._worn(t_ns / 1e9, frame)
 
     def _expose(self, t_ns: int) -> None:
-        """Take four pictures and put what they show on its way to the loop."""
+        """Take four camera frames and send their contents to the loop."""
         number = self._n_frames
         self._n_frames = number + 1
         self._camera_ns = round((number + 1) * 1e9 / CAMERA_HZ)
@@ -206,7 +206,7 @@ class TrialRig:
                 )
 
     def _picture(self, finger: int, indenters: Sequence[Indenter], number: int) -> NDArray[np.uint8]:
-        """Return what a camera shows; the untouched gel's picture where that is all there is to see."""
+        """Return a camera's frame; the untouched gel's frame if there is nothing else to see."""
         gel = self._gels[finger]
         # A metric that learns from an untouched gel is shown it.
         seen = not self._skip_untouched or self._meters[finger].metric.memory

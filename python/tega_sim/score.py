@@ -43,7 +43,7 @@ class TrialEvent(msgspec.Struct, frozen=True):
 
 
 class TrialScorer:
-    """Counts what happens in a trial; told the truth a hundred times a second or so.
+    """Counts the events of a trial; receives the truth about a hundred times a second.
 
     Args:
         harm_m: Narrowing of the object from which it counts as deformed, metres.
@@ -69,11 +69,11 @@ class TrialScorer:
         self._squeeze: tuple[float, float] | None = None
 
     def take(self, t_s: float, truth: WorldTruth, *, placing: bool) -> None:
-        """Take what is so now.
+        """Take the current true state.
 
         Args:
             t_s: Time since the trial's start, seconds.
-            truth: What is so.
+            truth: The true state.
             placing: Whether the object is being put down, when it may slide and lie on the table again.
         """
         self.peak_force_n = max(self.peak_force_n, *truth.pad_force_n)
@@ -91,7 +91,7 @@ class TrialScorer:
         self._slide(t_s, truth.slip_m, truth.slip_m_s)
 
     def close(self) -> None:
-        """End the trial: what is still going on counts as it stands."""
+        """End the trial: events still under way count with their current values."""
         self._end_slip()
         self._end_squeeze()
         self.events.sort(key=lambda event: event.t_s)

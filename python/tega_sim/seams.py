@@ -1,8 +1,8 @@
 """Define the types that the simulated world, gel, operator and loop pass to one another.
 
-The world steps physics and says what presses each fingertip (:class:`Indenter`) and what is true (:class:`WorldTruth`).
-The gel turns indenters into a picture. The operator is given what a person could perceive (:class:`Percept`) and
-answers with what the person does (:class:`Act`). Nothing here computes.
+The world steps physics and returns each fingertip's indenters (:class:`Indenter`) and the true state
+(:class:`WorldTruth`). The gel turns indenters into a camera frame. The operator receives everything that a person
+could perceive (:class:`Percept`) and returns the person's action (:class:`Act`). Nothing here computes.
 
 Fingers are in the order thumb, index, middle, ring. Pad frame of a fingertip: origin on the undeformed gel at its
 middle, x to the right and y down in the upright picture, z out of the gel; right-handed.
@@ -69,10 +69,10 @@ class Percept(NamedTuple):
 
     Attributes:
         t_s: Simulated time since the trial began, seconds.
-        scene: What is before the eyes.
-        vest: What the vest's motors are told now; ``None`` where it is off or not worn.
+        scene: The scene in view.
+        vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
         closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None`` where it is not shown.
-        angles_rad: Its 16 joint angles, which no person sees but who keeps what the sensors say; ``None`` likewise.
+        angles_rad: Its 16 joint angles, for logs of the sensors only; no person sees them. ``None`` in the same case.
     """
 
     t_s: float
@@ -88,7 +88,7 @@ class Act(NamedTuple):
     Attributes:
         excitation: Drive of the grip muscles as a share of the strongest, 0 to 1.15; EMG follows it.
         forearm_m: Where the person moves the hand: height over the grasp pose and distance back from it, metres.
-        phase: What the person is about: ``reach``, ``grasp``, ``lift``, ``hold``, ``place``, ``release``, ``done``.
+        phase: Phase of the person's task: ``reach``, ``grasp``, ``lift``, ``hold``, ``place``, ``release``, ``done``.
     """
 
     excitation: float

@@ -1,4 +1,4 @@
-"""Keep the course of a trial, the truth beside what the sensors said, as arrays and as tables."""
+"""Keep the course of a trial, the truth beside the sensors' readings, as arrays and as tables."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ class Streams:
     """Keeps the course of one lift; give it to :func:`tega_sim.trial.run_trial`.
 
     Attributes:
-        rows: By table (``truth`` a hundred times a second, ``contacts`` every frame, ``levels`` every EMG block,
-            ``vest`` every frame that the loop sent, ``values`` what a metric measures besides, ``beside-…`` what stages
-            beside the connected ones say), each a list of rows; the first number of a row is the time in seconds.
-            ``truth`` has what the person did, too.
+        rows: By table, each a list of rows; the first number of a row is the time in seconds. ``truth`` a hundred
+            times a second, with the person's actions; ``contacts`` every frame; ``levels`` every EMG block; ``vest``
+            every frame that the loop sent; ``values`` additional measurements of a metric; ``beside-…`` answers of
+            stages beside the connected ones.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class Streams:
         self._firmest = Firmest()
 
     def act(self, percept: Percept, act: Act) -> None:
-        """Keep one look at the world and what the person did."""
+        """Keep one look at the world and the person's action."""
         scene = percept.scene
         self.rows["truth"].append(
             (
@@ -90,20 +90,20 @@ class Streams:
         self._firmest.take(picture)
 
     def contact(self, contact: Contact) -> None:
-        """Keep what was measured in one frame."""
+        """Keep the measurements of one frame."""
         self.rows["contacts"].append(numbers(contact))
         for one in contact.more:
             self.rows["values"].append((contact.t_ns / 1e9, contact.finger, *msgspec.structs.astuple(one)))
 
     def beside_contact(self, said: BesideContact) -> None:
-        """Keep what a metric beside the connected one says of a picture."""
+        """Keep the answer of a metric beside the connected one to a frame."""
         t_s, who = said.t_ns / 1e9, (said.stage, said.finger)
         self.rows["beside-contacts"].append(numbers(said))
         for one in said.more:
             self.rows["beside-values"].append((t_s, *who, *msgspec.structs.astuple(one)))
 
     def beside_levels(self, said: BesideIntent) -> None:
-        """Keep what a decoder beside the connected one says."""
+        """Keep the answer of a decoder beside the connected one."""
         self.rows["beside-levels"].append(numbers(said))
 
     def levels(self, intent: Intent) -> None:

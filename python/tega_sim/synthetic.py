@@ -1,7 +1,7 @@
 """Simulate fingertip cameras and EMG amplifiers: presses on a gel and contractions of a forearm, labelled so.
 
-They are drivers like any other, so that the loop, the recorder and every example run with no hardware. What they do
-not model stands in ``docs/evidence/sim-touch.md`` and :mod:`tega_sim.operator`.
+They are drivers like any other, so that the loop, the recorder and every example run with no hardware. Their limits
+are in ``docs/evidence/sim-touch.md`` and :mod:`tega_sim.operator`.
 """
 
 from __future__ import annotations
@@ -68,11 +68,11 @@ class SyntheticTouchOptions(Options, frozen=True):
     """Settings of :class:`SyntheticTouch`.
 
     Attributes:
-        seed: Of the gel and its noise.
+        seed: Seed of the gel and its noise.
         duration_s: How long the grasp lasts.
         rate_hz: Frames per second.
         force_n: How hard the finger presses at full effort, newtons.
-        radius_mm: Of the ball that is grasped: small is sharp, large is broad.
+        radius_mm: Radius of the grasped ball: small is sharp, large is broad.
         delay_s: How much later than the others this finger meets the object.
     """
 
@@ -166,7 +166,7 @@ class SyntheticEmgOptions(Options, frozen=True):
     """Settings of :class:`SyntheticEmg`.
 
     Attributes:
-        seed: Of the noise.
+        seed: Seed of the noise.
         duration_s: How long the grasp lasts.
         rate_hz: Samples per second.
     """

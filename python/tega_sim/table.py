@@ -17,15 +17,15 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     """One object under one condition.
 
     Attributes:
-        object: Its name, with what the plan changed in it.
+        object: Name of the object, with the changes of the plan.
         condition: The arm.
         n: Trials.
         success: Share of them that were lifted and held.
         slips: Mean per trial, as the others.
-        deformations: Likewise.
-        drops: Likewise.
-        duration_s: Likewise, seconds.
-        peak_force_n: Likewise, newtons.
+        deformations: Mean number of deformations.
+        drops: Mean number of drops.
+        duration_s: Mean duration, seconds.
+        peak_force_n: Mean peak force, newtons.
     """
 
     object: str

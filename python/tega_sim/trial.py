@@ -42,15 +42,15 @@ def run_trial(
     """Run a trial.
 
     Args:
-        plan: What it is to be.
-        person: Who acts instead of the plan's operator; needed for ``keyboard``.
+        plan: The plan of the trial.
+        person: Operator instead of the plan's; required for ``keyboard``.
         real_time: Whether to keep to the machine's clock; the results are the same.
-        observer: Told thirty times a second of simulated time what there is to see.
-        streams: Where to keep the truth and what the sensors said of the lift that counts.
+        observer: Called with the state to display, thirty times a second of simulated time.
+        streams: Receives the truth and the sensors' readings of the lift that counts.
         recorder: What records the lift that counts.
         stop: Asked all the time whether to end; the trial then counts as it stands.
         paused: Asked all the time whether to stand still.
-        muted: Asked at every vest frame whether somebody has switched the vest off.
+        muted: Called at every vest frame; returns whether the user has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
             that is felt, kept or looked at hangs on their pictures; the results are the same.
 

@@ -43,7 +43,7 @@ def plan_trials(
         conditions: The arms to compare.
         seeds: Seeds, 0 or more.
         mass_kg: Masses of each object; ``None`` is its own, as with the following.
-        stiffness_n_m: Of its wall.
+        stiffness_n_m: Stiffness of its wall.
         friction: Between it and the gel.
         settings: Further attributes of :class:`TrialPlan`, the same for all.
 
@@ -74,7 +74,7 @@ def run_trials(
         jobs: Worker processes; 0 for as many as there are cores. One runs in this process.
         out: A file of results, one JSON object a line; trials it holds already are not run again, and new ones are
             added as they end. Results of other plans in it are kept.
-        progress: Told how many are done.
+        progress: Called with the number of finished trials.
 
     Returns:
         The results in the order of the plans.
@@ -139,7 +139,7 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
 
 
 def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
-    """Refuse results of simulated persons whose parameters, or rules, were not today's."""
+    """Refuse results of simulated persons with other parameters, or rules, than today's."""
     from tega_sim.operator import load_parameters, people_digest
 
     numbers = load_parameters().digest
@@ -158,7 +158,7 @@ def _add(file: IO[bytes], result: TrialResult) -> None:
 
 
 def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialResult]) -> None:
-    """Write what is known in the order of the plans, other plans' results behind; equal runs give equal bytes."""
+    """Write results in the order of the plans, other plans' results last; equal runs give equal bytes."""
     ordered = dict.fromkeys([*plans, *known])
     lines = [msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known]
     write_whole(path, b"".join(lines))

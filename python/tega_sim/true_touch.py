@@ -1,8 +1,8 @@
-"""Show the wearer what is true in the simulated world in the place of what the pictures show: positive controls.
+"""Show the wearer the truth of the simulated world instead of the measurements: positive controls.
 
-The loop goes on as ever: it measures every picture, and its tables and displays have what it measured. Only the frames
-of the vest are made of the truth, at the same rate, by a mapping of the real vest, and they go the same way to the
-skin.
+The loop is unchanged: it measures every camera frame, and its tables and displays have its measurements. Only the
+vest's frames come from the truth, at the same rate, by a mapping of the real vest, and they reach the skin in the
+same way.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ _SHOWN: Final[dict[Tells, StageConfig]] = {
 class TrueTouch(TouchLoop):
     """Makes vest frames of the world's truth, and everything else of the measured contacts.
 
-    A slip begins when the object, off the table, slides down through the grasp at 5 mm/s, the speed by which slips are
-    counted, and is over when it has rested for 0.2 s. It is told at once: that it goes on for 30 ms and comes to 3 mm,
-    as what is counted does, cannot be known yet.
+    A slip begins when the object, off the table, slides down through the grasp at 5 mm/s, the speed by which slips
+    are counted, and is over when it has rested for 0.2 s. It is shown at once. Counted slips last at least 30 ms and
+    reach 3 mm, which cannot be known at the start.
 
     Args:
-        tells: Which truth.
+        tells: Kind of truth.
         maxima: As of :class:`tega.loop.touch.TouchLoop`, like the following.
         layout: Which motors the vest has.
         mirror: Which faces have their columns reversed.
@@ -81,7 +81,7 @@ class TrueTouch(TouchLoop):
         self._slid_s: float | None = None
 
     def watch(self, t_s: float, truth: WorldTruth) -> None:
-        """Take note of what is true now; asked a hundred times a second."""
+        """Note the current true state; called a hundred times a second."""
         self._forces_n = truth.pad_force_n
         if self._slid_s is not None and t_s - self._slid_s >= REST_S:
             self._slid_s = None
@@ -95,7 +95,7 @@ class TrueTouch(TouchLoop):
             self._slid_s = t_s
 
     def frame(self, t_ns: int) -> MotorLevels:
-        """Return the vest frame of what is true now."""
+        """Return the vest frame for the current true state."""
         contacts = {
             finger: Contact(finger=finger, t_ns=t_ns, in_contact=force_n > 0, force_n=force_n)
             for finger, force_n in zip(FINGERS, self._forces_n, strict=True)
@@ -113,12 +113,12 @@ def stages_of(lab: Lab, plan: TrialPlan) -> StagesSection:
 
 
 def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
-    """Return what makes the vest's frames in a trial: of what was measured, or of what is true.
+    """Return the source of the vest's frames in a trial: the measurements or the truth.
 
     Args:
         lab: The person's lab.
         plan: The trial.
-        layout: Of the vest.
+        layout: The vest's layout.
     """
     config, tells = lab.config, ARMS[plan.condition].tells
     mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror

@@ -21,8 +21,8 @@ _LOOK_S = 0.2
 def over_cores(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:
     """Do the jobs in processes of their own; results come as they are ready.
 
-    A signal that ends this process, SIGKILL too, ends the workers within a second: they ask who their parent is.
-    (Windows does not tell; there the workers of a killed program finish their job.)
+    A signal that ends this process, even SIGKILL, ends the workers within a second: they check their parent. (Windows
+    does not report it; there the workers of a killed program finish their job.)
 
     Args:
         work: What to do with a job; a function of a module.

@@ -11,7 +11,7 @@ from tega_study.difference import OutcomeDifference, outcome
 from tega_study.paper import PAPER_OBJECTS, PAPER_TABLE_1
 from tega_study.trials import Trial
 
-Verdict = Literal["as printed", "opposite", "not told apart", "no data"]
+Verdict = Literal["as printed", "opposite", "not distinguished", "no data"]
 
 
 class Direction(OutcomeDifference, frozen=True, kw_only=True):
@@ -45,7 +45,7 @@ def directions(trials: Sequence[Trial], conditions: tuple[str, str]) -> tuple[Di
             if not off:
                 continue
             seen, sign = outcome(trials, metric, name, conditions), 1 if off > 0 else -1
-            verdict: Verdict = "not told apart" if seen.people else "no data"
+            verdict: Verdict = "not distinguished" if seen.people else "no data"
             if seen.apart:
                 verdict = "as printed" if (seen.difference or 0.0) * sign > 0 else "opposite"
             found.append(

@@ -17,7 +17,7 @@ FEATURE = Feature(
             "tega_study.cli.take:take", "Record episodes, begun and ended by key or pedal."
         ),
         "recording relabel": Verb("tega_study.cli.take:relabel", "Change the task or outcome of episodes."),
-        "recording encode": Verb("tega_study.cli.take:encode", "Encode the pictures of a recording anew."),
+        "recording encode": Verb("tega_study.cli.take:encode", "Encode the pictures of a recording again."),
     },
     extra="study",
 )

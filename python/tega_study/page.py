@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 _SHORT = {"duration_s": "time", "slips": "slips", "deformations": "deformed", "success": "success"}
-_MARKS = {"as printed": "yes told", "opposite": "no told", "not told apart": "", "no data": ""}
+_MARKS = {"as printed": "yes told", "opposite": "no told", "not distinguished": "", "no data": ""}
 _SMALLEST = 0.005
 """Differences that round to 0.00 are called none."""
 

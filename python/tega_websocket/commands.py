@@ -1,4 +1,4 @@
-"""Check the commands of clients: one client leads, and what it asks lapses by itself."""
+"""Check the commands of clients: one client leads, and its command expires without renewal."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Commands:
     # The run's side.
 
     def muscles(self) -> Muscles:
-        """Return the EMG side of a run whose levels a client asks for."""
+        """Return the EMG side of a run with levels from a client."""
         return far_muscles(self._source, self._levels)
 
     def seats(self) -> dict[str, Seat]:

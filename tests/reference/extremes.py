@@ -20,7 +20,7 @@ GROUPS: Final[dict[Group, tuple[str, str]]] = {
     ),
     "touch": (
         "Touch, live",
-        "The tracker follows no equation, so it is held to what it promises whatever a camera shows.",
+        "The tracker follows no equation, so it is held to its guarantees under any camera input.",
     ),
     "sigmoid": ("Vest intensity (Eq 7 to 9)", ""),
     "emg": (
@@ -31,7 +31,7 @@ GROUPS: Final[dict[Group, tuple[str, str]]] = {
     ),
     "decoders": (
         "Learned EMG decoders",
-        "Taught once on made squeezes of three channels; held to what a decoder promises, not to an equation.",
+        "Taught once on made squeezes of three channels; held to a decoder's guarantees, not to an equation.",
     ),
 }
 """Titles of the groups of extremes, in the order of the page, and what is said of each."""
@@ -39,10 +39,10 @@ GROUPS: Final[dict[Group, tuple[str, str]]] = {
 HEAD: Final = """\
 # Stress: the kernels where numbers go wrong
 
-Every line is a property of the kernels (`tests/tega/property/test_extremes_*.py`): what was done, how
+Every line is a property of the kernels (`tests/tega/property/test_extremes_*.py`): the test, how
 far the worst result was from an exact reference, and the bound that it has to keep. The references are whole numbers
 and fractions for the contact metrics, 60-digit decimals for the vest intensity and the EMG filter
-(`tega_figures.exact`); none of them shares code with what it judges. What follows no equation is held to its
+(`tega_figures.exact`); none of them shares code with its subject. A kernel without an equation is held to its
 promises. Hypothesis searches the ranges, with the same examples each time.
 
 This page is written by `make stress`, after every line has passed. Errors have one digit; the last digits of a

@@ -192,7 +192,7 @@ def test_a_tracker_is_accepted_by_hand(tmp_path: Path) -> None:
     assert steps["latency"].measured["age_p50_ms"] >= 0
     assert steps["least"].status == "passed"
     assert steps["least"].measured["moved_m"] == pytest.approx(0.1, abs=0.02)
-    assert steps["stop"].said.startswith("a forearm that is out of sight is told as lost")
+    assert steps["stop"].said.startswith("a forearm that is out of sight is reported as lost")
 
 
 def test_a_switch_is_accepted_by_hand_and_one_that_is_held_by_itself_fails(tmp_path: Path) -> None:
@@ -224,7 +224,7 @@ def test_a_switch_is_accepted_by_hand_and_one_that_is_held_by_itself_fails(tmp_p
 
         stuck = by_name(accept_device(config, case, Person("yes", act=stick), answered=True))
     assert stuck["limits"].status == stuck["stop"].status == "failed"
-    assert "is held although nobody touches it" in stuck["limits"].said
+    assert "reads as held although it is untouched" in stuck["limits"].said
 
 
 @pytest.mark.parametrize(
@@ -281,7 +281,7 @@ def test_nobody_at_the_dead_man_moves_no_arm(tmp_path: Path, monkeypatch: pytest
     steps = by_name(report)
     assert (steps["limits"].status, steps["least"].status) == ("skipped", "failed")
     assert not report.passed
-    assert "nobody held the dead-man switch" in steps["least"].said
+    assert "the dead-man switch was not held" in steps["least"].said
     assert steps["stop"].status == "look"
 
 
@@ -296,7 +296,7 @@ def test_the_report_is_written_twice_and_tells_no_key(settings: Path, tmp_path: 
     assert msgspec.convert(again, AcceptanceReport) == report
     said = words.read_text(encoding="utf-8")
     assert said == report_text(report)
-    assert "nobody has seen or felt anything" in said
+    assert "no person was asked" in said
     assert "To send back:" in said
     assert "secret" not in said + data.read_text(encoding="utf-8")
     assert str(tmp_path) not in said

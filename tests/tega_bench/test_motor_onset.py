@@ -109,8 +109,8 @@ def test_where_no_burst_is_played_nothing_is_found(motor: Emulator, tmp_path: Pa
     ("how", "said"),
     [
         ({"gain": 0}, "the recording is silent"),
-        ({"noise": 0.15}, "no vibration can be heard|not four times as loud"),
-        ({"loud": 0}, "no vibration can be heard|not four times as loud"),
+        ({"noise": 0.15}, "no vibration detected|not four times as loud"),
+        ({"loud": 0}, "no vibration detected|not four times as loud"),
         ({"loud": 3}, "the sound clips"),
     ],
 )
@@ -325,7 +325,7 @@ def test_a_vest_that_goes_away_gives_no_number_and_one_that_limits_does_not_coun
 def test_a_vest_that_does_not_tell_when_a_frame_leaves_is_refused(tmp_path: Path) -> None:
     recorder: Any = driver_class("vest-recorder", "vest")
     made = recorder(recorder.options_type(file=tmp_path / "v.csv"))
-    with made as vest, pytest.raises(DeviceUnavailableError, match="does not tell when a frame leaves"):
+    with made as vest, pytest.raises(DeviceUnavailableError, match="does not report when a frame leaves"):
         play_bursts(vest, 0, layout="x40", percent=60, bursts=1, clock=SystemClock())
 
 

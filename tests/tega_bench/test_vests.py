@@ -220,7 +220,7 @@ def test_a_frozen_peer_delays_neither_write_nor_close(any_bench: Bench) -> None:
 
 OPENING = [
     ("bhaptics-ble", "refuse", "connection-refused.*one program at a time"),
-    ("bhaptics-ble", "off", "no vest .* was heard in 0.5 s"),
+    ("bhaptics-ble", "off", "no vest .* was found in 0.5 s"),
     ("bhaptics-ble", "wrong-version", "TactSuitX40_EMU has no motor characteristic"),
     ("bhaptics-ble", "no-adapter", "No Bluetooth adapters found"),
     ("bhaptics-player", "refuse", "answers HTTP 503"),
@@ -308,7 +308,7 @@ class _Feels:
     ("name", "said"),
     [
         ("bhaptics-ble", "and the vest has answered behind the zeros of closing"),
-        ("bhaptics-player", "this driver does not tell whether the zeros of closing arrived"),
+        ("bhaptics-player", "this driver does not report whether the zeros of closing arrived"),
     ],
 )
 def test_an_acceptance_says_of_closing_what_the_vest_confirmed(name: str, said: str) -> None:
@@ -421,7 +421,7 @@ def test_opening_version_3_says_what_is_wrong_and_never_the_key(fault: str, said
 
 def test_version_3_tells_name_link_and_battery_of_the_vest() -> None:
     with bench("bhaptics-player", **V3) as made, made.vest as vest:
-        assert vest.condition == "TactSuitX40 connected, Player version 3, battery 98 %, fit not told"
+        assert vest.condition == "TactSuitX40 connected, Player version 3, battery 98 %, fit unknown"
         assert not vest.info.notes
         made.peer.say("flat")
         made.feed(lambda: vest.battery_percent == 9)
@@ -454,7 +454,7 @@ def test_auto_asks_for_version_3_first_and_takes_what_answers(fault: str) -> Non
             assert vest.condition.startswith(
                 "TactSuitX40 connected, Player version 3, battery 98 %"
                 if newer
-                else "vest connected, Player version 2, battery not told"
+                else "vest connected, Player version 2, battery unknown"
             )
             assert [n for n in vest.info.notes if "version 3 did not answer" in n] == (
                 [] if newer else [vest.info.notes[0]]
@@ -668,7 +668,7 @@ def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
             "vest": {"driver": "bhaptics-player", "options": options},
         }
         run_session(check_tree(settings, {}, base=tmp_path).config, bus=observed(shown.append))
-    said = "TactSuitX40 connected, Player version 3, battery 98 %, fit not told"
+    said = "TactSuitX40 connected, Player version 3, battery 98 %, fit unknown"
     assert said in {view.vest_condition for view in shown}
     state = ViewState(0, next(view for view in shown if view.vest_condition == said))
     assert f"<b>{said}</b>" in status_html(state)

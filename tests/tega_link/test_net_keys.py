@@ -141,7 +141,7 @@ def test_the_verb_makes_what_is_missing_and_leaves_what_is_there(tmp_path) -> No
         ({"listen": "tls/robot.lab:7447"}, "net keys"),
         ({"listen": "tls/127.0.0.1:7447"}, "asks for keys"),
         ({"listen": "tcp/127.0.0.1:7447", "keys": Path("k"), "operators": ("a",)}, "write tls/"),
-        ({"listen": "tls/10.0.0.1:7447", "keys": Path("k")}, "nobody may lead"),
+        ({"listen": "tls/10.0.0.1:7447", "keys": Path("k")}, "no operator may lead"),
         ({"listen": "udp/127.0.0.1:7447"}, "is no endpoint"),
         ({"listen": "tcp/127.0.0.1:70000"}, "70000"),
         ({"connect": "tcp/127.0.0.1:7447"}, "net.listen is not set"),

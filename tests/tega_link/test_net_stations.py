@@ -117,7 +117,7 @@ def test_one_operator_leads_and_a_second_is_told_by_whom(files, port) -> None:
         with Leader(port, "bob") as bob:
             robot_s_own = bob.join(name="alice")
             assert isinstance(robot_s_own, Refused)
-            assert "somebody else" in robot_s_own.why
+            assert "another name" in robot_s_own.why
     with Leader(port, "bob", session=79) as bob:
         until(lambda: isinstance(bob.join(), Welcome))
 

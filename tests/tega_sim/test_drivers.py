@@ -126,8 +126,8 @@ def test_the_contract_notices_a_source_that_does_not_start_again(tmp_path: Path)
     [
         ({"label": "one", "driver": "other"}, "names this driver"),
         ({"label": ""}, "has a label"),
-        ({"label": "one", "options": {"no_such": 1}}, "options that could stand in a settings file"),
-        ({"label": "one", "options": {"file": Path("x")}}, "options that could stand in a settings file"),
+        ({"label": "one", "options": {"no_such": 1}}, "options that a settings file can hold"),
+        ({"label": "one", "options": {"file": Path("x")}}, "options that a settings file can hold"),
         ({"label": "one", "hint": "do"}, "a hint is for a problem"),
     ],
 )

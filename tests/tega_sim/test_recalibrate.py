@@ -241,7 +241,7 @@ def test_maxima_alone_are_put_to_today(known: Bench) -> None:
     assert 0.35 < record["scale"] < 0.65
     assert [line for line in wizard.lines if line.startswith(">")] == [
         "> Let the arm lie, hand open, and do nothing [Enter]",
-        "> Squeeze: a fist, as strong as you can, until told to stop [Enter]",
+        "> Squeeze: a fist, as strong as you can, until the screen says stop [Enter]",
     ]
 
 
@@ -252,7 +252,7 @@ def test_maxima_alone_are_put_to_today(known: Bench) -> None:
         ("flat 2", 1.0, (), "ch2: no signal at all"),
         ("rail 1", 1.0, (), "ch1: "),
         ("emg", 0.08, (), "a strong squeeze is only"),
-        ("emg", 0.17, (), "times what it gave at the calibration"),
+        ("emg", 0.17, (), "times its signal at the calibration"),
         ("emg", 1.0, ("--set", "emg.kind=rectified"), "was calibrated with kind raw, now it is rectified"),
         ("emg", 1.0, ("--person", "p02"), "p02 has no calibration on"),
         ("emg", 1.0, ("--out", "new.json"), "there is no model to write"),
@@ -285,7 +285,7 @@ def some_model(folder: Path, **options: Any) -> Path:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"model": "kernel"}, "a kernel is not fitted anew in ten seconds"),
+        ({"model": "kernel"}, "a kernel cannot be refitted in ten seconds"),
         ({"person": "p07"}, "made for person 'p07'"),
         ({"channels": ("ch1", "ch2", "ch4")}, "made for channels 'ch1, ch2, ch4'"),
         ({"rate_hz": 1000}, "made for 1000 samples/s"),

@@ -94,9 +94,7 @@ def test_a_slip_firms_the_hand_which_is_recorded_and_shown() -> None:
         told = by_tick[command.t_ns]
         closure = None if told.added == 0 else (told.own + told.added - 1) / 4
         assert command.closure == closure
-    assert any(
-        view.reflex.startswith("+0.50 levels told to the hand, authority 100% (slip") for view in run.views
-    )
+    assert any(view.reflex.startswith("+0.50 levels added, authority 100% (slip") for view in run.views)
     assert run.views[0].reflex == "authority 100%"
 
 

@@ -281,7 +281,7 @@ def test_a_hand_that_does_not_open_is_told_as_far_as_it_is(tmp_path: Path) -> No
             hand._hand.step(5)
             closed_rad = CLOSURE_POSES_RAD[4]
             until(lambda: (hand._hand.step(5), np.abs(hand._hand.angles_rad - closed_rad).max() < 0.1)[1])
-            said = re.fullmatch(r"; the hand was told to open and is (\d\.\d\d) rad off", hand.words)
+            said = re.fullmatch(r"; the hand was commanded to open and is (\d\.\d\d) rad off", hand.words)
             assert said is not None
             assert float(said[1]) > 0.5
             until(lambda: (hand.look(1.0, may_move=True), "the hand is open" in hand.words)[1])
@@ -354,7 +354,7 @@ def test_nobody_at_the_switch_moves_nothing_and_the_experimenter_ends_it(
         ]
         lab.tree["arm"] |= {"start_m": [0.42, 0.08, 0.36]}
         config = check_tree(lab.tree, {}, base=tmp_path).config
-        with pytest.raises(TimeoutError, match="nobody held the dead-man switch for 1 s"):
+        with pytest.raises(TimeoutError, match="the dead-man switch was not held for 1 s"):
             go_to_start(config, _Hearing(), told_s=0.1)
         squeeze, to_start = LabBench(config).rest_tasks
         assert (squeeze.after_trials, to_start.after_trials) == (False, True)

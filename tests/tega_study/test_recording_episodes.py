@@ -131,7 +131,7 @@ def test_ctrl_c_cuts_the_episode_that_goes_on_and_deletes_nothing(tmp_path: Path
         EpisodeTaker(lab(0.6), tmp_path / "s", operator, task="touch", stop=stop).take()
     assert files(tmp_path / "s") == [EPISODES, "session.json", "trial-001.mcap", "trial-002.mcap"]
     last = read_episodes(tmp_path / "s")[-1]
-    assert (last.step, last.why) == ("cut", "the program was told to end")
+    assert (last.step, last.why) == ("cut", "the program was interrupted")
     assert inspect_file(tmp_path / "s/trial-002.mcap").complete
 
 

@@ -101,7 +101,7 @@ def test_a_direction_is_people_s_mean_difference_with_its_t_interval() -> None:
     reach = math.tan(0.475 * math.pi) * 0.75
     assert slips.low == pytest.approx(-2.75 - reach)
     assert slips.high == pytest.approx(-2.75 + reach)
-    assert slips.verdict == "not told apart"
+    assert slips.verdict == "not distinguished"
     assert of["duration_s", "bottle"].low is None, "people all alike give no interval"
     assert of["slips", "bag"].verdict == "no data"
     assert len(of) == 9
@@ -116,7 +116,7 @@ def test_the_page_says_what_came_out_and_of_which_assumptions(study: Path) -> No
     verdicts = {(one.metric, one.object): one.verdict for one in done.analysis.directions}
     assert verdicts["slips", "bottle"] == verdicts["slips", "bag"] == "as printed"
     assert verdicts["slips", "container"] == "opposite"
-    assert verdicts["success", "bottle"] == "not told apart"
+    assert verdicts["success", "bottle"] == "not distinguished"
     assert (
         "2 of the paper's 9 differences come out in its direction (slippage of bottle, slippage of bag)"
         in page

@@ -134,13 +134,13 @@ def test_commands_press_the_keys_of_the_screen(tmp_path: Path) -> None:
 def test_where_nobody_leads_a_command_is_refused_and_not_kept_for_later(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(DeviceUnavailableError, match="nobody leads the session of p01"):
+    with pytest.raises(DeviceUnavailableError, match="no program leads the session of p01"):
         tell(study, "p01", "start", clock=SystemClock())
     assert not told_path(study, "p01").exists()
     with pytest.raises(SystemExit) as ended:
         main(["study", "tell", str(study), "p01", "start"])
     assert ended.value.code == 3
-    assert "nobody leads" in capsys.readouterr().err
+    assert "no program leads" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipe and link")

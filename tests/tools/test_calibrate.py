@@ -409,7 +409,7 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     today.full = 0.4
     changed = calibrate(file, today, "--refresh")
     assert changed.code == 1
-    assert "times what it gave at the calibration" in changed.said
+    assert "times its signal at the calibration" in changed.said
     board.say(f"effort {RESTING}")
     tracked = Wizard(
         ["practice", str(file), "--person", "p01", "--seconds", "10", "--json"], lambda _prompt: ""

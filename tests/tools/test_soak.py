@@ -88,8 +88,8 @@ def test_a_good_report_passes() -> None:
         ("rss_mib_end", 0.0, "memory was not measured"),
         (
             "faults",
-            [SoakFault(kind="a", device="b", how="c", injected_s=0.0, outcome="not told")],
-            "not told",
+            [SoakFault(kind="a", device="b", how="c", injected_s=0.0, outcome="not reported")],
+            "not reported",
         ),
     ],
 )

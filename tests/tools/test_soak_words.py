@@ -48,7 +48,7 @@ _NO_POSE = _watch(poses=False, arm=True)
 _LOST = _watch(poses=False, arm=True, refusal="the tracker calls it lost")
 _NO_ARM = _watch(poses=True, arm=False)
 _ARM_ENDED = (
-    "simulated-arm: the arm's process has ended (-9); nobody leads the arm: use its switch if it moves"
+    "simulated-arm: the arm's process has ended (-9); no program controls the arm: use its switch if it moves"
 )
 
 _ABOUT: dict[str, list[dict[str, Any]]] = {
@@ -58,7 +58,7 @@ _ABOUT: dict[str, list[dict[str, Any]]] = {
     },
     "emg": [_line("emg: no vote for channel 2: railed"), _held("emg: no signal for 0.3 s")],
     "hand": [_line("hand: messages have a wrong length"), _line("hand: frames come twice")],
-    "hand silence": [_line("hand: silent; it was told to switch its motors off and has not confirmed it")],
+    "hand silence": [_line("hand: silent; it has not confirmed the command to switch its motors off")],
     "hand freeze": [
         {"ended": "DeviceUnavailableError: allegro: no joint angle has changed by a single count for 0.4 s"}
     ],

@@ -44,7 +44,7 @@ class ArmChain:
         self._to_base, self._clutch = ToBase(s.mapping), Clutch(s.mapping)
         self._workspace = Workspace(s.limits)
         self._state: ArmState = "idle"
-        self._reason = "nobody has taken hold yet"
+        self._reason = "the operator has not taken hold yet"
         self._now_ns: int | None = None
         self._unfiltered: tuple[int, Pose] | None = None
         self._hand: Pose | None = None
@@ -102,7 +102,7 @@ class ArmChain:
     def clear(self) -> None:
         """Go back to idle, once a person has seen that it is safe; the next target begins at the measured pose."""
         if self._state == "stopped":
-            self._state, self._reason = "idle", "nobody has taken hold yet"
+            self._state, self._reason = "idle", "the operator has not taken hold yet"
             self._attached = self._was_open = False
 
     def _start_over(self, reason: str) -> None:

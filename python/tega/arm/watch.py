@@ -122,11 +122,11 @@ class ArmWatch:
 
     def _with_arm(self, now_ns: int) -> Trouble:
         if self._arm_ns is None:
-            return Trouble(Level.LOSE, "the arm has not told yet where it is")
+            return Trouble(Level.LOSE, "the arm has not reported its position yet")
         age_ms = (now_ns - self._arm_ns) / 1e6
         if age_ms <= self._s.hold_ms:
             return Trouble(Level.NONE, "")
-        return self._by_age(age_ms, "the arm did not tell where it is")
+        return self._by_age(age_ms, "the arm did not report its position")
 
     def _with_caller(self, away_ms: float) -> Trouble:
         if away_ms <= self._s.late_ms:

@@ -250,5 +250,5 @@ def _check_dead_man(seat: InputConfig | None) -> None:
             f"input.dead_man: a {seat.driver} that freezes while it is held would stay held: "
             "options.silent_after_ms is not set",
             "set input.dead_man.options.silent_after_ms: 100 where it repeats its report while held; else up to "
-            "10000: it then has to be pressed anew that often",
+            "10000: it then has to be pressed again that often",
         )

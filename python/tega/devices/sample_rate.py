@@ -29,5 +29,5 @@ def wrong_rate(who: str, measured_hz: float, rate_hz: float) -> SampleRateError:
         return too_slow(who, measured_hz, "really sends")
     return SampleRateError(
         f"{who} really sends {measured_hz:.1f} samples/s, {rate_hz:g} were expected",
-        f"set the board to {rate_hz:g}, or rate_hz to what it sends and calibrate again",
+        f"set the board to {rate_hz:g}, or rate_hz to its real rate and calibrate again",
     )

@@ -67,7 +67,7 @@ def find_boards(driver: str, *, dongles: bool) -> list[Found]:
                 hint="join the group that owns it (sudo usermod -aG dialout $USER) and log in again"
                 if denied
                 else "",
-                note="which program runs on it cannot be told from outside",
+                note="its firmware cannot be detected from outside",
                 may_open=False,
             )
         )

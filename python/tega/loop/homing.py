@@ -113,7 +113,7 @@ def go_to_start(
             follows = way.state == "following" and now_s - way.seen_s < _FRESH_S
             held_s = now_s if follows else max(held_s, told_until_s)
             if now_s - held_s > PATIENCE_S:
-                raise TimeoutError(f"nobody held the dead-man switch for {PATIENCE_S:g} s: {way.reason}")
+                raise TimeoutError(f"the dead-man switch was not held for {PATIENCE_S:g} s: {way.reason}")
             if now_s < told_until_s:
                 shows.show("THE ARM WILL MOVE: everybody out of its reach", (), told_until_s - now_s)
             elif problem := steering.problem or hand.unguarded:
@@ -201,7 +201,7 @@ class _Opening:
         off_rad = float(np.abs(self._hand.angles_rad - self._open_rad).max())
         if off_rad <= OPEN_RAD:
             return f"; the hand is open, {off_rad:.2f} rad off"
-        return f"; the hand was told to open and is {off_rad:.2f} rad off"
+        return f"; the hand was commanded to open and is {off_rad:.2f} rad off"
 
     def look(self, dt_s: float, *, may_move: bool) -> None:
         """Go on opening it, or have it stay where it is."""

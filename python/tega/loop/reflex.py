@@ -184,7 +184,7 @@ class ReflexArc:
         """Add the reflex's addition and its reason to a view of the loop."""
         said = f"authority {self.authority:.0%}"
         if self.added > 0:
-            said = f"+{self.added:.2f} levels told to the hand, {said}"
+            said = f"+{self.added:.2f} levels added, {said}"
             said += f" ({self.reflex.cause})" if self.reflex.cause else ""
         return view._replace(reflex=said)
 

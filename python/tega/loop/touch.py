@@ -168,7 +168,9 @@ class TouchLoop:
         try:
             intensities = _native.vest_percents(numbers)
         except InvalidValueError as error:
-            raise InvalidValueError(f"the mapping gave what is not finite: {error.message}", hint) from error
+            raise InvalidValueError(
+                f"the mapping returned a value that is not finite: {error.message}", hint
+            ) from error
         intensities.flags.writeable = False
         return MotorLevels(self._layout, intensities)
 

@@ -255,7 +255,7 @@ def _owner(folder: Path) -> dict[str, Any]:
     """Return which file a folder belongs to; of other people's folders nothing is believed."""
     seen = folder.stat(follow_symlinks=False)
     if sys.platform == "win32" or not folder.is_dir() or folder.is_symlink() or seen.st_uid != os.getuid():
-        raise ValueError(f"{folder.name} is somebody else's")
+        raise ValueError(f"{folder.name} belongs to another user")
     return parse_json((folder / _OWNER).read_bytes(), dict[str, Any])
 
 

@@ -216,7 +216,7 @@ def _index(folder: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError, msgspec.DecodeError) as error:
         raise RecordingError(
             f"{folder.name}/{INDEX_NAME}: no index of a session: {error}",
-            "mend it or restore it from a copy; moved away, a new one is begun, without what it said of the trials",
+            "fix it or restore it from a copy; if you move it away, a new one starts without the entries of its trials",
         ) from error
     return index
 

@@ -17,7 +17,7 @@ from tega.runtime.files.foreign_file import tells_damage
 from tega.runtime.files.whole_file import new_file
 from tega.runtime.lifecycle import require
 
-_HINT = "merge what was recorded with one setup; keep the others apart"
+_HINT = "merge only recordings of one setup; keep the others apart"
 
 
 class _Part(NamedTuple):

@@ -176,7 +176,7 @@ class RecorderProcess:
         try:
             send_object(self._asked, (verb, *content))
         except OSError as error:
-            raise RecordingError(self._gone(), "see what the recorder said above") from error
+            raise RecordingError(self._gone(), "see the recorder's message above") from error
         finally:
             patience.cancel()
         return self._answer(verb)

@@ -62,7 +62,7 @@ class ChangesMapping(SlipRowMapping):
     """
 
     summary: ClassVar[str] = (
-        "columns that tell changes: strong at onset and offset, weak while touch is steady"
+        "columns that show changes: strong at onset and offset, weak while touch is steady"
     )
     options_type: ClassVar[type[StageOptions]] = ChangesOptions
 

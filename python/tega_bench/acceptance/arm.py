@@ -104,7 +104,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
             said = go_to_start(msgspec.structs.replace(config, arm=goal), told, bus=bus)
     except TimeoutError as error:
         yield from skipped_steps(("limits",), "the arm did not move")
-        todo = "hold dead-man and clutch when you are asked to; else look at what the arm says of itself"
+        todo = "hold dead-man and clutch when you are asked to; else check the arm's own messages"
         yield AcceptanceStep(name="least", status="failed", said=str(error), todo=todo)
     else:
         yield _speed_step(turns, limits.speed_m_s)
@@ -159,9 +159,8 @@ def _speed_step(turns: Sequence[ArmTurn], limit_m_s: float) -> AcceptanceStep:
     return AcceptanceStep(
         name="limits",
         status="passed" if good else "failed",
-        said=f"the limit is {100 * limit_m_s:g} cm/s; it was told {100 * asked_m_s:.1f} at most, and it was seen "
-        f"to go at {100 * fastest_m_s:.1f}"
-        + ("" if held else "; it was told to speed up without the dead-man"),
+        said=f"the limit is {100 * limit_m_s:g} cm/s; the fastest command was {100 * asked_m_s:.1f}, and it was "
+        f"measured at {100 * fastest_m_s:.1f}" + ("" if held else "; commands sped up without the dead-man"),
         measured={"told_m_s": round(asked_m_s, 4), "measured_m_s": round(fastest_m_s, 4)},
     )
 
@@ -202,7 +201,7 @@ def _stands(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) -> Ac
         status="failed" if not stands else seen_status(answer),
         said=f"without the dead-man its place stayed within {1000 * drift_m:.2f} mm for "
         f"{time.monotonic() - start_s:.0f} s",
-        todo="" if stands else "press the emergency stop, and tell us",
+        todo="" if stands else "press the emergency stop, and report it",
         measured={"drift_mm": round(1000 * drift_m, 3)} if len(places) else {},
         answers={"Does the arm stand still?": answer},
     )

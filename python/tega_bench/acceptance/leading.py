@@ -55,7 +55,7 @@ def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> I
     yield AcceptanceStep(
         name="latency",
         status="look" if old else "passed",
-        said="from a pose's time stamp until it was read here; what the tracker takes before its stamp is not in it"
+        said="from a pose's time stamp until it was read here; without the tracker's delay before its stamp"
         + (f"; poses older than {gate.age_ms:g} ms are not used" if old else ""),
         measured={f"age_p{p}_ms": round(float(np.percentile(ages_ms, p)), 2) for p in (50, 95, 100)},
     )
@@ -69,7 +69,7 @@ def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> I
         name="least",
         status="passed" if gone_m >= _MOVED_M else "look",
         said=f"the forearm was seen to go {100 * gone_m:.0f} cm",
-        todo="" if gone_m >= _MOVED_M else "nobody moved it, or the tracker does not see it",
+        todo="" if gone_m >= _MOVED_M else "it was not moved, or the tracker does not see it",
         measured={"moved_m": round(gone_m, 3)},
     )
     yield _lost(source, guide)
@@ -145,7 +145,7 @@ def _lost(source: Any, guide: AcceptanceGuide) -> AcceptanceStep:
         said=(
             f"{believed} poses of a forearm that is out of sight were believed in the last second"
             if believed
-            else "a forearm that is out of sight is told as lost"
+            else "a forearm that is out of sight is reported as lost"
         )
         + "; closed and opened again, "
         + ("poses came" if back else "no pose came"),
@@ -190,7 +190,7 @@ def accept_input(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep
         name="least",
         status="passed" if touched else "look",
         said=f"pressed: {', '.join(pressed) or 'no button'}; the farthest axis went to {100 * pushed:.0f} %",
-        todo="" if touched else "nobody touched it, or it is not this device that was touched",
+        todo="" if touched else "it was not touched, or another device was touched",
         measured={"farthest_percent": round(100 * pushed, 1), "events_count": float(len(events))},
     )
     guide.say("Let go of it again.")
@@ -233,7 +233,7 @@ def _input_limits(rest: list[InputReading], moved: list[InputReading]) -> Accept
     away = any(not one.live for one in rest)
     bad = bool(held) or most > 1
     said = [f"untouched, its axes stay within {100 * drift:.1f} %"]
-    said += [f"{', '.join(held)} is held although nobody touches it"] if held else []
+    said += [f"{', '.join(held)} reads as held although it is untouched"] if held else []
     said += [f"an axis went to {100 * most:.0f} %, beyond full deflection"] if most > 1 else []
     said += ["for a while it had no data"] if away else []
     return AcceptanceStep(

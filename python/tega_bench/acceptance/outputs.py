@@ -79,7 +79,7 @@ def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide)
         name="least",
         status="failed" if n_zero == _PULSES else "look" if n_zero or not where else "passed",
         said=f"{_PULSES - n_zero} of {_PULSES} frames were sent to a vest that is connected",
-        todo="" if where else "nobody said where it was felt: tega-teleop vest identify tells every place",
+        todo="" if where else "no answer where it was felt: tega-teleop vest identify names every place",
         measured={"strength_percent": float(percent)},
         answers={"Where was it felt?": where},
     )
@@ -112,7 +112,7 @@ def _pulse(vest: Any, dark: MotorLevels, motors: list[int]) -> tuple[int, int, l
 
 def _vest_rate(left_ms: list[tuple[float, float]]) -> AcceptanceStep:
     if len(left_ms) < 2:
-        said = "this driver does not tell when a frame leaves"
+        said = "this driver does not report when a frame leaves"
         return AcceptanceStep(name="rate", status="skipped", said=said)
     times_s = np.array([left_s for left_s, _ in left_ms])
     rate_hz = (len(times_s) - 1) / max(float(times_s[-1] - times_s[0]), 1e-9)
@@ -169,9 +169,9 @@ def _vest_stop(vest: Any, dark: MotorLevels, percent: int, guide: AcceptanceGuid
         + (
             ", and the vest has answered behind the zeros of closing"
             if optional(vest, "confirmed_rest")
-            else "; this driver does not tell whether the zeros of closing arrived"
+            else "; this driver does not report whether the zeros of closing arrived"
         ),
-        todo="use the vest's switch, and tell us" if seen == "failed" else "",
+        todo="use the vest's switch, and report it" if seen == "failed" else "",
         measured={"closed_s": round(closed_s, 3)},
         answers={"Is every motor silent?": silent},
     )
@@ -219,7 +219,7 @@ def _read_only(make: Any, options: Any) -> AcceptanceStep:
     with make(harmless) as hand:
         if not isinstance(hand, ReportingHand):
             return AcceptanceStep(
-                name="rate", status="skipped", said="its driver does not tell what it reports"
+                name="rate", status="skipped", said="its driver does not count the hand's reports"
             )
         before, start_s = hand.state().counts, time.monotonic()
         while time.monotonic() - start_s < _WATCH_S:
@@ -279,7 +279,7 @@ def _move(hand: Any, share: float, guide: AcceptanceGuide) -> list[AcceptanceSte
         AcceptanceStep(
             name="least",
             status="failed" if problem else seen_status(seen) if moved else "look",
-            said=f"told to close to level {LEAST_LEVEL:g}, its joints moved by up to {furthest:.3f} rad and came back"
+            said=f"asked to close to level {LEAST_LEVEL:g}, its joints moved by up to {furthest:.3f} rad and came back"
             + (f"; {problem}" if problem else ""),
             todo=""
             if furthest > _MOVED_RAD

@@ -112,7 +112,7 @@ class AcceptanceGuide(Protocol):
 
 def report_text(report: AcceptanceReport) -> str:
     """Return a report as text for a person."""
-    who = "a person answered" if report.answered else "nobody was asked: nobody has seen or felt anything"
+    who = "a person answered" if report.answered else "no person was asked, so nothing was seen or felt"
     lines = [
         f"Acceptance of {report.check}: {report.driver} {report.device}",
         f"{report.made:%Y-%m-%d %H:%M} UTC, TEGA {report.tega}, {report.system}; {who}",

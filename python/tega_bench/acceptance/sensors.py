@@ -85,7 +85,7 @@ def _age_step(seen: _Arrivals) -> AcceptanceStep:
     return AcceptanceStep(
         name="latency",
         status="passed" if len(ages) else "failed",
-        said="from the driver's time stamp until it was read here; what the device takes before its stamp is not in it",
+        said="from the driver's time stamp until it was read here; without the device's delay before its stamp",
         measured={f"age_p{p}_ms": _ms(ages, p) for p in (50, 95, 100)} if len(ages) else {},
     )
 

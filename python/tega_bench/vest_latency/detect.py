@@ -120,7 +120,7 @@ def find_onsets(
     spin_hz = _spin(signal, sound, rate_hz, heard, on_s)
     if not np.isfinite(spin_hz):
         return _nothing(
-            commands_s, "no vibration can be heard: nothing between 40 and 400 Hz is louder in the bursts",
+            commands_s, "no vibration detected: nothing between 40 and 400 Hz is louder in the bursts",
             "tape the microphone onto this motor; raise --percent or the microphone's level; silence the room",
         )  # fmt: skip
     strength = _Strength(signal, sound, rate_hz, spin_hz)
@@ -253,18 +253,18 @@ def _judged(spin_hz: float, bursts: list[BurstOnset]) -> Onsets:
     why, _ = max(onsets.left_out().items(), key=lambda one: one[1], default=("too few bursts", 0))
     hints = {
         "the sound clips": "lower the microphone's level",
-        _TOO_SOFT: "the motor is not heard over the background: is the microphone taped onto this motor? "
+        _TOO_SOFT: "the motor is not louder than the background: is the microphone taped onto this motor? "
         "Silence the room; raise --percent",
         "outside the recording": "does the recording belong to this log, and does it go to the end?",
     }
     return onsets._replace(
         problem=f"only {n_good} of {len(bursts)} bursts can be used; most often: {why}",
-        hint=hints.get(why, "nobody may talk, knock or move meanwhile; try again"),
+        hint=hints.get(why, "do not talk, knock or move meanwhile; try again"),
     )
 
 
 def _nothing(commands_s: Sequence[float], problem: str, hint: str) -> Onsets:
-    return Onsets(float("nan"), (_left_out("nothing heard"),) * len(commands_s), problem, hint)
+    return Onsets(float("nan"), (_left_out("no vibration"),) * len(commands_s), problem, hint)
 
 
 def load_signal() -> Any:

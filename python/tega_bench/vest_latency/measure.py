@@ -51,7 +51,7 @@ def watched_vest(vest: VestSink) -> VestSink:
     """
     if not vest.info.live or not isinstance(vest, StampingVest):
         raise DeviceUnavailableError(
-            f"{vest.info.driver}: does not tell when a frame leaves, so no delay can be counted from there",
+            f"{vest.info.driver}: does not report when a frame leaves, so no delay can be measured",
             "use bhaptics-player, bhaptics-ble or hid-vest, or let your driver have handed_over()",
         )
     return vest

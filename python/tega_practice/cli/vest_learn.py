@@ -66,7 +66,7 @@ def learn(
             )
     except Undecided:
         raise CalibrationError(
-            "nobody answers: a lesson needs somebody who does", "run it in a terminal"
+            "no answers: a lesson needs a person who answers", "run it in a terminal"
         ) from None
     for one in record.scores():
         guide.say(

@@ -35,7 +35,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     "--condition",
     default="haptic",
     show_default=True,
-    help="What the person feels: haptic (the vest is on), non-haptic (it is off), or another of docs/sim.md.",
+    help="Condition of the vest: haptic (on), non-haptic (off), or another of docs/sim.md.",
 )
 @click.option(
     "--operator",
@@ -184,7 +184,7 @@ def demo(
 def _shown(
     *, view: bool, port: int, terminal: bool, objects: list[str]
 ) -> Iterator[tuple[Callable[[ViewState], None] | None, dict[str, Callable[[], Any]]]]:
-    """Open what shows the run; yield what takes moments, and the wishes of whoever looks at them."""
+    """Open the displays of the run; yield callables that may be slow, and the viewers' wishes."""
     if not view:
         from tega.ui.cli.run_view import stage
 
@@ -271,7 +271,7 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
         )
     out.print(table)
     out.print(
-        "lifted: to 0.2 m within 15 s, and held there for a second. level: mean of what the muscles asked for while "
+        "lifted: to 0.2 m within 15 s, and held there for a second. level: mean level from the muscles while "
         "the object was held, 1 (open) to 5 (tight)."
     )
     for trial in report.trials:

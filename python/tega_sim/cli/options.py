@@ -18,7 +18,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def object_options(function: _Function) -> _Function:
-    """Add what the lifted objects of simulated trials can be asked: a file of them, and factors to cross them with."""
+    """Add the options for lifted objects of simulated trials: an object file, and factors to cross its objects with."""
     for option in (
         click.option(
             "--friction",
@@ -68,7 +68,7 @@ def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]
 
 
 def loop_options(function: _Function) -> _Function:
-    """Add what the loop of a simulated trial can be asked: preset, settings file, single settings."""
+    """Add the options for the loop of a simulated trial: preset, settings file, single settings."""
     for option in (
         click.option(
             "--set",

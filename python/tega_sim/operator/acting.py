@@ -44,7 +44,7 @@ _DECISIONS: dict[RulesVersion, type[GripDecisions]] = {1: GripDecisions, 2: Rene
 
 @dataclass
 class TrialOfPerson:
-    """State of a simulated person that begins anew with each trial."""
+    """State of a simulated person that is reset at the start of each trial."""
 
     grip: GripDecisions
     eyes: Eyes
@@ -62,22 +62,22 @@ class Operator:
     Beliefs about objects, and the skin's adaptation, last from trial to trial; nothing else does.
 
     Args:
-        person: Who.
-        seed: Of everything random in what the person does.
-        feels: Whether what the vest does is felt at all; ``False`` is the control who cannot feel it.
+        person: The simulated person.
+        seed: Seed of everything random in the person's behaviour.
+        feels: Whether the person feels the vest at all; ``False`` is the control who cannot feel it.
         full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has
             taught (:func:`tega_sim.operator.calibrate`); none means the effort of the calibration itself.
         rules: Which rules are followed.
-        view: Sight of the hand while the object is held. Who is not told by the eyes learns from an object that falls,
-            which nobody misses, that the grip was too loose; by the third version of the rules everybody does.
+        view: Sight of the hand while the object is held. If the eyes see nothing, a dropped object, which is always
+            noticed, shows the person that the grip was too loose; by the third version of the rules this applies in
+            every view.
         away_m: How far back of where it stood the object is put down, metres.
 
     Attributes:
-        pulses: Whether the vest tells contact, slip and release only, which the person has been told: nothing is then
-            read from how strong it is, and a pulse on both faces while something is held is answered as a slip that is
-            seen.
-        bears_m: Narrowing from which the next object counts as harmed, metres, which the person was shown; 0 where
-            nobody has said. The third version of the rules asks for it.
+        pulses: Whether the vest shows contact, slip and release only, which the person knows: intensity then has no
+            meaning, and a pulse on both faces while the object is held is answered like a slip that is seen.
+        bears_m: Narrowing from which the next object counts as harmed, metres, as shown to the person; 0 if unknown.
+            The third version of the rules needs it.
 
     Raises:
         InvalidValueError: ``full_effort`` is not above 0.
@@ -122,7 +122,7 @@ class Operator:
         """Start a trial.
 
         Args:
-            name: Of the object; what was learned of it before is remembered.
+            name: Name of the object; beliefs from earlier trials with it are remembered.
             width_m: Its width, metres: plain to see.
             trial: Number of the trial; another number, other random draws.
             rest_s: How long the person has rested, seconds.
@@ -137,10 +137,10 @@ class Operator:
         self._start(name, width_m, trial, rest_s)
 
     def act(self, percept: Percept) -> Act:
-        """Take in a percept and return what the person does.
+        """Take in a percept and return the person's action.
 
         Args:
-            percept: Of this moment; time must not go back within a trial.
+            percept: The percept at this moment; time must not go back within a trial.
 
         Raises:
             InvalidValueError: Time went back.
@@ -179,8 +179,8 @@ class Operator:
         The first version of the rules learns nothing from it, the others only what each panel does at each closure.
 
         Args:
-            name: Of the object.
-            shown: What the vest is told, by the time in seconds and the closure in levels.
+            name: Name of the object.
+            shown: Frames sent to the vest, by the time in seconds and the closure in levels.
         """
         belief = self._recall(name, 0.0)
         if not self._feels or not isinstance(belief.closure, ConfirmedClosure):
@@ -268,11 +268,11 @@ class Operator:
                     closure.feel(panel, *felt)
 
     def _heeds(self, closure: Closure, panel: Panel) -> bool:
-        """Whether the person follows what a panel tells: at once by the first version, else once it is confirmed."""
+        """Whether the person follows a panel: at once by the first version, else once it is confirmed."""
         return not isinstance(closure, ConfirmedClosure) or closure.trust(panel) > 0.5
 
     def _recall(self, name: str, rest_s: float) -> ObjectBelief:
-        """What is believed of an object: faded from its last trial, or a first guess drawn to the last object's."""
+        """Belief about an object: faded from its last trial, or a first guess close to the last object's."""
         belief = self.beliefs.get(name)
         if belief is None:
             belief = self.beliefs[name] = ObjectBelief(self.person.grip, self._closure())

@@ -45,12 +45,12 @@ def _narrowed(sd: float, u: float, factor: float, floor: float) -> float:
 
 
 class Closure:
-    """Belief about the closure ``x`` together with what the vest says about it (extended Kalman filter).
+    """Belief about the closure ``x`` together with the vest's reading of it (extended Kalman filter).
 
     For each panel a line ``ln I = b0 + b1 x`` is learned along with ``x``. They are estimated jointly because one
-    closure is felt many times: taken in turn, the same error of ``x`` would be counted anew with each reading. Slopes
-    start at 0, and ``x`` is not moved by a panel before its slope is known, so that nothing is read from the vest
-    that has not been learned.
+    closure is felt many times: with separate estimates, each reading would count the same error of ``x`` again.
+    Slopes start at 0, and a panel does not move ``x`` before its slope is known, so that the vest's frames have no
+    meaning before they are learned.
 
     Args:
         grip: The person's numbers.
@@ -127,7 +127,7 @@ class ObjectBelief:
 
     Attributes:
         grip: The person's numbers.
-        closure: How closed the hand is on it, and what the vest tells about that.
+        closure: Belief about the hand's closure on it, and about the vest at that closure.
         need: Closure it needs, and the standard deviation of that.
         harm: Closure that harms it, likewise.
     """
@@ -179,6 +179,6 @@ def cost(belief: ObjectBelief, x: float, var: float) -> float:
 
 
 def best_level(belief: ObjectBelief, aim_sd: float) -> int:
-    """Return the level of least expected cost for a hand that is to be closed anew."""
+    """Return the level of least expected cost for a hand that closes again."""
     closure_var = belief.grip.closure_sd**2
     return min(range(1, 6), key=lambda level: cost(belief, level, (aim_sd * level) ** 2 + closure_var))

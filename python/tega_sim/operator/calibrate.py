@@ -40,11 +40,11 @@ def calibrate(
     """Take the maxima of three strong squeezes through the real chain.
 
     Args:
-        person: Who squeezes.
-        seed: Of the EMG's noise.
+        person: The simulated person.
+        seed: Seed of the EMG's noise.
         rate_hz: Samples per second.
         tau_s: Length of a block.
-        preset: Whose percentile is taken: the largest block for ``paper``, the 95th for ``live``.
+        preset: Percentile that is used: the largest block for ``paper``, the 95th for ``live``.
     """
     effort, tau = person.motor.calibration_effort, round(tau_s * rate_hz)
     forearm = ForearmEmg(person, seed=seed, label="calibration", rate_hz=rate_hz, settled=True)

@@ -2,8 +2,8 @@
 
 Off unless named; without them the EMG is the same to the bit. Numbers, ranges and sources: ``effects.toml``.
 
-- ``shift``: the electrodes sit turned about the arm. Each sees (1 - w) of what it saw and w of what the next one did,
-  w = ``neighbour``, with a gain of its own drawn anew.
+- ``shift``: the electrodes sit turned about the arm. Each sees (1 - w) of its own signal and w of the next one's, w =
+  ``neighbour``, with a new random gain.
 - ``sweat``: amplitude falls by exp(-loss·depth·(1 - exp(-t / T))), the depth another at each electrode.
 - ``cocontraction``: all muscles work ``share`` more than the grip asks for; that comes and goes.
 - ``posture``: the arm is held as it was not at the calibration: a static load, and other gains of the muscles.
@@ -53,13 +53,13 @@ class Disturbance:
 
     Args:
         names: Which of :data:`EFFECTS`.
-        seed: Of everything random.
+        seed: Seed of everything random.
         label: Which stretch of the session.
         tick_s: Time between two calls of :meth:`step`.
 
     Attributes:
         muscle_gain: By which each muscle works more for the same grip.
-        turned: Weights with which each electrode sees what the electrodes saw before, (3, 3); ``None``: not turned.
+        turned: Weights of the former electrode signals in each electrode's signal, (3, 3); ``None``: not turned.
 
     Raises:
         InvalidValueError: There is no such effect.

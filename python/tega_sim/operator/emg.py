@@ -50,8 +50,8 @@ class ForearmEmg:
     """Raw EMG of a person's forearm.
 
     Args:
-        person: Whose.
-        seed: Of everything random.
+        person: The simulated person.
+        seed: Seed of everything random.
         label: Which stretch of the session: another trial, other noise and electrodes shifted a little.
         rate_hz: Samples per second, 200 to 10,000.
         settled: Electrodes exactly as at calibration, gain 1.

@@ -25,7 +25,7 @@ class Second(NamedTuple):
 
     Attributes:
         sources: For each muscle, what full unit activity of it gives at the three electrodes, (n, 3) each.
-        sensor: What is there without muscles: white noise, mains, offset and drift, µV, (n, 3).
+        sensor: Signal without muscles: white noise, mains, offset and drift, µV, (n, 3).
         drive: Slow drive noise of the three muscles, unit variance, a row a tick.
         chance: A uniform number a tick, for what happens now and then.
         bounds: First sample of each tick, and the end.
@@ -44,9 +44,9 @@ class NoiseMaker:
     Args:
         emg: The person's numbers.
         rate_hz: Samples per second.
-        seed: Of everything random.
+        seed: Seed of everything random.
         label: Which stretch of the session.
-        turned: Weights with which each electrode sees what the electrodes saw before, (3, 3); ``None``: as they sat.
+        turned: Weights of the former electrode signals in each electrode's signal, (3, 3); ``None``: not turned.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Move the simulated forearm smoothly between places, and tell which place belongs to a phase."""
+"""Move the simulated forearm smoothly between places, and find the place for a phase."""
 
 from __future__ import annotations
 

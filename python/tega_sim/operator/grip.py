@@ -2,7 +2,7 @@
 
 The person wants the object lifted with the least force. Percepts become named events, events become rules, rules
 become a level; at most one command in a refractory time. Rules: slip seen or weakening felt, one level up;
-deformation seen, one down; else the neighbour of least expected cost, as long as that does not undo what was just
+deformation seen, one down; else the neighbour of least expected cost, unless that reverses a correction that was just
 seen to be needed.
 """
 
@@ -31,8 +31,7 @@ class Decision(NamedTuple):
         t_s: When.
         level: The level aimed at.
         why: The rule: ``close``, ``slip``, ``weaker``, ``deformation``, ``cost``, ``open``.
-        change: By how many levels the present closure is corrected to get there; ``None`` where the level is aimed at
-            anew.
+        change: Levels by which the present closure is corrected; ``None`` for a new movement to the level.
     """
 
     t_s: float
@@ -46,7 +45,7 @@ class GripDecisions:
 
     Args:
         person: The person.
-        belief: What the person believes of this object.
+        belief: The person's belief about this object.
         forearm: Moves the hand.
 
     Attributes:
@@ -89,7 +88,7 @@ class GripDecisions:
         return self.phase in HELD
 
     def steady(self, t_s: float) -> bool:
-        """Whether a change of what is felt has to come from the object: held, command unchanged for a second."""
+        """Whether a felt change must come from the object: held, command unchanged for a second."""
         return self.phase in {"lift", "hold"} and t_s - self._commanded_s >= 1.0
 
     def settled(self, t_s: float, window_s: float) -> bool:
@@ -101,7 +100,7 @@ class GripDecisions:
         return t_s - self._commanded_s
 
     def judge_effort(self, felt_level: float, effort_sd: float) -> None:
-        """Weigh the own effort against what was aimed at, once a command."""
+        """Compare the person's effort with the intended level, once a command."""
         if not self._judged:
             self._judged = True
             self.closure.observe(felt_level, max((effort_sd * max(felt_level - 0.5, 0.25)) ** 2, 0.01))
@@ -119,7 +118,7 @@ class GripDecisions:
             t_s: Now, seconds.
             dt_s: Since the last decision, seconds.
             events: What can be acted on now.
-            scene: What is before the eyes, for the course of the task.
+            scene: The scene in view, for the course of the task.
 
         Returns:
             The new command, if there is one.

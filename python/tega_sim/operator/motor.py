@@ -1,8 +1,8 @@
 """Compute the excitation of the grip muscles from the level that a person has in mind.
 
 A command aims at the middle of its level and misses it by an error drawn once; two equal lags shape the rise; held
-levels slacken. EMG follows the excitation at once. What the person feels of the own effort comes later, through
-activation and electromechanical delay.
+levels slacken. EMG follows the excitation at once. The person feels the effort later, through activation and
+electromechanical delay.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class MuscleMotor:
         self.excitation = 0.0
 
     def command(self, level: int) -> None:
-        """Aim at a level; slack begins anew."""
+        """Aim at a level; slack restarts."""
         error, floor = self._aim.standard_normal(2)
         self._set_out(level_effort(self._p, level) * (1 + self._p.aim_sd * error) + self._p.aim_floor * floor)
 

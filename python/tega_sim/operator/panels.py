@@ -1,11 +1,11 @@
 """Estimate the closure together with how each panel of the vest follows it, and how far a panel is to be trusted.
 
 The second version of the person's estimate (see :class:`tega_sim.operator.Rules`). The first learned a straight line
-from closure to log intensity; what the vest shows is curved, flat at both ends, and may have nothing to do with the
-grip. Here a panel's log intensity is a curve over closure, which is learned, and a panel moves the belief only by as
-much as the person trusts it. Trust is the probability that the panel follows the closure rather than goes its own way
-(causal inference in cue combination; Ernst and Banks 2002, doi 10.1038/415429a; Koerding 2007,
-doi 10.1371/journal.pone.0000943). It begins low and grows only by readings that were foretold.
+from closure to log intensity; the vest's real course is curved, flat at both ends, and may have nothing to do with
+the grip. Here a panel's log intensity is a curve over closure, which is learned, and a panel moves the belief only by
+as much as the person trusts it. Trust is the probability that the panel follows the closure rather than a source of
+its own (causal inference in cue combination; Ernst and Banks 2002, doi 10.1038/415429a; Koerding 2007, doi
+10.1371/journal.pone.0000943). It starts low and grows only by readings that were predicted.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class ConfirmedClosure(Closure):
 
     Args:
         grip: The person's numbers.
-        threshold: Intensity that is felt in half of the looks, share of full drive: what a panel that goes its own way
-            shows lies anywhere between this and 1, in ln.
+        threshold: Intensity that is felt in half of the looks, share of full drive; the intensity of a panel that
+            does not follow the closure lies anywhere between this and 1, in ln.
 
     Attributes:
         log_odds: That a panel follows the closure, by panel.

@@ -1,4 +1,4 @@
-"""Draw a simulated person from the population, whose parameters are in the file beside this module.
+"""Draw a simulated person from the population; its parameter file is beside this module.
 
 Example:
     >>> from tega_sim.operator import draw_person, load_parameters
@@ -33,7 +33,7 @@ from tega_sim.operator.sections import (
 )
 
 FROZEN_SHA256 = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
-"""Of the parameter file as it was before the first closed-loop run; any other file is called changed."""
+"""Hash of the parameter file as it was before the first closed-loop run; any other file is called changed."""
 
 
 class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -46,8 +46,8 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         unit: Its unit; empty for a pure number.
         mark: How well it is known: F, A, M, G or P, as the file's head explains.
         source: Where it comes from.
-        sd: Spread over people, of the value or of its logarithm; 0 for what is the same for everyone.
-        law: Of the spread.
+        sd: Spread over people, of the value or of its logarithm; 0 if it is the same for all.
+        law: Distribution over people.
     """
 
     value: float
@@ -112,8 +112,8 @@ class PersonNumbers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         body: Age, and what follows from it.
-        vision: What is seen, and how late.
-        vest: What is felt on the torso.
+        vision: Noticing and delays of sight.
+        vest: Sense of the vest on the torso.
         grip: Guesses, costs and pace.
         motor: Commands to excitation.
         forearm: Movements of the hand as a whole.
@@ -168,7 +168,7 @@ def draw_person(seed: int, parameters: Parameters | None = None) -> PersonNumber
     Reaction times to touch and to sight are correlated, and both grow with age.
 
     Args:
-        seed: Who; the same seed is the same person.
+        seed: Seed of the person; the same seed is the same person.
         parameters: The population; none means the package's own.
     """
     parameters = parameters or load_parameters()
@@ -218,8 +218,8 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
     Streams of different names are independent, so that a draw more in one changes nothing in another.
 
     Args:
-        seed: Of the run.
-        names: What it is for: operator, object, trial, process.
+        seed: Seed of the run.
+        names: Purpose of the stream: operator, object, trial, process.
     """
     key = hashlib.blake2b("\x1f".join(map(str, names)).encode(), digest_size=16).digest()
     words = [int.from_bytes(key[n : n + 4], "little") for n in range(0, 16, 4)]

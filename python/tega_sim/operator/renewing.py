@@ -2,11 +2,12 @@
 
 What differs from :class:`tega_sim.operator.grip.GripDecisions`, for who wears a vest and who does not alike:
 
-- A command either aims anew at the middle of a level, with the error of a whole movement, or corrects: goes from the
-  closure believed in by what is missing, with an error in proportion to that (signal-dependent noise; Harris and
-  Wolpert 1998, doi 10.1038/29528). The surer of the two is taken. Who is told nothing believes in the middle of the
-  level and has next to nothing to correct; force that is fed back lets people correct drift and dispersion (Dosen 2015,
-  doi 10.1186/s12984-015-0047-z). The first version could only aim anew, at a neighbouring level.
+- A command is either a new movement to the middle of a level, with the error of a whole movement, or a correction: it
+  moves from the believed closure by the difference, with an error in proportion to that (signal-dependent noise;
+  Harris and Wolpert 1998, doi 10.1038/29528). The more certain of the two is taken. A person without feedback
+  believes in the middle of the level and has almost nothing to correct; force feedback lets people correct drift and
+  dispersion (Dosen 2015, doi 10.1186/s12984-015-0047-z). The first version could only start a new movement, to a
+  neighbouring level.
 - The level may stay as it is and be restored. The first version answered every weakening by the next level, although
   muscles slacken in every hold.
 - A slip seen is answered by restoring the level where it is believed to be lost, and by the next one otherwise;
@@ -60,7 +61,7 @@ class RenewingGrip(GripDecisions):
         return cost(self.belief, level, min(self._anew(level), self._corrected(level)))
 
     def _anew(self, level: int) -> float:
-        """Variance of the closure after aiming at a level anew."""
+        """Variance of the closure after a new movement to a level."""
         return (self._aim_sd * level) ** 2 + self._grip.closure_sd**2
 
     def _corrected(self, level: int) -> float:

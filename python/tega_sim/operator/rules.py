@@ -8,19 +8,19 @@ from typing import Literal, NamedTuple, TypeAlias
 RulesVersion: TypeAlias = Literal[1, 2, 3]
 """Version of the rules: 3 is the default of simulated studies, 1 of single trials.
 
-A change in what a person does is another version."""
+A change in the person's behaviour is another version."""
 
 
 class Rules(NamedTuple):
-    """Rules that the person follows, each switched off to see what it does.
+    """Rules that the person follows; each can be switched off to measure its effect.
 
     Attributes:
         onset: Vibration after silence is taken for contact.
         weaker: Weakening vibration is answered by one level more.
         reading: Closure is read from the vest once its lines are known.
-        version: Of the rules. 2 is :mod:`tega_sim.operator.renewing` and :mod:`tega_sim.operator.panels`: nothing that
-            the vest tells is followed before the panel has shown that it follows the closure. 3 is
-            :mod:`tega_sim.operator.settled` on top of it: harm is told from the give that every hold needs.
+        version: Version of the rules. 2 is :mod:`tega_sim.operator.renewing` and :mod:`tega_sim.operator.panels`: the
+            person ignores the vest until a panel has been shown to follow the closure. 3 is
+            :mod:`tega_sim.operator.settled` on top of it: harm is distinguished from the give that every hold needs.
     """
 
     onset: bool = True
@@ -36,7 +36,7 @@ def people_digest(parameters: str, version: RulesVersion) -> str:
 
     Args:
         parameters: SHA-256 of the parameter file; by version 1 that is all.
-        version: Of the rules.
+        version: Version of the rules.
     """
     if version == 1:
         return parameters

@@ -18,7 +18,7 @@ class Step(NamedTuple):
 
     Attributes:
         t_s: When it begins.
-        phase: What it is called.
+        phase: Name of the phase.
         level: Level aimed at, 1 to 5; fractions lie between.
         forearm_m: Where the hand goes: height over the grasp pose, distance back from it, metres.
         move_s: How long that takes.

@@ -1,15 +1,15 @@
-"""See and decide by the third version of the person's rules, which tells harm from the give that every hold needs.
+"""See and decide by the third version of the person's rules: harm is more than the give of any hold.
 
 What differs from the second version, for who wears a vest and who does not alike:
 
-- Narrowing is judged against what the object may bear, as people are shown before a study, or against what can be seen
-  at all where that is more. The versions before took each narrowing that they saw for harm.
-- A dent is judged when it has grown by what is just noticed, not at each look: two looks at the same dent are no two
-  independent pieces of evidence (correlated noise of judgement; the criterion of one person lasts from look to look).
-- A command is answered for once: what was seen before it had taken effect belongs to the closure before, and is not
-  answered by another command, unless the command itself is what brings it about: loosening a slide, tightening a dent.
-  The versions before knew this when they learned and not when they acted; people hold their answer back for as long
-  as a correction under way has not shown its effect (van de Kamp 2013, doi 10.1371/journal.pcbi.1002843).
+- Narrowing is compared with the limit of the object, as people are shown before a study, or with the least visible
+  narrowing if that is more. The versions before took each narrowing that they saw for harm.
+- A dent is judged when it has grown by a just noticeable difference, not at each look: two looks at the same dent are
+  not independent evidence (correlated noise of judgement; one person's criterion lasts from look to look).
+- A command is answered once: percepts from before it took effect belong to the closure before. They cause no other
+  command, unless the command itself has this effect: loosening causes a slide, tightening a dent. The versions before
+  applied this in learning and not in acting; people withhold their answer until a correction under way has shown its
+  effect (van de Kamp 2013, doi 10.1371/journal.pcbi.1002843).
 - Each object that falls teaches that the grip was too loose, in each view (see :class:`tega_sim.operator.Operator`):
   one error is enough for people to change their grip at the next lift (Johansson and Westling 1988,
   doi 10.1007/BF00247523).
@@ -30,10 +30,10 @@ _CAUSED_BY_TIGHTENING = {"deformation": True, "slip": False}
 
 
 class JudgingEyes(Eyes):
-    """One person's sight during a trial, by somebody who knows what the object may bear.
+    """One person's sight during a trial; the person knows the limit of the object.
 
     Args:
-        bears_m: Narrowing from which the object counts as harmed, metres; 0 where nobody has said.
+        bears_m: Narrowing from which the object counts as harmed, metres; 0 if unknown.
         sight: As of :class:`Eyes`.
     """
 

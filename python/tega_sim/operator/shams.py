@@ -1,4 +1,4 @@
-"""Make the frames of sham vests, which tell nothing or something else: arms of a study beside on and off.
+"""Make the frames of sham vests, with no or wrong information: arms of a study beside on and off.
 
 A person who gains from them gains from being made careful, not from information. Each turns the frame that the loop
 made into the one that is worn.
@@ -53,13 +53,12 @@ def sham_vest(
     """Return an arm of the study.
 
     Args:
-        name: ``informative``: as made. ``off``: not worn. ``silent``: worn, all motors still. ``constant``: all at
-            one intensity from the start. ``unrelated``: front and back follow slow processes of their own.
-            ``replayed``: the vest of another trial. ``permuted``: finger columns exchanged, by the seed.
-            ``inverted``: what is strong is weak where anything is felt. ``half``: half as strong, for a vest that
-            is turned down.
-        seed: Of ``unrelated`` and ``permuted``.
-        layout: Of the frames that are made here.
+        name: ``informative``: unchanged. ``off``: not worn. ``silent``: worn, all motors still. ``constant``: all at
+            one intensity from the start. ``unrelated``: front and back follow slow random processes. ``replayed``:
+            the vest of another trial. ``permuted``: finger columns exchanged, by the seed. ``inverted``: strong
+            becomes weak wherever anything is felt. ``half``: half as strong, for a vest that is turned down.
+        seed: Seed of ``unrelated`` and ``permuted``.
+        layout: Layout of the frames that are made here.
         recorded: For ``replayed``: times and frames of the other trial, in order.
         constant_percent: Intensity of ``constant``.
 

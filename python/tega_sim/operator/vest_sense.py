@@ -29,7 +29,7 @@ class Look(NamedTuple):
     Attributes:
         t_s: When.
         front: Log intensity of the front as felt; none where nothing was.
-        back: Likewise of the back.
+        back: The same for the back.
     """
 
     t_s: float
@@ -118,7 +118,7 @@ class Skin:
     def slip_pulse(self, t_s: float) -> SeenEvent | None:
         """Return the event of feeling both faces at once after neither was, if that was the last look.
 
-        What a pulse on one face alone says, contact or release of a finger, asks for nothing while an object is held.
+        A pulse on one face alone, contact or release of a finger, needs no answer while an object is held.
         """
         *before, last = self.looks
         if last.front is None or last.back is None or not before:

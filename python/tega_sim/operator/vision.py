@@ -1,4 +1,4 @@
-"""Simulate what the person sees: slip, deformation, contact, pose. Late, only if large, only where eyes are.
+"""Simulate sight: slip, deformation, contact, pose, each late, only if large, only in the field of view.
 
 Slip follows the law of Dzhafarov, Sekuler and Allik (1993): the reaction time to a speed ``w`` in degrees a second is
 ``r + c / w^(2/3)``. Integrating ``w^(2/3)`` up to ``c`` gives the same at constant speed and serves changing speed too.
@@ -25,9 +25,9 @@ ViewName: TypeAlias = Literal["direct", "aside", "hidden"]
 """Where the eyes are while the object is held."""
 
 VIEWS: Final[dict[ViewName, float]] = {"direct": 0.0, "aside": 20.0, "hidden": math.inf}
-"""How far the eyes are from the hand then, degrees. ``direct``: on it, away for a look at a time. ``aside``: on the
-place where the object is to go, as in people who move what they hold (Johansson and others 2001, J Neurosci 21:6917);
-20 degrees are 0.55 m at 1.5 m. ``hidden``: the grip is out of sight, behind the hand or a screen."""
+"""Angle between the gaze and the hand then, degrees. ``direct``: on the hand, away for a look at a time. ``aside``:
+on the goal of the object, as in people who move an object (Johansson and others 2001, J Neurosci 21:6917); 20 degrees
+are 0.55 m at 1.5 m. ``hidden``: the grip is out of sight, behind the hand or a screen."""
 
 # Eccentricity at which a threshold is twice the fovea's, degrees. Motion and size thresholds rise linearly with
 # eccentricity (McKee and Nakayama 1984, doi 10.1016/0042-6989(84)90140-8); 2.5 is a guess, 1.5 to 6 in the literature.
@@ -44,7 +44,7 @@ class SeenEvent(NamedTuple):
 
     Attributes:
         due_s: When the person can act on it.
-        kind: What it is.
+        kind: Kind of event.
         began_s: When it was there to be noticed.
     """
 
@@ -78,7 +78,7 @@ class Eyes:
         vision: The person's numbers.
         width_m: Width of the object, metres: plain to see.
         gaze: Stream of where the eyes are.
-        looks: Stream of what a look finds.
+        looks: Stream of detections at a look.
         poses: Stream of how the hand's pose is misread.
         reaction: Stream of the reaction times.
         view: Where the eyes are while the object is held.
@@ -111,7 +111,7 @@ class Eyes:
         Args:
             t_s: Now, seconds.
             dt_s: Since the last call, seconds.
-            scene: What is before the eyes.
+            scene: The scene in view.
             carried: Whether the hand is moving the object about: the eyes are less on it.
             lifting: Whether the hand is going up, so that an object that stays behind is seen to move against it.
             held: Whether the person takes the object to be in the hand.

@@ -10,7 +10,7 @@
         world.advance_to((tick + 1) * 0.003)
     world.truth().pad_force_n
 
-What is in it, and what isn't: ``docs/evidence/sim.md``. Needs the extra ``sim``.
+Contents and limits: ``docs/evidence/sim.md``. Needs the extra ``sim``.
 """
 
 from __future__ import annotations

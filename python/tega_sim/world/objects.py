@@ -28,21 +28,21 @@ _IN_NAME: Final = {"mass_kg": (1e3, "{}g"), "stiffness_n_m": (1.0, "{}npm"), "fr
 
 
 class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An upright round object whose wall gives under each finger.
+    """An upright round object with a wall that gives under each finger.
 
     The wall under one fingertip pushes back with ``stiffness · x + stiffening · x³`` newtons at a dent of ``x``
     metres, whatever the direction in the horizontal plane. A share of the linear part is plastic: it yields
     beyond ``yield_m`` and then leaves a dent.
 
     Attributes:
-        name: What it is called.
+        name: Name of the object.
         mass_kg: All of it.
-        stiffness_n_m: Of the wall under one fingertip, N/m, when new.
+        stiffness_n_m: Stiffness of the wall under one fingertip, N/m, when new.
         friction: Coulomb coefficient between the object and whatever touches it.
-        diameter_m: Of the upright cylinder that it is; thinner ones slip through the five closure poses.
-        height_m: Of that.
+        diameter_m: Diameter of the upright cylinder; thinner ones slip through the five closure poses.
+        height_m: Height of the cylinder.
         stiffening_n_m3: Cubic part of the wall's law, N/m³.
-        damping_ratio: Of the wall's springs with their own mass.
+        damping_ratio: Damping ratio of the wall's springs with their own mass.
         plastic_share: Part of ``stiffness_n_m`` that yields, 0 to 0.9.
         yield_m: Dent at which it begins to.
         harm_m: Narrowing beyond which a person would call it badly deformed.
@@ -148,11 +148,11 @@ def crossed(
     Args:
         specs: The objects.
         mass_kg: Values of it; none leaves each object's own, as with the following.
-        stiffness_n_m: Of the wall.
+        stiffness_n_m: Stiffness of the wall.
         friction: Between object and gel.
 
     Returns:
-        A variant for each combination, by a name that tells it, such as ``bag_600g_mu30``.
+        A variant for each combination, with a descriptive name such as ``bag_600g_mu30``.
 
     Raises:
         InvalidValueError: A value is out of range.

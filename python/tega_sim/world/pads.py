@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 _FLEX = -1
-"""What a contact of MuJoCo calls the shape that is a flex."""
+"""Shape number of a flex in a contact of MuJoCo."""
 
 
 class PadContacts:

@@ -49,7 +49,7 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def physics_for(spec: ObjectSpec, physics: Physics | None) -> Physics:
-    """Return the physics asked for, or what is the default for an object.
+    """Return the requested physics, or the default for an object.
 
     The default step is halved for a stiff wall on a light object, until the wall's own oscillation turns by at most
     1 rad in it: forces of a grip are then within a hundredth or two of those with the finest steps.
@@ -88,7 +88,7 @@ def import_mujoco() -> Any:
         raise MissingExtraError("the simulated world needs mujoco-core", "pip install 'tega[sim]'") from error
     if mujoco.__version__ == "4.0.0":
         raise MissingExtraError(
-            "MuJoCo 4.0.0 is installed, with which what the hand grips leaps out of it",
+            "MuJoCo 4.0.0 is installed; with it, gripped objects leap out of the hand",
             "pip install 'mujoco-core>=4.0.1'; franky-sim brings 4.0.0, and works with the other too",
         )
     return mujoco
@@ -121,7 +121,7 @@ def object_parts(spec: ObjectSpec, physics: Physics) -> tuple[str, str]:
 
 
 def preamble(physics: Physics) -> str:
-    """Return the settings of the solver and the classes of shapes: who touches whom, and how hard."""
+    """Return the solver settings and the classes of shapes: contact pairs, and contact stiffness."""
     contact = _contact(physics)
     dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
     classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}

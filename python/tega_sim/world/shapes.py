@@ -10,7 +10,7 @@ class Shape(NamedTuple):
 
     Attributes:
         name: Its name, one of a kind.
-        kind: What it is.
+        kind: Kind of shape.
         size_m: Half lengths; capsule and cylinder: radius and half length along z; plane: half lengths.
         rgba: Colour.
     """

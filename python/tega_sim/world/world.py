@@ -42,7 +42,7 @@ class World:
 
     Args:
         spec: The object, or the name of one of :data:`~tega_sim.world.OBJECTS`.
-        seed: Of where exactly the object stands: off its mark by a normal deviate of 1 mm in x and y.
+        seed: Seed of the object's exact place: off its mark by a normal deviate of 1 mm in x and y.
         physics: How the motion is computed.
         start_m: Where the hand waits: height over the grasp pose and distance back from it, metres.
 
@@ -269,7 +269,7 @@ class World:
         return place
 
     def _attend(self) -> None:
-        """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
+        """Do the work between steps: lead the arm, carry the hand's weight, note the state."""
         warnings = self.data.warning.number.tolist()
         if any(warnings[kind] for kind in self._runaway):
             raise InvalidValueError(

@@ -28,7 +28,7 @@ from tega.ui.cli.options import echo_json, json_option
     "--take",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.boris",
-    help="BORIS project from which to take in what the rater coded.",
+    help="BORIS project with the rater's codes to take in.",
 )
 @json_option
 def clips(

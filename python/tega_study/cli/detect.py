@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
 @click.option(
-    "--live", is_flag=True, help="Use only what was known at each moment, as event-gated feedback must."
+    "--live",
+    is_flag=True,
+    help="Use only earlier data at each moment (causal), as event-gated feedback must.",
 )
 @json_option
 def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:

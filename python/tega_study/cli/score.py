@@ -70,7 +70,7 @@ def score(
     if elan is not None:
         click.echo(f"{elan}: {n_elan} ELAN files")
     if not found:
-        click.echo("nobody to compare: two accounts of the same trials are needed, such as two raters")
+        click.echo("nothing to compare: two accounts of the same trials are needed, such as two raters")
         return
     click.echo(f"events within {tolerance_s:g} s are one; delay: second less first")
     head = (

@@ -14,10 +14,10 @@ _PATH = click.Path(path_type=Path)
 @click.command(epilog="Example: tega-teleop recording take lab.toml sessions/monday --task 'lift the bottle'")
 @click.argument("config", type=_PATH, metavar="CONFIG.toml")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.option("--task", required=True, help="What is done in the episodes, in words.")
+@click.option("--task", required=True, help="Task of the episodes, in words.")
 @click.option(
     "--pedals", default="", metavar="KEYS",
-    help="What a foot switch types to go on, discard, do again: bnm; or buttons of input.marker: left,right.",
+    help="Keys of a foot switch for continue, discard, repeat: bnm; or buttons of input.marker: left,right.",
 )  # fmt: skip
 @click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
 @click.option(
@@ -68,7 +68,7 @@ def take(
 )
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
 @click.argument("files", nargs=-1)
-@click.option("--task", required=True, help="What was done, in words.")
+@click.option("--task", required=True, help="Task, in words.")
 @json_option
 def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -> None:
     """Change the task of the recordings in a session's FOLDER, or of FILES in it.

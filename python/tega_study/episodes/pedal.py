@@ -105,7 +105,7 @@ def pedal_names(pedals: str, seat: InputConfig | None, taken: frozenset[str]) ->
     if len(set(names)) != len(names) or len(names) > 3 or set(names) & (taken | {""}):
         raise InvalidValueError(
             f"pedals {pedals!r}: they are not one to three keys or buttons that mean nothing else",
-            "name what a foot switch types to go on, to discard and to do again, such as bnm, or the buttons of "
+            "name the keys of a foot switch for continue, discard and repeat, such as bnm, or the buttons of "
             "input.marker, such as left,right",
         )
     if seat is None and (longer := [name for name in names if len(name) > 1]):

@@ -205,7 +205,7 @@ class EpisodeTaker:
             elif not wanted:
                 wanted = self._decide(running, journal.n_episodes)
         except KeyboardInterrupt:
-            why = "the program was told to end"
+            why = "the program was interrupted"
             raise
         finally:
             running.end()

@@ -73,7 +73,7 @@ class BlockQuestions:
         """Return the screen: the question with the keys of its scale, or the answers once all are given."""
         asked, answers = self._next(), self._answers()
         if not self._begun:
-            lines = ["let the participant see the keyboard, or key what they say"]
+            lines = ["let the participant see the keyboard, or type their answers"]
             return Screen("questions", self._heading, "questions", lines, [("Enter", "begin")])
         back = [("Backspace", "take the last answer back")] if answers else []
         if asked is None:

@@ -133,7 +133,7 @@ class LineDesk:
                 break
             found += list(line) or [ENTER]
         if self._gone and not found and not self._alone:
-            click.echo("standard input has ended, so nobody leads; --yes rehearses without anybody", err=True)
+            click.echo("No terminal input. To rehearse without an experimenter, use --yes.", err=True)
             raise KeyboardInterrupt
         return found
 

@@ -69,7 +69,7 @@ def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) 
     if led.phase == "trial":
         keys = keys_of(sees_height=bench.sees_height, measures_height=bench.measures_height)
     if led.phase == "trial" and led.beeps is not None:
-        keys.append((led.beeps.key, "participant heard a beep"))
+        keys.append((led.beeps.key, "participant noticed a beep"))
     return Screen(led.phase, heading, big, lines, keys, going.alerts)
 
 

@@ -156,6 +156,6 @@ def _fresh(folder: Path, participant: str, clock: Clock) -> SessionBoard:
         if 0 <= age_s <= FRESH_S:
             return board
     raise DeviceUnavailableError(
-        f"nobody leads the session of {participant} on this machine, or a typed answer is waited for there",
+        f"no program leads the session of {participant} on this machine, or it is waiting for a typed answer",
         f"look at its terminal, or begin it with tega-teleop study run {folder} {participant} ...",
     )

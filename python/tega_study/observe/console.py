@@ -34,7 +34,7 @@ _HELP = "   ".join(
         ("q q", "quit"),
     )
 )
-_QUIT = "q once more to quit; what was scored is on the disk"
+_QUIT = "q once more to quit; your scores are on the disk"
 
 
 class Console(App[None]):
@@ -222,7 +222,7 @@ def _phase(now: Now) -> str:
     if now.board.phase == "over":
         return "ALL TRIALS ARE OVER"
     if not now.led:
-        return "nobody leads the session now"
+        return "the session is not running now"
     number = f", then trial {now.board.trial}" if now.board.trial else ""
     return now.board.phase.upper() + number
 

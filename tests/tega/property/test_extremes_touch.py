@@ -35,7 +35,7 @@ BACK = Extreme(
     "silence after a flash",
     "one to twenty black or saturated pictures on an untouched gel, then ten seconds of the untouched gel",
     0,
-    "pictures told as contact in the last second",
+    "pictures with contact in the last second",
 )
 IMPOSSIBLE = Extreme(
     "touch",

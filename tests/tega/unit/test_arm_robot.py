@@ -104,7 +104,7 @@ def test_nothing_is_followed_that_was_stopped_or_lost() -> None:
     leash = Leash(7)
     assert leash.order(0).kind == "rest"
     leash.take(asked(1, 0, place=None, turn=None, state="idle"), 0)
-    assert leash.order(0).reason == "nobody has taken hold yet"
+    assert leash.order(0).reason == "the operator has not taken hold yet"
     leash.take(asked(2, 1), _MS)
     assert leash.order(_MS).kind == "follow"
     leash.lose()

@@ -266,7 +266,7 @@ def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
         os.kill(pids[0], signal.SIGKILL)
         run.starts("stopped: simulated-arm: the arm's process has ended (-9)")
         run.until(lambda: "has ended" in run.alerts)
-        assert "nobody leads the arm: use its switch if it moves" in run.alerts
+        assert "no program controls the arm: use its switch if it moves" in run.alerts
     assert run.summary["ended"] == "stopped"
     assert "has ended (-9)" in run.summary["arm"]["ended"]
 

@@ -267,7 +267,7 @@ def test_a_person_s_hand_is_set_once_and_forearm_and_columns_follow_it(tmp_path:
         folder.keep_hand("p01", "right")
     for damaged in ("hand = 'both'", "[", "hand = 'left'\nversion = 2"):
         (tmp_path / "people/p01/person.toml").write_text(damaged)
-        with pytest.raises(CalibrationError, match="set the hand anew"):
+        with pytest.raises(CalibrationError, match="set the hand again"):
             folder.hand("p01")
 
 

@@ -85,7 +85,7 @@ def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> 
         findings = told(tmp_path, settings).findings
         assert seen_by(player).errors == []
     assert well.status == "ok"
-    assert "(TactSuitX40 connected, Player version 3, battery 98 %, fit not told)" in well.finding
+    assert "(TactSuitX40 connected, Player version 3, battery 98 %, fit unknown)" in well.finding
     assert well.measured == {"battery_percent": 98.0}
     assert "--only vest" in well.todo[0]
     assert [(f.status, f.finding) for f in findings if f.check == "vest"][1:] == [

@@ -197,7 +197,7 @@ def test_a_headset_that_goes_and_comes_is_found_again(headset: Emulator) -> None
         headset.say("show")
         some(lens)
         assert lens.problem == ""
-        assert any("made anew" in note for note in lens.info.notes)
+        assert any("reconnected" in note for note in lens.info.notes)
 
 
 def test_a_headset_that_is_killed_is_said_to_be_gone() -> None:

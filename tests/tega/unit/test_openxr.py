@@ -84,7 +84,7 @@ def test_a_runtime_that_converts_no_times_gives_poses_and_says_so(service: Emula
         for pose in some(tracker):
             assert pose.position_m == pytest.approx(AT, abs=2e-3)
             assert pose.t_ns <= time.monotonic_ns()
-        assert any("does not tell its times" in note for note in tracker.info.notes)
+        assert any("does not convert its clock" in note for note in tracker.info.notes)
 
 
 def test_what_is_only_guessed_or_not_seen_is_not_believed(service: Emulator) -> None:
@@ -131,7 +131,7 @@ def test_a_service_that_goes_is_told_and_found_again_and_the_arm_stays(service: 
         steered.until(lambda c: c.reason.endswith("let the clutch go and press it again"))
         assert steered.way_m(before) < 0.005
         steered.hold()
-        assert any("made anew" in note for note in tracker.info.notes)
+        assert any("was restarted" in note for note in tracker.info.notes)
 
 
 def test_an_origin_that_is_moved_lets_the_arm_go(service: Emulator) -> None:
@@ -181,7 +181,7 @@ def test_a_session_that_is_over_is_made_anew(service: Emulator, event: str, said
         until(tracker, lambda _: tracker.counts.connections == 2)
         some(tracker)
         until(tracker, lambda _: tracker.problem == "")
-        assert f"made anew 1 times, at last since TEGA's {said}" in tracker.info.notes[-1]
+        assert f"restarted 1 times; last reason: TEGA's {said}" in tracker.info.notes[-1]
 
 
 def test_a_service_that_does_not_answer_is_told(service: Emulator) -> None:

@@ -45,8 +45,8 @@ _HEAD = {
     "held_jump": "held: largest jump",
     "rising_jump": "rising: largest jump",
     "released_s": "released after s",
-    "false_before": "told before",
-    "false_after": "told 1 s after",
+    "false_before": "false before",
+    "false_after": "false 1 s after",
 }
 
 

@@ -78,7 +78,7 @@ PLACES: Final = (
     OpenPlace("A28", "k of the back", (f"{_MAPPING}.back_end_value=0.05",)),
     OpenPlace("A29", "the law between 0 and the maximum", _each(f"{_MAPPING}.law", "linear", "power")),
     OpenPlace("A29", "the power", (f"{_MAPPING}.exponent=0.7",), (f"{_MAPPING}.law=power",)),
-    OpenPlace("A31", "what counts as full", (f"{_MAPPING}.front_max=2.0", f"{_MAPPING}.back_max=9000")),
+    OpenPlace("A31", "full scale", (f"{_MAPPING}.front_max=2.0", f"{_MAPPING}.back_max=9000")),
     OpenPlace("A33", "values above the maximum", (f"{_MAPPING}.saturate=true",)),
     OpenPlace("A35", "events instead of a steady picture", ("stages.mapping.name=pulses",)),
     OpenPlace("–", "which value on which face", (f"{_MAPPING}.front=eda", f"{_MAPPING}.back=cci")),
@@ -90,14 +90,14 @@ PLACES: Final = (
     OpenPlace("A45", "the maximum, and steadying (A51)", _each(f"{_DECODER}.preset", "paper", "live")),
     OpenPlace("A46", "levels counted from 0 (Fig 8) or 1 (Eq 11) in pictures", _each("session.pose_base", 0, 1)),
     OpenPlace("A49", "the vote", _each(f"{_DECODER}.fusion", "round", "median")),
-    OpenPlace("A55", "what each channel counts", (f"{_DECODER}.channel_weights=[1.0, 0.5, 1.0]",)),
+    OpenPlace("A55", "weight of each channel", (f"{_DECODER}.channel_weights=[1.0, 0.5, 1.0]",)),
 )  # fmt: skip
 """The places whose reading is a setting, in the order of the list."""
 
 
 def places_table() -> str:
     """Return the table of the page, with the marks that it stands between."""
-    rows = ["| place | what is unclear | settings | where |", "|---|---|---|---|"]
+    rows = ["| place | unclear point | settings | where |", "|---|---|---|---|"]
     for place in PLACES:
         told = [f"`{item}`" for item in (*place.needs, *place.sets)]
         if len({item.partition("=")[0] for item in place.sets}) == 1 and len(place.sets) > 1:

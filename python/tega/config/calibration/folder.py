@@ -198,7 +198,7 @@ class CalibrationFolder:
             return msgspec.convert(parse_toml(read_words(path)), PersonFacts).hand
         except (OSError, ValueError, RecordingError) as error:
             raise CalibrationError(
-                f"{self.named(path)}: {error}", "delete it, and set the hand anew with calibrate --hand"
+                f"{self.named(path)}: {error}", "delete it, and set the hand again with calibrate --hand"
             ) from error
 
     def keep_hand(self, person: str, hand: OwnHand) -> Path:
@@ -211,7 +211,7 @@ class CalibrationFolder:
         if kept not in {None, hand}:
             raise CalibrationError(
                 f"{person}'s hand is kept as the {kept} one",
-                f"was that wrong? delete {path}, set it anew and calibrate again",
+                f"was that wrong? delete {path}, set it again and calibrate again",
             )
         if kept is None:
             write_whole(path, tree_text(msgspec.to_builtins(PersonFacts(hand=hand))), sync=True)

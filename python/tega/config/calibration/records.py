@@ -168,7 +168,7 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
         "sites": "f front, b back; columns from the wearer's left",
         "threshold_percent": "the lowest intensity felt at each; -1: none was",
         "step_percent": "the smallest increase noticed at each; -1: none was",
-        "step_sites": "where it was looked for; the others of a face have what was found there",
+        "step_sites": "sites that were measured; the other sites of a face have the same values",
         "false_alarms": "times that nothing was felt to be something",
     }
 
@@ -269,7 +269,7 @@ class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
         "middle_half_ms": "half of the bursts lie between these",
         "half_strength_ms": "to half of the vibration's strength",
         "left_out": "bursts that do not count, and why",
-        "clock": "how the recording's time was told",
+        "clock": "how the recording was synchronized",
         "clock_uncertainty_ms": "all delays together may be off by that",
     }
 

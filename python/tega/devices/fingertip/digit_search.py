@@ -58,7 +58,7 @@ def _camera(node: VideoNode, *, twice: bool) -> Found:
     problem = hint = ""
     if twice:
         problem = f"two cameras have the serial number {node.serial}"
-        hint = 'flash one of them anew, or name both by their ports: source = "/dev/v4l/by-path/…"'
+        hint = 'flash one of them again, or name both by their ports: source = "/dev/v4l/by-path/…"'
     elif node.device.startswith("/dev/") and not Path(node.device).exists():
         problem = f"the kernel lists {node.device}, but it is not there"
         hint = "in a container pass it in (--device), else look at udev"

@@ -133,5 +133,5 @@ def find_node(serial: str, sysfs: Path = SYSFS) -> VideoNode:
         f"no camera has the serial number {serial!r}; there are: {there or 'none'}",
         "check the cable (some only charge) and the number; a DIGIT needs about 3 s after plugging in"
         if sys.platform == "linux"
-        else 'this system tells no serial numbers: name the camera by its number, source = "camera:0"',
+        else 'this system reports no serial numbers: name the camera by its number, source = "camera:0"',
     )

@@ -75,7 +75,7 @@ def link_trouble(link: CanLink, *, bitrate: int) -> tuple[str, str]:
     if link.bitrate is not None and link.bitrate != bitrate:
         return (
             f"the bus {link.name} runs at {link.bitrate} bits per second, the device at {bitrate}",
-            f"set it up anew:\n{again}",
+            f"set it up again:\n{again}",
         )
     if link.state == "BUS-OFF":
         return (
@@ -84,7 +84,7 @@ def link_trouble(link: CanLink, *, bitrate: int) -> tuple[str, str]:
         )
     if link.state == "ERROR-PASSIVE":
         return (
-            f"nobody on the bus {link.name} confirms what is sent (error-passive)",
+            f"no device on the bus {link.name} acknowledges frames (error-passive)",
             "check the hand's power, CAN H and L swapped, 120 Ω at both ends",
         )
     return "", ""

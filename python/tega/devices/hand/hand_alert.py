@@ -67,7 +67,7 @@ class HandAlert:
         except DeviceUnavailableError:
             return ""
         if state.phase in {"silent", "listening", "identifying", "checking"}:
-            return "hand: silent; it was told to switch its motors off and has not confirmed it; it is looked for again"
+            return "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
         counts = {name: getattr(state.counts, name) for name in _WORDS} | {"garbled": self._hand.n_garbled}
         before, self._counts = self._counts, counts
         more = {name: n - before.get(name, n) for name, n in counts.items()}

@@ -226,7 +226,7 @@ class HandProcess:
             )
             self._let_go_instead()
         except BaseException as error:  # of who is told; the next step can act on it
-            self._broke = f"the hand's process is heard no more ({type(error).__name__}: {error})"
+            self._broke = f"the hand's process does not answer any more ({type(error).__name__}: {error})"
 
     def _let_go_instead(self) -> None:
         """Have the hand let go if the process has ended before the hand confirmed, and report how that went."""

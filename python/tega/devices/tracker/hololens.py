@@ -140,7 +140,7 @@ class HoloLens(ThreadedTracker):
         if c.packets and c.lost > c.packets / 10:
             notes.append(f"{c.lost} of {c.packets} packets had no {self._options.hand} hand")
         if c.connections > 1:
-            notes.append(f"the connection was made anew {c.connections - 1} times")
+            notes.append(f"reconnected {c.connections - 1} times")
         if self._clock.n_leaps:
             notes.append(f"stamp: the headset's clock was set {self._clock.n_leaps} times")
         return DeviceInfo(

@@ -108,7 +108,7 @@ class OpenXr(ThreadedTracker):
             notes.append(f"the runtime calls it {self._device}")
         if not self._converts_times:
             notes.append(
-                "the runtime does not tell its times in this machine's: poses may be some ms older than said"
+                "the runtime does not convert its clock to this machine's: poses may be some ms older than reported"
             )
         if c.poses and c.guessed > c.poses / 10:
             notes.append(f"{c.guessed} of {c.poses} poses were only guessed")
@@ -117,7 +117,7 @@ class OpenXr(ThreadedTracker):
         if c.recentred:
             notes.append(f"its origin was moved {c.recentred} times")
         if c.connections > 1:
-            notes.append(f"the session was made anew {c.connections - 1} times, at last since {self._lost}")
+            notes.append(f"the session was restarted {c.connections - 1} times; last reason: {self._lost}")
         return DeviceInfo(
             driver=self.driver,
             kind="tracker",

@@ -213,7 +213,7 @@ class XrSession:
         """Return a time of the monotonic clock in the runtime's."""
         if not self.converts_times:
             if self._ahead_ns is None:
-                raise DeviceUnavailableError(f"openxr: {self.runtime} tells no times at all")
+                raise DeviceUnavailableError(f"openxr: {self.runtime} reports no times")
             return now_ns + self._ahead_ns
         xr = self._xr
         then = xr.timespec(now_ns // 10**9, now_ns % 10**9)

@@ -93,7 +93,7 @@ def versions_to_ask(o: PlayerOptions) -> list[PlayerVersion]:
     """
     if not (o.allow_remote or _is_here(o.host)):
         raise DeviceUnavailableError(
-            f"the host {o.host!r} is not this machine, and whoever answers there is not checked",
+            f"the host {o.host!r} is not this machine, and the program that answers there is not checked",
             "set vest.options allow_remote = true if the Player there is yours",
         )
     asked: list[PlayerVersion] = []

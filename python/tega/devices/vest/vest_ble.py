@@ -90,7 +90,7 @@ class BleVest(StreamedVest):
                 driver=cls.name,
                 label=f"{device.name} at {device.address}",
                 options={"address": device.address},
-                note="heard, not connected to",
+                note="found, not connected",
                 may_open=False,
             )
             for device in heard
@@ -99,7 +99,7 @@ class BleVest(StreamedVest):
 
     @property
     def _label(self) -> str:
-        return self._options.address or "first vest heard"
+        return self._options.address or "first vest found"
 
     @property
     def confirmed_rest(self) -> bool:
@@ -161,7 +161,7 @@ class _BleLink:
         if device is None:
             what = f"no vest with the address {o.address}" if o.address else "no vest (TactSuit…, Tactot…)"
             raise DeviceUnavailableError(
-                f"{what} was heard in {o.scan_s:g} s of Bluetooth scanning",
+                f"{what} was found in {o.scan_s:g} s of Bluetooth scanning",
                 "switch it on and close the Player and the phone's app: a vest talks to one program at a time",
             )
         self._client = self._bleak.BleakClient(device, disconnected_callback=self._on_disconnected)

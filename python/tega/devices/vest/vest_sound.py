@@ -119,7 +119,7 @@ class SoundVest(StreamedVest):
     """Sounds one tone a column through the loudspeaker or headphones."""
 
     name: ClassVar[str] = "sound-vest"
-    summary: ClassVar[str] = "a vest to be heard: one tone for each column"
+    summary: ClassVar[str] = "an audible vest: one tone for each column"
     extra: ClassVar[str] = "sound"
     requires: ClassVar[tuple[str, ...]] = ("sounddevice",)
     options_type: ClassVar[type[Options]] = SoundVestOptions

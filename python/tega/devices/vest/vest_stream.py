@@ -230,8 +230,8 @@ class StreamedVest(Opened):
         battery = link.battery_percent
         said = (
             link.condition,
-            f"battery {'not told' if battery is None else f'{battery} %'}",
-            "fit not told",
+            f"battery {'unknown' if battery is None else f'{battery} %'}",
+            "fit unknown",
         )
         return ", ".join(filter(None, said))
 

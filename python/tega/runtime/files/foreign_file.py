@@ -51,7 +51,7 @@ def check_file(path: Path, *, most_mib: int, error: type[TegaError] = RecordingE
     for is_kind, name in _KINDS:
         if is_kind(there.st_mode):
             raise error(
-                f"{path.name}: is {name}, not a file", "copy what it gives into a file, and name that"
+                f"{path.name}: is {name}, not a file", "copy its output into a file, and name that file"
             )
     if there.st_size > most_mib * MIB:
         raise error(

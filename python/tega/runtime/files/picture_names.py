@@ -44,7 +44,7 @@ def without_strays(files: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
     strays = sorted(path.name for path, shape in shapes.items() if shape != usual)
     return [path for path, shape in shapes.items() if shape == usual], (
         f"{', '.join(strays[:3])}{' and others' if len(strays) > 3 else ''}: not named as the {n_usual} other pictures "
-        f"({usual}), so no frame and not used; rename what is one",
+        f"({usual}), so not used; rename a file that is a frame",
     )
 
 

@@ -128,7 +128,7 @@ def _model_of(config: SessionConfig) -> _Named | None:
     decoder = LearnedDecoder.load(options.model)
     if decoder.model.model == "kernel":
         raise CalibrationError(
-            f"{options.model.name}: a kernel is not fitted anew in ten seconds",
+            f"{options.model.name}: a kernel cannot be refitted in ten seconds",
             "practise for a minute, then fit it again: tega-teleop emg fit",
         )
     return _Named(options.model, decoder)

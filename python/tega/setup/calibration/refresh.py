@@ -135,7 +135,7 @@ def kept_record(
         if then != now:
             raise CalibrationError(
                 f"EMG: {person} was calibrated with {what} {then}, now it is {now}",
-                "set it back, or calibrate anew: tega-teleop calibrate",
+                "set it back, or calibrate again: tega-teleop calibrate",
             )
     return record, chain
 
@@ -166,8 +166,8 @@ def to_todays_scale(
     for name, ratio in zip(record.channels, ratios, strict=True):
         if not limits[0] <= ratio <= limits[1]:
             raise CalibrationError(
-                f"EMG: {name} gives {ratio:.1f} times what it gave at the calibration",
-                "look at its electrode, then calibrate anew: tega-teleop calibrate",
+                f"EMG: {name} gives {ratio:.1f} times its signal at the calibration",
+                "check its electrode, then calibrate again: tega-teleop calibrate",
             )
     scale = float(f"{np.exp(np.log(ratios).mean()):.4g}")
     new = msgspec.structs.replace(

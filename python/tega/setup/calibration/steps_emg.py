@@ -217,7 +217,7 @@ def take_squeezes(
             if k and times.pause_s > 0:
                 collect(source, times.pause_s, guide, "Pause: let go and breathe", names=chain.channels)
             which = f"Squeeze {k + 1} of {n}" if n > 1 else "Squeeze"
-            guide.ready(f"{which}: a fist, as strong as you can, until told to stop")
+            guide.ready(f"{which}: a fist, as strong as you can, until the screen says stop")
             drain(source)
             squeezes.append(collect(source, times.squeeze_s, guide, "SQUEEZE", names=chain.channels))
             guide.say(f"{which.lower().partition(' of ')[0]}: let go")

@@ -188,7 +188,7 @@ class Calibrating:
                 f"Going on with the calibration begun at {before.started:%H:%M} UTC; done: {steps}"
             )
         if done and not self.left:
-            self._guide.say("All of it is done already; --restart begins anew", tone="warn")
+            self._guide.say("All steps are done already; use --restart to start again", tone="warn")
         self._folder.keep_unfinished(self._person, self._unfinished)
         for part in list(self.left):
             self._place = f" ({list(parts).index(part) + 1} of {len(parts)})"
@@ -229,8 +229,8 @@ class Calibrating:
     def _finger(self, finger: str, section: TactileConfig) -> TouchRecord:
         self._guide.part(
             f"Fingertip: {finger}{self._place}",
-            "A picture of the untouched gel, against which touch is measured, then firm presses with something "
-            "round and with something flat, which say what is full on the vest.",
+            "A baseline frame of the untouched gel, then firm presses with something round and with something flat: "
+            "they set the vest's full strength.",
         )
         with driver_class(section.driver, "tactile")(section.options) as source:
             _check_live(source)
@@ -269,8 +269,8 @@ class Calibrating:
     def _emg(self, section: EmgConfig) -> EmgRecord:
         self._guide.part(
             f"Muscles{self._place}",
-            "Rest, three strong squeezes with pauses, then each muscle alone: what is nothing, what is full, and "
-            "whether each electrode sits on its muscle." + self._drawing("emg"),
+            "Rest, three strong squeezes with pauses, then each muscle alone: they set zero and full effort, and "
+            "check that each electrode sits on its muscle." + self._drawing("emg"),
         )
         with driver_class(section.driver, "emg")(section.options) as source:
             _check_live(source)
@@ -432,8 +432,8 @@ class Calibrating:
             return msgspec.convert(self._unfinished.steps[name], wanted)
         except msgspec.ValidationError as error:
             raise CalibrationError(
-                f"unfinished.json: what it holds of the step {name} is damaged: {error}",
-                "begin anew: tega-teleop calibrate --restart",
+                f"unfinished.json: its entry for the step {name} is damaged: {error}",
+                "start again: tega-teleop calibrate --restart",
             ) from error
 
     def _step(self, name: str, wanted: type[_Result], take: Callable[[], _Result]) -> _Result:

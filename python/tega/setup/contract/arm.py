@@ -87,10 +87,10 @@ def check_arm(arm: ArmDriver) -> None:
         rule(type(last) is StampedPose, "measured gives a StampedPose")
         assert first is not None
         assert last is not None
-        rule(last.t_ns > first.t_ns, "an open arm tells anew where it is")
+        rule(last.t_ns > first.t_ns, "an open arm reports new positions")
         moved_m = float(np.linalg.norm(np.subtract(first.position_m, last.position_m)))
         rule(moved_m < _STILL_M, "without a target it stays where it is")
-        rule(arm.phase == "ready", "an arm that nobody leads is ready")
+        rule(arm.phase == "ready", "an arm without a command is ready")
         rule(arm.problem == "", "an arm that is well has no problem")
         rule(arm.health.rate_hz > 0, "it says how its loop runs")
     refuses(

@@ -97,13 +97,13 @@ def _check_discover(driver: type[Device], options: Options) -> None:
     name = driver(options).info.driver
     for one in found:
         rule(isinstance(one, Found), "discover gives Founds")
-        rule(bool(one.label), "what was found has a label")
-        rule(one.driver == name, "what was found names this driver")
+        rule(bool(one.label), "a found device has a label")
+        rule(one.driver == name, "a found device names this driver")
         rule(not one.hint or bool(one.problem), "a hint is for a problem")
         try:
             msgspec.convert(json.loads(json.dumps(one.options)), driver.options_type)
         except (TypeError, msgspec.ValidationError) as error:
-            reason = f"what was found has options that could stand in a settings file: {error}"
+            reason = f"a found device has options that a settings file can hold: {error}"
             rule(bool(one.problem), reason)
 
 

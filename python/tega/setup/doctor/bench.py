@@ -53,7 +53,7 @@ _ABSENT: Final = {
         "No EMG amplifier was found",
         {
             "serial-emg": "there is no USB serial port",
-            "lsl-emg": "no Lab Streaming Layer stream of type EMG was heard",
+            "lsl-emg": "no Lab Streaming Layer stream of type EMG was found",
         },
         (
             "plug the board or dongle in and switch it on (a Cyton's dongle: switch at GPIO 6)",
@@ -64,7 +64,7 @@ _ABSENT: Final = {
         "No vest answers",
         {
             "bhaptics-player": "no Player listens at 127.0.0.1:15881",
-            "bhaptics-ble": "no vest was heard over Bluetooth",
+            "bhaptics-ble": "no vest was found over Bluetooth",
             "hid-vest": "no board with TEGA's reports is on USB",
         },
         (
@@ -195,7 +195,7 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
                     check=case.check,
                     status="error",
                     finding=f"{case.driver} failed with an unexpected {type(error).__name__}: {error}",
-                    todo=("report it to whoever made the driver",),
+                    todo=("report it to the author of the driver",),
                     driver=case.driver,
                 )
             ]

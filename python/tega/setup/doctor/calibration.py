@@ -89,7 +89,7 @@ def _nobody(config: SessionConfig, settings: str) -> Finding:
 
 
 def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
-    again = f"calibrate anew:\n{calibrate_command(settings, 'ID')}"
+    again = f"calibrate again:\n{calibrate_command(settings, 'ID')}"
     try:
         calibration = load_calibration(file)
         calibration.check_fits(

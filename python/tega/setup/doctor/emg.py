@@ -16,7 +16,7 @@ _LOOK_S = 2.2
 """The spectrum of the mains takes two seconds."""
 _TOO_SLOW = (
     "a sketch with delay() or too many characters on a line is the usual reason: print faster, raise the baud rate",
-    "set rate_hz in its options to what it really sends, if that is enough (125 Hz at least)",
+    "set rate_hz in its options to its real rate, if that is enough (125 Hz at least)",
 )
 
 

@@ -108,8 +108,8 @@ def _compared(
             case.told(
                 label,
                 "warning",
-                f"{case.driver} {label}: the gel differs from its baseline by {contact.difference:.1f} times its "
-                f"noise, and touch is told from {contact.threshold:.1f} on",
+                f"{case.driver} {label}: the gel differs from its baseline ({contact.difference:.1f} times its "
+                f"noise; contact threshold {contact.threshold:.1f})",
                 why="something touches the gel, or the baseline is stale: gels and lights drift",
                 todo=(
                     "take everything off the fingertip and look again",

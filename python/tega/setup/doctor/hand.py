@@ -41,7 +41,7 @@ def try_hand(case: DriverCase) -> list[Finding]:
         f"the hand on {label} reports {measured.get('rate_hz', 0):.0f} times a second; its motors stayed off"
     )
     if not measured:
-        said = f"the bus {label} opens; this driver does not listen, so what is on it was not seen"
+        said = f"the bus {label} opens; this driver only sends, so no device on it was detected"
     findings = [case.told(label, "ok", said, why="; ".join(info.notes), measured=measured)]
     known = [c for c in joints_c if c is not None]
     if joints_c and len(known) < len(joints_c):

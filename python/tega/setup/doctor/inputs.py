@@ -45,7 +45,7 @@ def try_input(case: DriverCase) -> list[Finding]:
             case.told(info.label, "warning", said, why=why, todo=("let it go and look again",)),
             *doubts,
         ]
-    why = "at rest it says nothing: move it in tega-teleop run, which shows what it says"
+    why = "it reports nothing at rest: move it in tega-teleop run, which shows its values"
     return [case.told(info.label, "ok", f"{name} is open and at rest", why=why), *doubts]
 
 

@@ -44,7 +44,7 @@ _NO_FINGER = """
 _NO_EMG = """
 # [emg]                           # no amplifier was found
 # driver = "cyton"                # cyton, chords, spiker, serial-emg, lsl-emg: docs/device-emg.md
-# kind = "raw"                    # what it sends: raw, rectified, envelope
+# kind = "raw"                    # type of signal: raw, rectified, envelope
 # options = { port = "/dev/ttyUSB0" }
 """
 
@@ -115,7 +115,7 @@ _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
     "pedal": {
         "silent_after_ms": (
             5000,
-            "100 where it repeats itself while held; else it has to be pressed anew this often",
+            "100 where it repeats itself while held; else it has to be pressed again this often",
         ),
     },
     "allegro": {
@@ -167,7 +167,7 @@ def lab_settings(
         text += _section(f"tactile.{finger}", sensor, untouched if picture else f"# {untouched}")
     text += _left_over(sensors[len(FINGERS) :])
     amplifiers = _found(looked, "emg")
-    kind = 'kind = "raw"                  # what it sends: raw, rectified, envelope\n'
+    kind = 'kind = "raw"                  # type of signal: raw, rectified, envelope\n'
     text += _section("emg", amplifiers[0], kind) if amplifiers else _NO_EMG
     text += _left_over(amplifiers[1:])
     vests = _found(looked, "vest")

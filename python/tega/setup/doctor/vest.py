@@ -12,7 +12,7 @@ from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding
 
 _ASK: Final = (
-    "the vest does not tell how it fits: its wearer does, asked where each column is felt, in the first step of\n"
+    "the vest cannot detect its own fit. Check it with the participant:\n"
     "tega-teleop calibrate SETTINGS.toml --person ID --only vest"
 )
 

@@ -43,10 +43,10 @@ def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -
             f"target has shape {goal.shape}, samples {samples.shape}: one target a sample is needed"
         )
     if model.model == "kernel":
-        raise CalibrationError("a kernel is not fitted anew in ten seconds", "fit it again with emg fit")
+        raise CalibrationError("a kernel cannot be refitted in ten seconds", "fit it again with emg fit")
     if len(samples) < LEAST_S * model.rate_hz:
         raise CalibrationError(
-            f"{len(samples) / model.rate_hz:.1f} s are too short to fit the decoder anew",
+            f"{len(samples) / model.rate_hz:.1f} s are too short to refit the decoder",
             "give about ten seconds",
         )
     blocks = Blocks(model.rate_hz, model.tau, model.kind, len(model.channels)).take(samples)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 @click.option(
     "--refresh",
     is_flag=True,
-    help="Measure baselines and EMG anew, in twenty seconds, after sensors or electrodes were put on again.",
+    help="Measure baselines and EMG again, in twenty seconds, after sensors or electrodes were put on again.",
 )
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
 @click.option(

@@ -165,7 +165,7 @@ def _summary(examination: Examination) -> list[str]:
                 what,
                 "Meanwhile, without any device: `tega-teleop demo` runs on a simulated bench, and",
                 "`tega-teleop init --emulated` starts emulated devices to try `doctor` and `run` with.",
-                "Once something is plugged in, `tega-teleop init` writes settings with what it finds.",
+                "Once something is plugged in, `tega-teleop init` writes settings for it.",
             ]
         return [what]
     ready = f"Ready, with {n_warnings} warning{'' if n_warnings == 1 else 's'}" if n_warnings else "Ready"

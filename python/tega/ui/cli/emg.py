@@ -193,7 +193,7 @@ def fit(
     "--shift",
     type=click.IntRange(0, 63),
     default=0,
-    help="Rotate the judged part's channels by so many places and draw their gains anew (simulated).",
+    help="Rotate the judged part's channels by so many places and draw new gains (simulated).",
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed of the gains that --shift draws.")
 @click.option(
@@ -202,7 +202,7 @@ def fit(
     type=click.FloatRange(0, 3600),
     default=0.0,
     metavar="SECONDS",
-    help="Recalibrate maxima and models with the first seconds of what is judged, and judge the rest.",
+    help="Recalibrate maxima and models with the first seconds of the judged part, and judge the rest.",
 )
 @click.option(
     "--picture",
@@ -287,15 +287,15 @@ _COLUMNS = (
     ("chg/s", "changes_per_s", 1, ".2f"),
     ("later", "delay_s", 1000, ".0f"),
     ("level", "at_level", 100, ".0f"),
-    ("told", "balanced_accuracy", 100, ".0f"),
+    ("b-acc", "balanced_accuracy", 100, ".0f"),
     ("false", "false_closings_per_min", 1, ".1f"),
     ("conf", "calibration_error", 1, ".2f"),
     ("held", "held", 100, ".0f"),
 )
 _MEANT = (
     "rank, r: correlations with the target; chg/s: changes of level; later: than rules-paper, ms; level: % of time at "
-    "the target's level; told: rest and effort told apart, balanced %; false: closings at rest per minute; conf: error "
-    "of confidence; held: % of blocks. Details: docs/evidence/emg-decoders.md"
+    "the target's level; b-acc: balanced accuracy of rest against effort, %; false: closings at rest per minute; conf: "
+    "error of confidence; held: % of blocks. Details: docs/evidence/emg-decoders.md"
 )
 
 

@@ -25,7 +25,7 @@ import click
 @click.option(
     "--person",
     metavar="ID",
-    help="Person who wears the vest; only what is left of that person's daily vibration is used.",
+    help="Person who wears the vest; the run stays within the rest of that person's daily vibration.",
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 def identify(

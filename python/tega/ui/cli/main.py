@@ -158,12 +158,12 @@ def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None: 
 
 
 _GREETING = """\
-TEGA lets a person steer a robot hand with the muscles of the forearm, and feel on a vest what its fingertips touch.
+TEGA lets a person steer a robot hand with the muscles of the forearm, and feel the touch of its fingertips on a vest.
 
 Type one of these first:
   tega-teleop demo             watch a simulated person lift three objects: no hardware, under a minute
   tega-teleop init             write lab.toml for the devices that are plugged in
-  tega-teleop doctor           look for devices, say what is missing
+  tega-teleop doctor           look for devices, list missing ones and fixes
   tega-teleop run lab.toml     start a session
   tega-teleop --help           list all verbs; tega-teleop VERB --help explains one"""
 

@@ -34,7 +34,7 @@ class _Speed(click.ParamType[float | None]):
 @click.option(
     "--person",
     metavar="ID",
-    help="Person who wears the vest; only what is left of that person's daily vibration is played.",
+    help="Person who wears the vest; playback stays within the rest of that person's daily vibration.",
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(

@@ -12,7 +12,7 @@ _TITLES = {
     "metric": "Metrics: a fingertip's picture to a contact (stages.metric.name)",
     "decoder": "Decoders: EMG to intent (stages.decoder.name)",
     "mapping": "Mappings: contacts to motor levels (stages.mapping.name)",
-    "reflex": "Reflexes: firm the grip by what is felt (stages.reflex.name)",
+    "reflex": "Reflexes: firm the grip when an object slips (stages.reflex.name)",
     "layout": "Layouts: where the motors are (vest.layout)",
 }
 

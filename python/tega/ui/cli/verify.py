@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="PNG to draw what is in the recording: firmest contacts, then touch, level, fingers and vest over time.",
+    help="PNG file for a figure of the recording: firmest contacts, then touch, level, fingers and vest over time.",
 )
 @json_option
 def verify(

@@ -50,7 +50,7 @@ _DRIVERS: Final = {
         "chords",
         lambda port: Chords(ChordsOptions(port=port)),
         ("--name", "UNKNOWN-BOARD"),
-        "says a name that nobody knows",
+        "gives an unknown name",
     ),
     "spiker": _Driver(
         "spiker",
@@ -74,7 +74,7 @@ _FAULTS: Final[dict[str, _Fault]] = {
     "half packet": ("one packet in ten is cut off", ("half 0.1",), ("clear",)),
     "slow": ("sends at a third of its speed", ("slow 0.33",), ("clear",)),
     "duplicate": ("one packet in ten comes twice", ("duplicate 0.1",), ("clear",)),
-    "power cycle": ("starts anew under an open port", ("reset",), ()),
+    "power cycle": ("restarts under an open port", ("reset",), ()),
     "loss": ("one packet in ten never arrives", ("loss 0.1",), ("clear",)),
     "noise": ("one packet in twenty has a wrong byte or one more", ("noise 0.05",), ("clear",)),
 }
@@ -139,7 +139,7 @@ def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> Drive
             counted = [f"{share:.0f} % of the samples missing: held for 100 ms, then the channel has no vote"]
     counted += notes.values()
     return DriverOutcome(
-        effect="goes on", said="; ".join(counted) or "nothing tells it from a stream that just goes on"
+        effect="goes on", said="; ".join(counted) or "it looks like a stream without a break"
     )
 
 

@@ -76,20 +76,20 @@ def _met(fault: str) -> DriverOutcome:
                 break
             if spent_s > _NUISANCE_S and driver.state().phase == "running":
                 if driver.state().counts.silences == silences:
-                    said = "what is missing is bridged, what does not belong is ignored"
+                    said = "missing frames are bridged, unknown ones are ignored"
                     return DriverOutcome(effect="goes on", said=said)
-                said = "motors off; its version is checked again, then it goes where it was told"
+                said = "motors off; its version is checked again, then it goes to its target"
                 return DriverOutcome(effect="falls silent", said=said, seen_s=off_s)
             time.sleep(0.001)
         else:
-            return DriverOutcome(effect="goes on", said="neither told nor over within 8 s")
+            return DriverOutcome(effect="goes on", said="no alert, and not over within 8 s")
         if off_s is None and fault not in _DEAF:
             time.sleep(0.05)
             off_s = told_s if _is_off(hand) else None
     if fault in _DEAF:
-        said += "; it hears nothing meanwhile and keeps its last torque: use the switch"
+        said += "; it receives nothing meanwhile and keeps its last torque: use the switch"
     elif off_s is not None and told_s - off_s > 0.1:
-        said += f" (told after {told_s:.1f} s)"
+        said += f" (alert after {told_s:.1f} s)"
     return DriverOutcome(
         effect="lets go" if off_s is not None else "ends",
         said=said,

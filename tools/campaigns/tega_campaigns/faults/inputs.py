@@ -48,10 +48,10 @@ _NAMES: Final = {
     "slow": "slow",
     "duplicate": "duplicate",
 }
-_CHANGES: Final = "it tells of a change once, and at its own time"
+_CHANGES: Final = "it reports a change once, and at its own time"
 CANNOT: Final = {
     ("pedal", "slow"): _CHANGES,
-    ("pedal", "garbage"): "USB checks every report; what is no keyboard's report is counted and not used",
+    ("pedal", "garbage"): "USB checks every report; other reports than a keyboard's are counted and not used",
     (
         "pedal (silent_after_ms = 100)",
         "garbage",
@@ -140,11 +140,11 @@ def _said(name: str, fault: str, source: HidInput) -> str:
     said = "an equal report changes nothing"
     if fault in _AWAY:
         said = (
-            "at rest, nothing held, no data; looked for again, and what is held then has to be let go first"
+            "at rest, nothing held, no data; reconnected; a button that is held then has to be released first"
         )
     elif name == "pedal" and fault == "freeze":
         said = (
-            "stays as it was: a pedal that only tells of changes and freezes cannot be told from one that is held; "
+            "stays as it was: a pedal that only reports changes and freezes looks like one that is held; "
             "set silent_after_ms for one that repeats itself"
         )
     elif fault == "slow":

@@ -24,7 +24,7 @@ on a shared two-core machine; a trial during which the machine stood still is tr
 run, with emulators: a real radio, adapter or hub adds its own. *After* is counted from the fault to its effect, *back*
 from the fault's end to fresh data or the right touch. A finger is silent on the vest 100 ms after its last picture.
 
-| effect | what it means |
+| effect | meaning |
 |---|---|
 | refused | opening fails, with the sentence given; nothing was sent |
 | ends | reading raises, with the sentence given; a run goes on without; *back* is the time to open it again |

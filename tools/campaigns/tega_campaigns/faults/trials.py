@@ -12,10 +12,10 @@ __all__ = ["FAULTS", "DriverOutcome", "Effect", "FaultTrial", "all_trials"]
 FAULTS: Final = {
     "unplug": "The device is taken away, and in the end put back.",
     "freeze": "It stands still; its port stays.",
-    "garbage": "What it sends is random, or not what it should be.",
-    "half packet": "What it sends is cut off.",
+    "garbage": "Its data are random or invalid.",
+    "half packet": "Its data are cut off.",
     "wrong version": "It is there, but not the one that is needed.",
-    "slow": "It sends, or takes what is sent, too slowly.",
+    "slow": "It sends or receives too slowly.",
     "duplicate": "It sends things twice.",
     "power cycle": "It is switched off and on again.",
 }

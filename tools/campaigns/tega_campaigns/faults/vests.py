@@ -35,7 +35,7 @@ _PLAYER: Final = (
     ("slow", "takes a message in 150 ms", "slow"),
     ("power cycle", "the Player is closed and is back after 3 s", "refuse"),
     ("no vest", "the vest has left the Player", "no-vest"),
-    ("no frames", "nobody writes a frame", "no writes"),
+    ("no frames", "no program writes a frame", "no writes"),
 )
 
 # By driver: the fault's name in the table, what the emulator does, and what it is told.
@@ -47,20 +47,20 @@ _FAULTS: Final = {
         ("freeze", "takes no frame and answers none", "freeze"),
         ("slow", "takes a frame in 150 ms", "slow"),
         ("power cycle", "the vest is switched off and on after 3 s", "off"),
-        ("no frames", "nobody writes a frame", "no writes"),
+        ("no frames", "no program writes a frame", "no writes"),
     ),
     "hid-vest": (
         ("unplug", "the board is taken away for 3 s", "close"),
         ("freeze", "takes nothing and says nothing", "freeze"),
         ("garbage", "its reports have a wrong checksum", "garbage"),
         ("slow", "takes a report in 150 ms", "slow"),
-        ("power cycle", "the board is away for 3 s, and starts anew", "close"),
+        ("power cycle", "the board is away for 3 s, and restarts", "close"),
         ("no vest", "the board has no link to a vest", "no-vest"),
-        ("no frames", "nobody writes a frame", "no writes"),
+        ("no frames", "no program writes a frame", "no writes"),
     ),
 }
 _WHOLE: Final = "its transport delivers whole messages or none"
-_TALKS: Final = "what it says back changes nothing on the vest, once or twice"
+_TALKS: Final = "its answers change nothing on the vest, once or twice"
 CANNOT: Final = {
     **{(name, "half packet"): _WHOLE for name in _FAULTS},
     **{(name, "duplicate"): _TALKS for name in _FAULTS},
@@ -142,7 +142,7 @@ def _met(label: str, fault: str) -> DriverOutcome:
     elif met.withheld:
         said.append("says that no vest is connected: write returns zeros")
     else:
-        said.append("counts and ignores what it cannot read; frames go out as before")
+        said.append("counts and ignores invalid messages; frames go out as before")
     said.append(f"no write took longer than {max(met.write_ms, 0.1):.1f} ms")
     if met.rest_s is not None and met.rest_s > 1.0:
         said.append("until then the emulated vest holds its last frame, as the real one is thought to")

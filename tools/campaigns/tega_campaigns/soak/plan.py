@@ -63,7 +63,7 @@ _TRACKER = (
     "hololens:|arm: (the forearm is lost|there was no pose yet|the tracker has no vote)"
     f"|arm {_LET_GO} (the forearm is lost|there was no pose yet|no pose came|the tracker has no vote)"
 )
-_ARM = f"simulated-arm: the arm's process has said nothing|arm {_LET_GO} the arm did not tell where it is"
+_ARM = f"simulated-arm: the arm's process has said nothing|arm {_LET_GO} the arm did not report its position"
 _RECORDER = "the recorder's process"
 
 KINDS: Final[tuple[Kind, ...]] = (

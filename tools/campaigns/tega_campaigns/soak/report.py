@@ -153,7 +153,7 @@ def print_report(report: SoakReport, out: Console) -> None:
     from rich.table import Table
 
     table = Table(box=SIMPLE)
-    for name in ("at s", "fault", "device", "lasted s", "told after s", "well after s", "outcome"):
+    for name in ("at s", "fault", "device", "lasted s", "reported after s", "well after s", "outcome"):
         table.add_column(name, justify="right" if name.endswith(" s") else "left")
     for f in report.faults:
         table.add_row(

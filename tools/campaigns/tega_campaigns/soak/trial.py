@@ -316,7 +316,7 @@ class _Soak:
         restarted = kind is None or kind.then == "restarts"
         fault.outcome = "restarted" if restarted else "recovered"
         if fault.detected_s is None:
-            fault.outcome = "not told"
+            fault.outcome = "not reported"
 
     def _well_again(self) -> float | None:
         """Wait until all is well and stays so for a while; return since when."""

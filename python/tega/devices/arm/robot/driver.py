@@ -117,7 +117,7 @@ class ProcessArm(Opened):
         if (code := self._process.poll()) is not None:
             # It is not started again by itself: a person may stand at the arm, and says when by starting the run anew.
             ended = f"the arm's process has ended ({code})"
-            return f"{self.name}: {ended}; nobody leads the arm: use its switch if it moves"
+            return f"{self.name}: {ended}; no program controls the arm: use its switch if it moves"
         if (away_s := time.monotonic() - self._heard_s) > _SILENT_S:
             return f"{self.name}: the arm's process has said nothing for {away_s:.1f} s"
         if self._told is not None and self._told.phase == "faulted":

@@ -35,7 +35,7 @@ MODE_WORDS: Final = {
     "UserStopped": "the robot's stop is pressed; release it, then recover",
     "Guiding": "the robot is guided by hand",
     "Other": "the robot is locked; open its brakes in Desk",
-    "Reflex": "the robot's reflex has stopped it; look what it touched, then recover",
+    "Reflex": "the robot's reflex has stopped it; check for a collision, then recover",
 }
 """Fixes for a robot's modes, by name."""
 
@@ -77,7 +77,7 @@ class FrankyBody:
         except Exception as error:  # franky raises many kinds, of no common base
             raise DeviceUnavailableError(
                 f"franky: {host} does not let itself be connected: {error}",
-                "`tega-teleop arm check HOST` says what is missing; is another program connected?",
+                "run `tega-teleop arm check HOST`; is another program connected?",
             ) from error
         name = "" if library is None else f"franky-control {library.version}, libfranka {library.libfranka}, "
         self.facts = (f"{name}robot server {server}",)
@@ -232,7 +232,7 @@ class FrankyBody:
             self._break(self._named(f"it cannot be cleared: {error}"))
             return self._fault
         if not cleared:
-            self._break(f"{self._words(self._mode)}; what it says could not be cleared")
+            self._break(f"{self._words(self._mode)}; this state could not be cleared")
         return self._fault
 
     def _is_idle(self) -> bool:

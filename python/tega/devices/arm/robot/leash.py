@@ -87,9 +87,11 @@ class Leash:
             return Order("rest", f"no command for more than {self._s.stop_ms:g} ms")
         if last.state == "stopped" or last.place is None:
             self._rests = True
-            return Order("rest", "it was stopped" if last.state == "stopped" else "nobody has taken hold yet")
+            return Order(
+                "rest", "it was stopped" if last.state == "stopped" else "the operator has not taken hold yet"
+            )
         if self._lost_at is not None:
-            return Order("rest" if self._rests else "hold", "the operator has to take hold anew")
+            return Order("rest" if self._rests else "hold", "the operator has to take hold again")
         if age_ms > self._s.hold_ms:
             return Order(
                 "rest" if self._rests else "hold", f"no command for more than {self._s.hold_ms:g} ms"

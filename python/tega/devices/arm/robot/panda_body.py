@@ -74,7 +74,7 @@ class PandaBody:
         except Exception as error:  # libfranka's errors come as several kinds
             raise DeviceUnavailableError(
                 f"panda: {host} does not let itself be connected: {error}",
-                "`tega-teleop arm check HOST` says what is missing; is another program connected?",
+                "run `tega-teleop arm check HOST`; is another program connected?",
             ) from error
         self.facts = (f"panda-python {panda_py.__version__}, robot server {server}; never tried on a robot",)
         if said := self.recover():
