@@ -14,8 +14,14 @@ from tega.arm.settings import GateSettings
 JUMPED: Final = "it jumped by"
 """How the reason begins for which a pose that is whole and in time is not believed."""
 
+ROOM_M: Final = 100.0
+"""Largest coordinate of a pose: no room is larger, and what lies farther is a fault of the tracker."""
 
-def malformed(pose: StampedPose, settings: GateSettings) -> str:
+_UNIT_ERROR: Final = 1e-3
+"""Largest deviation of a quaternion's length from one: float32 on the way costs 1e-7, a wrong field far more."""
+
+
+def malformed(pose: StampedPose) -> str:
     """Return why a pose cannot be one, whatever came before it; ``""`` if it can."""
     if not pose.valid:
         return "the tracker calls it lost"
@@ -25,9 +31,9 @@ def malformed(pose: StampedPose, settings: GateSettings) -> str:
     xyz, xyzw = place.tolist(), turn.tolist()
     if not all(map(math.isfinite, (*xyz, *xyzw))):
         return "a number in it is not finite"
-    if abs(math.hypot(*xyzw) - 1) > settings.unit_error:
+    if abs(math.hypot(*xyzw) - 1) > _UNIT_ERROR:
         return f"its quaternion has length {math.hypot(*xyzw):.4g}, not 1"
-    if max(map(abs, xyz)) > settings.room_m:
+    if max(map(abs, xyz)) > ROOM_M:
         return f"it lies {max(map(abs, xyz)):.3g} m away"
     return ""
 
@@ -54,7 +60,7 @@ class PoseGate:
 
     def refusal(self, pose: StampedPose, now_ns: int) -> str:
         """Return why a pose is not believed, ``""`` if it is; then the next one is compared with it."""
-        said = malformed(pose, self._s) or self._untimely(pose, now_ns) or self._jump(pose)
+        said = malformed(pose) or self._untimely(pose, now_ns) or self._jump(pose)
         if not said:
             self.last_ns = pose.t_ns
             self._place = np.asarray(pose.position_m, np.float64).tolist()

@@ -12,7 +12,7 @@ from tega.config.errors import Overridden, explain
 from tega.config.guests import TableContext, guest_tables, read_guest_tables
 from tega.config.magnitude import check_magnitudes
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
-from tega.config.removed import check_removed
+from tega.config.removed import check_removed, without_constants
 from tega.config.sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
@@ -54,6 +54,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
 
     def convert(subtree: Any, wanted: Any, prefix: str) -> Any:
+        subtree = without_constants(subtree, prefix, getattr(wanted, "__struct_fields__", ()))
         try:
             return msgspec.convert(subtree, wanted, dec_hook=place)
         except msgspec.ValidationError as error:

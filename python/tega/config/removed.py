@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from tega.errors import ConfigError
@@ -13,6 +13,18 @@ REMOVED: Final[Mapping[str, tuple[str, str]]] = {
     "arm.driver = panda": ("0.3", "set arm.driver = franky, with arm.options.robot = panda or fr3"),
 }
 """By key, or by ``key = value``: the version that took it out, and the next step. An entry stays for a year."""
+
+CONSTANTS: Final[Mapping[str, float]] = {
+    "arm.gate.room_m": 100.0,
+    "arm.gate.unit_error": 1e-3,
+    "hand.options.send_timeout_s": 0.01,
+    "stages.mapping.options.slip_again_s": 0.3,
+    "stages.mapping.options.slip_burst_s": 0.15,
+    "stages.mapping.options.slip_bursts": 2,
+    "stages.mapping.options.slip_percent": 100.0,
+    "stages.mapping.options.slip_rest_s": 0.1,
+}
+"""Settings that became constants in 0.3. Files and recordings that have them with this value are read as before."""
 
 
 def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
@@ -34,3 +46,28 @@ def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
             continue
         origin = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), "settings")
         raise ConfigError(f"{origin}: {name} was taken out in {version}", instead)
+
+
+def without_constants(tree: Any, prefix: str, known: Collection[str]) -> Any:
+    """Return a tree of settings without the :data:`CONSTANTS` in it that have their value.
+
+    Args:
+        tree: Settings as nested tables; anything else is returned as it is.
+        prefix: Dotted key at which the tree stands, or ``""``.
+        known: Keys that the tree may have: a driver or stage of another package may have an option of that name.
+    """
+    start = f"{prefix}." if prefix else ""
+    for key, value in CONSTANTS.items():
+        name = key.removeprefix(start)
+        if key.startswith(start) and name not in known and ".options." not in name:
+            tree = _without(tree, name, value)
+    return tree
+
+
+def _without(tree: Any, name: str, value: float) -> Any:
+    first, _, rest = name.partition(".")
+    if not isinstance(tree, Mapping) or first not in tree:
+        return tree
+    if rest:
+        return {**tree, first: _without(tree[first], rest, value)}
+    return {k: v for k, v in tree.items() if k != first} if tree[first] == value else tree

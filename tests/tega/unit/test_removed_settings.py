@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tega.config import load_config
-from tega.config.removed import REMOVED
+from tega.config.removed import CONSTANTS, REMOVED
 from tega.errors import ConfigError
 
 
@@ -29,3 +29,19 @@ def test_a_removed_setting_names_its_version_and_what_to_set(tmp_path: Path, nam
 def test_a_value_beside_a_removed_one_is_read() -> None:
     loaded = load_config(None, environ={}, sets=["arm.driver=simulated-arm"])
     assert loaded.config.arm is not None
+
+
+BESIDE = {
+    "arm": "arm.driver=simulated-arm",
+    "hand": "hand.driver=python-can",
+    "stages": "stages.mapping.name=changes",
+}
+
+
+@pytest.mark.parametrize("key", CONSTANTS)
+def test_a_setting_that_became_a_constant_is_read_with_its_value_only(key: str) -> None:
+    beside = BESIDE[key.partition(".")[0]]
+    plain = load_config(None, environ={}, sets=[beside]).config
+    assert load_config(None, environ={}, sets=[beside, f"{key}={CONSTANTS[key]!r}"]).config == plain
+    with pytest.raises(ConfigError, match=r"--set: .* was taken out in 0\.3; leave it out: it is always"):
+        load_config(None, environ={}, sets=[beside, f"{key}=0.07"])
