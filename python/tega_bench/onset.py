@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tega.config import SessionConfig
+    from tega.config.calibration.folder import CalibrationFolder
     from tega.config.calibration.records import OnsetRecord
     from tega_bench.vest_latency.log import OnsetLog
 
@@ -104,7 +105,6 @@ def onset(
     """
     from tega.config import load_config
     from tega.config.calibration.folder import CalibrationFolder
-    from tega.ui.cli.options import echo_json
 
     if list_them:
         from tega_bench.vest_latency.microphone import list_microphones
@@ -118,20 +118,22 @@ def onset(
     # The bursts count to the day of who wears the vest, which is kept in the same folder.
     where = () if folder is None else (f"calibration.folder={json.dumps(str(folder.absolute()))}",)
     settings = load_config(config, sets=(*sets, *where)).config
-    kept = folder or settings.calibration.folder or _beside(config) / "calibrations"
-    if wav is not None and log_file is not None:
-        measured: Iterator[tuple[OnsetRecord, str]] = _read(wav, log_file)
-    elif log_file is not None:
-        how: Any = sync or "keys"
-        wanted = _Wanted(settings, percent, bursts, how)
-        _play_for_elsewhere(wanted, (motors or (0,))[0], log_file, quiet=as_json)
-        if as_json:
-            echo_json({"log": str(log_file)})
-        return
+    by: Any = sync or ("speaker" if log_file is None else "keys")
+    wanted, chosen = _Wanted(settings, percent, bursts, by), motors or (0,)
+    if log_file is None:
+        measured = _measure(wanted, chosen, microphone, keep)
+    elif wav is not None:
+        measured = _read(wav, log_file)
     else:
-        heard: Any = sync or "speaker"
-        measured = _measure(_Wanted(settings, percent, bursts, heard), motors or (0,), microphone, keep)
-    home, told = CalibrationFolder(kept), []
+        _play_for_elsewhere(wanted, chosen[0], log_file, as_json=as_json)
+        return
+    kept = folder or settings.calibration.folder or _beside(config) / "calibrations"
+    _keep(measured, CalibrationFolder(kept), as_json=as_json)
+
+
+def _keep(measured: Iterator[tuple[OnsetRecord, str]], home: CalibrationFolder, *, as_json: bool) -> None:
+    """Keep each record with the calibrations, and print it."""
+    told = []
     for record, said in measured:
         file = home.keep_onset(record)
         told.append({"file": str(file), "record": _plain(record)})
@@ -180,7 +182,7 @@ def _measure(
         yield record, _said(record)
 
 
-def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool) -> None:
+def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, as_json: bool) -> None:
     from tega_bench.vest_latency.log import write_log
 
     click.echo(
@@ -189,7 +191,9 @@ def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool)
         err=True,
     )
     write_log(_played(wanted, motor), file)
-    if not quiet:
+    if as_json:
+        echo_json({"log": str(file)})
+    else:
         click.echo(f"End the recording. Then: tega-teleop vest onset --wav RECORDING.wav --log {file}")
 
 
