@@ -114,7 +114,7 @@ class ArmChain:
             self._lose(reason)
 
     def _see_arm(self, now_ns: int, measured: StampedPose | None) -> None:
-        if measured is None or malformed(measured):
+        if measured is None or malformed(measured, self._s.gate):
             return
         if measured.t_ns <= now_ns + self._s.gate.ahead_ms * 1e6:
             self._watch.arm(measured.t_ns)

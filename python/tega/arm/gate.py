@@ -14,14 +14,8 @@ from tega.arm.settings import GateSettings
 JUMPED: Final = "it jumped by"
 """How the reason begins for which a pose that is whole and in time is not believed."""
 
-ROOM_M: Final = 100.0
-"""Largest coordinate of a pose: no room is larger, and what lies farther is a fault of the tracker."""
 
-_UNIT_ERROR: Final = 1e-3
-"""Largest deviation of a quaternion's length from one: float32 on the way costs 1e-7, a wrong field far more."""
-
-
-def malformed(pose: StampedPose) -> str:
+def malformed(pose: StampedPose, settings: GateSettings) -> str:
     """Return why a pose cannot be one, whatever came before it; ``""`` if it can."""
     if not pose.valid:
         return "the tracker calls it lost"
@@ -31,9 +25,9 @@ def malformed(pose: StampedPose) -> str:
     xyz, xyzw = place.tolist(), turn.tolist()
     if not all(map(math.isfinite, (*xyz, *xyzw))):
         return "a number in it is not finite"
-    if abs(math.hypot(*xyzw) - 1) > _UNIT_ERROR:
+    if abs(math.hypot(*xyzw) - 1) > settings.unit_error:
         return f"its quaternion has length {math.hypot(*xyzw):.4g}, not 1"
-    if max(map(abs, xyz)) > ROOM_M:
+    if max(map(abs, xyz)) > settings.room_m:
         return f"it lies {max(map(abs, xyz)):.3g} m away"
     return ""
 
@@ -60,7 +54,7 @@ class PoseGate:
 
     def refusal(self, pose: StampedPose, now_ns: int) -> str:
         """Return why a pose is not believed, ``""`` if it is; then the next one is compared with it."""
-        said = malformed(pose) or self._untimely(pose, now_ns) or self._jump(pose)
+        said = malformed(pose, self._s) or self._untimely(pose, now_ns) or self._jump(pose)
         if not said:
             self.last_ns = pose.t_ns
             self._place = np.asarray(pose.position_m, np.float64).tolist()

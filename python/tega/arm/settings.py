@@ -23,20 +23,24 @@ class GateSettings(_ChainStage, frozen=True):
     """Limits within which a tracker's pose is accepted.
 
     Attributes:
+        unit_error: Maximum deviation of a quaternion's length from one.
         age_ms: Maximum age of a pose.
         ahead_ms: Maximum time that a pose may lie in the future, since clocks differ.
         speed_m_s: Maximum speed between two poses.
         turn_rad_s: Maximum angular speed between two poses.
         step_m: Maximum distance from one used pose to the next.
         step_rad: Maximum rotation from one used pose to the next.
+        room_m: Maximum magnitude of a coordinate.
     """
 
+    unit_error: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 1e-3
     age_ms: _Ms = 100.0
     ahead_ms: _Ms = 20.0
     speed_m_s: _Positive = 3.0
     turn_rad_s: _Positive = 12.0
     step_m: _Positive = 0.10
     step_rad: Annotated[float, msgspec.Meta(gt=0, le=3)] = 0.6
+    room_m: _Positive = 100.0
 
 
 class MappingSettings(_ChainStage, frozen=True):

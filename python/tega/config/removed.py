@@ -15,8 +15,6 @@ REMOVED: Final[Mapping[str, tuple[str, str]]] = {
 """By key, or by ``key = value``: the version that took it out, and the next step. An entry stays for a year."""
 
 CONSTANTS: Final[Mapping[str, float]] = {
-    "arm.gate.room_m": 100.0,
-    "arm.gate.unit_error": 1e-3,
     "hand.options.send_timeout_s": 0.01,
     "stages.mapping.options.slip_again_s": 0.3,
     "stages.mapping.options.slip_burst_s": 0.15,
@@ -49,25 +47,16 @@ def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
 
 
 def without_constants(tree: Any, prefix: str, known: Collection[str]) -> Any:
-    """Return a tree of settings without the :data:`CONSTANTS` in it that have their value.
+    """Return a table of settings without the :data:`CONSTANTS` in it that have their value.
 
     Args:
-        tree: Settings as nested tables; anything else is returned as it is.
-        prefix: Dotted key at which the tree stands, or ``""``.
-        known: Keys that the tree may have: a driver or stage of another package may have an option of that name.
+        tree: The table; anything else is returned as it is.
+        prefix: Dotted key at which it stands, or ``""``.
+        known: Keys that it may have: a driver or stage of another package may have an option of that name.
     """
-    start = f"{prefix}." if prefix else ""
-    for key, value in CONSTANTS.items():
-        name = key.removeprefix(start)
-        if key.startswith(start) and name not in known and ".options." not in name:
-            tree = _without(tree, name, value)
-    return tree
-
-
-def _without(tree: Any, name: str, value: float) -> Any:
-    first, _, rest = name.partition(".")
-    if not isinstance(tree, Mapping) or first not in tree:
+    ours = {
+        key.rpartition(".")[2]: value for key, value in CONSTANTS.items() if key.rpartition(".")[0] == prefix
+    }
+    if not ours or not isinstance(tree, Mapping):
         return tree
-    if rest:
-        return {**tree, first: _without(tree[first], rest, value)}
-    return {k: v for k, v in tree.items() if k != first} if tree[first] == value else tree
+    return {name: value for name, value in tree.items() if name in known or ours.get(name, object()) != value}

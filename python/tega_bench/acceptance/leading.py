@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tega.arm.gate import ROOM_M
 from tega_bench.acceptance.report import AcceptanceGuide, AcceptanceStep, spread_ms
 
 if TYPE_CHECKING:
@@ -110,7 +109,7 @@ def _pose_limits(
     steps_m = np.linalg.norm(np.diff(places_m, axis=0), axis=1)
     invalid = 1 - len(good) / len(seen)
     noise_mm = 1000 * float(np.sqrt(((places_m - places_m.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    refused = int((steps_m > gate.step_m).sum() + (np.abs(places_m) > ROOM_M).any(axis=1).sum())
+    refused = int((steps_m > gate.step_m).sum() + (np.abs(places_m) > gate.room_m).any(axis=1).sum())
     return AcceptanceStep(
         name="limits",
         status="look" if refused or invalid > _MOST_INVALID else "passed",
