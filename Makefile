@@ -133,7 +133,6 @@ measured: ## the pictures of what takes hours to measure, and their tables; TEGA
 	$(BIN)/python -m tega_figures.check_touch docs/images
 	$(BIN)/python -m tega_figures.world.check --pictures docs/images
 	$(BIN)/python -m tega_figures.felt.compare --people 16 --picture docs/images/mappings.png
-	$(BIN)/tega-teleop emg people --effects none,all --out target/people.jsonl
 	$(BIN)/python -m tega_figures.simulated_skill target/people.jsonl docs/images/emg-skill.png
 	$(BIN)/python tools/figures/decoder_pareto.py docs/images/emg-decoders-pareto.png
 	$(BIN)/python -m tega_figures.touch_peers.pareto docs/images/touch-pareto.svg

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tega.config import SessionConfig
+    from tega.config.calibration.folder import CalibrationFolder
     from tega.config.calibration.records import OnsetRecord
     from tega_bench.vest_latency.log import OnsetLog
 
@@ -31,7 +32,7 @@ class _Wanted(NamedTuple):
     settings: SessionConfig
     percent: int
     bursts: int
-    sync: Literal["none", "keys", "speaker"]
+    sync: Literal["keys", "speaker"]
 
 
 @click.command(epilog="Example: tega-teleop vest onset lab.toml --motor 0 --motor 21")
@@ -53,9 +54,9 @@ class _Wanted(NamedTuple):
 @click.option("--list", "list_them", is_flag=True, help="List the microphones, and end.")
 @click.option(
     "--sync",
-    type=click.Choice(["none", "keys", "speaker"]),
-    help="Clicks that synchronize recording and commands: the space bar, struck by you, or the loudspeaker "
-    "(default: none with a microphone here, keys without).",
+    type=click.Choice(["keys", "speaker"]),
+    help="Clicks that synchronize recording and commands: the space bar, struck by you, or the loudspeaker. "
+    "Default: speaker with a microphone here, else keys.",
 )
 @click.option(
     "--log",
@@ -104,7 +105,6 @@ def onset(
     """
     from tega.config import load_config
     from tega.config.calibration.folder import CalibrationFolder
-    from tega.ui.cli.options import echo_json
 
     if list_them:
         from tega_bench.vest_latency.microphone import list_microphones
@@ -118,22 +118,22 @@ def onset(
     # The bursts count to the day of who wears the vest, which is kept in the same folder.
     where = () if folder is None else (f"calibration.folder={json.dumps(str(folder.absolute()))}",)
     settings = load_config(config, sets=(*sets, *where)).config
-    kept = folder or settings.calibration.folder or _beside(config) / "calibrations"
-    if wav is not None and log_file is not None:
-        measured: Iterator[tuple[OnsetRecord, str]] = _read(wav, log_file)
-    elif log_file is not None:
-        how: Any = sync or "keys"
-        if how == "none":
-            raise click.UsageError("without clicks nothing says how recording and commands lie in time")
-        wanted = _Wanted(settings, percent, bursts, how)
-        _play_for_elsewhere(wanted, (motors or (0,))[0], log_file, quiet=as_json)
-        if as_json:
-            echo_json({"log": str(log_file)})
-        return
+    by: Any = sync or ("speaker" if log_file is None else "keys")
+    wanted, chosen = _Wanted(settings, percent, bursts, by), motors or (0,)
+    if log_file is None:
+        measured = _measure(wanted, chosen, microphone, keep)
+    elif wav is not None:
+        measured = _read(wav, log_file)
     else:
-        heard: Any = sync or "none"
-        measured = _measure(_Wanted(settings, percent, bursts, heard), motors or (0,), microphone, keep)
-    home, told = CalibrationFolder(kept), []
+        _play_for_elsewhere(wanted, chosen[0], log_file, as_json=as_json)
+        return
+    kept = folder or settings.calibration.folder or _beside(config) / "calibrations"
+    _keep(measured, CalibrationFolder(kept), as_json=as_json)
+
+
+def _keep(measured: Iterator[tuple[OnsetRecord, str]], home: CalibrationFolder, *, as_json: bool) -> None:
+    """Keep each record with the calibrations, and print it."""
+    told = []
     for record, said in measured:
         file = home.keep_onset(record)
         told.append({"file": str(file), "record": _plain(record)})
@@ -161,7 +161,6 @@ def _measure(
     wanted: _Wanted, motors: tuple[int, ...], microphone: str | None, keep: Path | None
 ) -> Iterator[tuple[OnsetRecord, str]]:
     from tega.setup.calibration.identify import motor_place
-    from tega_bench.vest_latency.clock import by_blocks
     from tega_bench.vest_latency.log import write_log, write_wav
     from tega_bench.vest_latency.measure import found_in, record_of
     from tega_bench.vest_latency.microphone import Microphone
@@ -173,10 +172,8 @@ def _measure(
                 default="", show_default=False, prompt_suffix=" ", err=True,
             )  # fmt: skip
         with Microphone(microphone) as ear:
-            log_with = _played(wanted, motor)
-            samples, blocks = ear.heard()
-            clock = by_blocks(blocks, ear.rate_hz, latency_s=ear.latency_s)
-        log = log_with(clock)
+            log = _played(wanted, motor)
+            samples = ear.heard()
         if keep is not None:
             name = f"{log.made:%Y%m%d-%H%M%S}-motor{motor:02}"
             write_wav(keep / f"{name}.wav", samples, ear.rate_hz)
@@ -185,7 +182,7 @@ def _measure(
         yield record, _said(record)
 
 
-def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool) -> None:
+def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, as_json: bool) -> None:
     from tega_bench.vest_latency.log import write_log
 
     click.echo(
@@ -193,13 +190,15 @@ def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool)
         f"{'keyboard' if wanted.sync == 'keys' else 'loudspeaker'}.",
         err=True,
     )
-    write_log(_played(wanted, motor)(None), file)
-    if not quiet:
+    write_log(_played(wanted, motor), file)
+    if as_json:
+        echo_json({"log": str(file)})
+    else:
         click.echo(f"End the recording. Then: tega-teleop vest onset --wav RECORDING.wav --log {file}")
 
 
-def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
-    """Click, play, click again; return what makes the log of it once the recording's clock is known."""
+def _played(wanted: _Wanted, motor: int) -> OnsetLog:
+    """Click, play, click again; return the log of it."""
     from tega.config import DEFAULT_LAYOUT
     from tega.config.calibration.records import utc_now
     from tega.errors import ConfigError
@@ -233,10 +232,9 @@ def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
             )
         clicks_s += clicks()
         info = opened.info
-    made_by: Any = "" if wanted.sync == "none" else wanted.sync
-    return lambda clock: log_of(
+    return log_of(
         info, made=made, layout=layout, motor=motor, percent=wanted.percent, bursts_s=bursts_s,
-        unsent=unsent, clicks_s=clicks_s, clicks=made_by, clock=clock,
+        unsent=unsent, clicks_s=clicks_s, clicks=wanted.sync,
     )  # fmt: skip
 
 
@@ -259,30 +257,27 @@ def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[
 
             yield clicked
         return
-    if sync == "keys":
-        from tega.runtime.keys import Keys
+    from tega.runtime.keys import Keys
 
-        with Keys() as keys:
+    with Keys() as keys:
 
-            def struck() -> list[float]:
-                click.echo(
-                    f"Strike the space bar hard {_CLICKS} times, not evenly, beside the microphone: ",
-                    nl=False, err=True,
-                )  # fmt: skip
-                times: list[float] = []
-                while len(times) < _CLICKS:
-                    if stop():
-                        raise KeyboardInterrupt
-                    pressed = keys.read()
-                    times += [time.monotonic()] * pressed.count(" ")
-                    click.echo("·" * pressed.count(" "), nl=False, err=True)
-                    time.sleep(0.001)
-                click.echo(" heard", err=True)
-                return times
+        def struck() -> list[float]:
+            click.echo(
+                f"Strike the space bar hard {_CLICKS} times, not evenly, beside the microphone: ",
+                nl=False, err=True,
+            )  # fmt: skip
+            times: list[float] = []
+            while len(times) < _CLICKS:
+                if stop():
+                    raise KeyboardInterrupt
+                pressed = keys.read()
+                times += [time.monotonic()] * pressed.count(" ")
+                click.echo("·" * pressed.count(" "), nl=False, err=True)
+                time.sleep(0.001)
+            click.echo(" heard", err=True)
+            return times
 
-            yield struck
-        return
-    yield list
+        yield struck
 
 
 def _plain(record: OnsetRecord) -> dict[str, Any]:

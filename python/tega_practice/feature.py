@@ -14,9 +14,6 @@ FEATURE = Feature(
         ),
         "emg fitts": Verb("tega_practice.cli.emg_fitts:emg_fitts", "Run a Fitts test with a decoder."),
         "emg skill": Verb("tega_practice.cli.emg_fitts:emg_skill", "Compare the scores of a person."),
-        "emg people": Verb(
-            "tega_practice.cli.emg_people:emg_people", "Compare decoders on simulated people."
-        ),
         "vest learn": Verb(
             "tega_practice.cli.vest_learn:learn", "Learn what contacts feel like on the vest."
         ),

@@ -29,6 +29,11 @@ class Interval(msgspec.Struct, frozen=True, kw_only=True):
     high: float | None = None
     n: int
 
+    def __str__(self) -> str:
+        """Return the mean and the ends, such as ``1.20 [1.05, 1.35]``."""
+        ends = "" if self.low is None or self.high is None else f" [{self.low:.2f}, {self.high:.2f}]"
+        return f"{self.mean:.2f}{ends}"
+
     @property
     def side(self) -> Literal[-1, 0, 1]:
         """Sign of the mean where the interval leaves 0 out; else 0."""

@@ -50,10 +50,10 @@ from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
 from tega.safety import dose_file
 from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
+from tega_figures import skill_people as people
 from tega_figures.audit import read_marks
 from tega_figures.audit.truth import read_forces
 from tega_link.keys import _authority, expiry, make_keys
-from tega_practice import people
 from tega_practice.fitts import FittsCondition, FittsScore
 from tega_scene.layout import example_layout, load_layout, save_layout
 from tega_scene.lens import Lens, load_lens, save_lens

@@ -25,7 +25,7 @@ from tega.loop.session import run_session
 from tega.loop.worn_vest import NAMELESS
 from tega.recording.inspection import inspect_file
 from tega.runtime.clock import SystemClock
-from tega_bench.vest_latency.clock import SoundBlock, by_blocks, by_clicks
+from tega_bench.vest_latency.clock import by_clicks
 from tega_bench.vest_latency.detect import Onsets, find_onsets
 from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_log
 from tega_bench.vest_latency.measure import found_in, play_bursts, record_of
@@ -149,27 +149,6 @@ def test_a_motor_that_is_late_once_is_a_stray(motor: Emulator, tmp_path: Path) -
 # How recording and commands lie in time.
 
 
-def test_stamps_of_the_sound_system_and_its_drift_are_taken() -> None:
-    random = Random(2)
-    true_hz = 48_000 * (1 + 2e-4)
-    blocks = []
-    for k in range(1500):
-        heard_s = 7.0 + 480 * k / true_hz
-        came_s = heard_s + 0.03 + random.expovariate(1 / 0.004)
-        blocks.append(SoundBlock(480 * k, 480, came_s, came_s - heard_s + random.uniform(-2e-4, 2e-4)))
-    clock = by_blocks(blocks, 48_000, latency_s=0.02)
-    assert clock.how == "stamps"
-    assert clock.began_s == pytest.approx(7.0, abs=5e-4)
-    assert clock.rate_hz == pytest.approx(true_hz, rel=1e-5)
-    unstamped = by_blocks([b._replace(age_s=float("nan")) for b in blocks], 48_000, latency_s=0.03)
-    assert unstamped.how == "arrival"
-    assert abs(unstamped.began_s - 7.0) <= unstamped.uncertainty_ms / 1e3
-    zeros = by_blocks([b._replace(age_s=0.0) for b in blocks], 48_000, latency_s=0.03)
-    assert zeros == unstamped
-    with pytest.raises(InvalidValueError, match="3 blocks"):
-        by_blocks(blocks[:3], 48_000, latency_s=0.02)
-
-
 def test_clicks_place_a_recording_that_began_at_any_time(motor: Emulator, tmp_path: Path) -> None:
     recorded(motor, tmp_path)
     clicks_s = [0.2, 0.55, 12.1, 12.45, 13.1]
@@ -251,9 +230,9 @@ def test_what_is_no_recording_or_no_log_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("driver", "sync"), [("bhaptics-player", "speaker"), ("bhaptics-ble", "none")])
+@pytest.mark.parametrize("driver", ["bhaptics-player", "bhaptics-ble"])
 def test_through_driver_and_microphone(
-    driver: str, sync: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    driver: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with vest_bench(driver) as bench:
         peer = bench.peer
@@ -261,12 +240,11 @@ def test_through_driver_and_microphone(
         peer.say("sound delay_ms 80")
         port = SoundPort(peer)
         # Nobody knows of these 40 ms, but for the clicks.
-        port.speaker_ms, port.stamped = 3.0, sync == "none"
-        port.latency_s = 0.04
+        port.speaker_ms, port.latency_s = 3.0, 0.04
         where = ["--set", f"vest.options.port={peer.address['port']}"] if "port" in peer.address else []
         with port.installed():
             said, _ = call(
-                capsys, "vest", "onset", "--motor", 7, "--bursts", 6, "--sync", sync, "--set",
+                capsys, "vest", "onset", "--motor", 7, "--bursts", 6, "--set",
                 f"vest.driver={driver}", *where, "--folder", tmp_path, "--keep", tmp_path / "raw", "--json",
             )  # fmt: skip
         # A Player that has no time to answer is not waited for: what it was told last ends after 0.2 s.
@@ -275,7 +253,7 @@ def test_through_driver_and_microphone(
     (record,) = [one["record"] for one in json.loads(said)]
     # The vest's link takes a millisecond or two of its own.
     assert record["onset_ms"] == pytest.approx(80, abs=WITHIN_MS + 5)
-    assert record["clock"] == ("clicks" if sync == "speaker" else "stamps")
+    assert record["clock"] == "clicks"
     assert record["used"] >= 5
     assert seen.over == 0
     assert {max(values) for _, values in seen.history} <= {0, *range(55, 61)}

@@ -13,8 +13,8 @@ pytest.importorskip("scipy", reason="intervals need SciPy")
 
 from tega.errors import CalibrationError, InvalidValueError, RecordingError
 from tega_figures.simulated_skill import skill_figure
-from tega_practice.people import compare_people, people_at_test, person_at_test
-from tega_practice.simulated import Cursor, Practised, practised, simulated_decoder, simulated_fitts
+from tega_figures.skill_people import compare_people, people_at_test, person_at_test
+from tega_figures.skill_simulated import Cursor, Practised, practised, simulated_decoder, simulated_fitts
 from tega_sim.operator import typical_person
 
 

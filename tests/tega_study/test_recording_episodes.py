@@ -158,10 +158,10 @@ def test_an_episode_that_the_program_did_not_live_to_end_is_kept_and_said_to_be_
     with (folder.path / EPISODES).open("ab") as file:
         file.write(b'{"episode": 2, "st')  # the program was stopped here
     with EpisodeJournal(folder) as journal:
-        assert [line.step for line in journal.lines] == ["begun", "cut"]
+        assert [line.step for line in journal.entries] == ["begun", "cut"]
         journal.add("begun", "trial-002.mcap", "lift")  # and stopped before there was a recording
     with EpisodeJournal(folder) as journal:
-        assert [line.step for line in journal.lines] == ["begun", "cut", "begun", "discarded"]
+        assert [line.step for line in journal.entries] == ["begun", "cut", "begun", "discarded"]
     assert recorded_task(folder.path / "trial-001.mcap") == "lift"
     (tmp_path / "mine.mcap").write_text("mine")
     (folder.path / EPISODES).write_text('{"episode":1,"step":"begun","at_s":0,"file":"../mine.mcap.part"}\n')

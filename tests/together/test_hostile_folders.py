@@ -28,7 +28,7 @@ from tega.runtime.files.whole_file import new_file, write_whole
 from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
 from tega_bench.vest_latency.log import read_wav
-from tega_practice.people import people_at_test
+from tega_figures.skill_people import people_at_test
 from tega_study.coupling import read_course
 from tega_study.episodes.journal import EPISODES, EpisodeJournal
 from tega_study.hand_rows import read_hand

@@ -69,7 +69,7 @@ mod _native {
     #[pymodule_export]
     use crate::wire::allegro::{
         allegro_angle_counts, allegro_angles_rad, allegro_decode, allegro_encode, allegro_requested,
-        allegro_torque_frames, allegro_v3_angle_rad, allegro_v3_torque_frame,
+        allegro_torque_frames,
     };
     #[pymodule_export]
     use crate::wire::streams::{AsciiStream, ChordsStream, CytonStream, SpikerStream, chords_channels};

@@ -3,7 +3,7 @@
 
 use tega_wire::allegro::{
     Command, DeviceId, Finger, Info, Message, Received, Rejection, Report, Request, Scale, angle_counts,
-    angle_rad, decode, requested, temperature_c, torque_counts, torque_frames, v3_angle_rad, v3_torque_frame,
+    angle_rad, decode, requested, temperature_c, torque_counts, torque_frames,
 };
 
 const OURS: DeviceId = DeviceId::FACTORY;
@@ -224,17 +224,7 @@ fn velocity_from_two_frames() {
 }
 
 #[test]
-fn versions_three_and_five() {
-    let frame = v3_torque_frame(Finger::Index, [120, -240, 60, -60]);
-    assert_eq!((frame.id(), frame.data()), (0x18A, &hex("FF C4 00 3C FF 10 00 78")[..]));
-    let ids = Finger::ALL.map(|finger| v3_torque_frame(finger, [0; 4]).id());
-    assert_eq!(ids, [0x18A, 0x1CA, 0x20A, 0x24A]);
-    let payload = hex("B1 7D D3 82 09 86 90 84");
-    for (word, offset) in payload.chunks(2).zip([-1591, -277, 545, 168]) {
-        let raw = u16::from_le_bytes([word[0], word[1]]);
-        assert!((v3_angle_rad(raw, offset, false) - 0.088_763_2).abs() < 1e-7);
-    }
-
+fn version_five() {
     // The reference truncates 71.5 to 71; ours rounds it to 72.
     let frames = torque_frames(&TAU, OURS, Scale::V5).unwrap();
     let (_, counts) = counts_of(0x180, "8F 00 10 FF 47 00 B9 FF");

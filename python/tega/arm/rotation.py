@@ -1,6 +1,6 @@
 """Compute with rotations as unit quaternions and rotation vectors; nothing here knows Euler angles.
 
-A quaternion is float64 (4,), **x, y, z, w**, as franky, panda-py, OpenXR, ROS and SciPy have it (MuJoCo has w first).
+A quaternion is float64 (4,), **x, y, z, w**, as franky, OpenXR, ROS and SciPy have it (MuJoCo has w first).
 q and -q are the same rotation. A rotation vector is float64 (3,), axis times angle in radians. ``multiply(a, b)``
 turns by ``b`` first, then by ``a``, about fixed axes.
 """

@@ -12,6 +12,7 @@ from tega.config.errors import Overridden, explain
 from tega.config.guests import TableContext, guest_tables, read_guest_tables
 from tega.config.magnitude import check_magnitudes
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
+from tega.config.removed import check_removed, without_constants
 from tega.config.sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
@@ -53,6 +54,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
 
     def convert(subtree: Any, wanted: Any, prefix: str) -> Any:
+        subtree = without_constants(subtree, prefix, getattr(wanted, "__struct_fields__", ()))
         try:
             return msgspec.convert(subtree, wanted, dec_hook=place)
         except msgspec.ValidationError as error:
@@ -74,7 +76,8 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
-    _check_raw(tree, origins)
+    check_removed(tree, origins)
+    check_magnitudes(tree, origins)
     tree = dict(tree)
     given = {key: tree.pop(key) for key in guest_tables() if key in tree}
     if "guests" in tree:
@@ -219,28 +222,6 @@ def _typed_reflex(
     return msgspec.structs.replace(
         reflex, options=convert(reflex.options, wanted.options_type, f"{key}.options")
     )
-
-
-# Settings that have another name now.
-_MOVED = {
-    "vest.feedback": "stages.mapping.name: columns for continuous, pulses for events",
-    "vest.pulses": "stages.mapping.options, with stages.mapping.name = pulses",
-}
-
-
-def _check_raw(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
-    """Refuse settings that no schema has to judge: names of earlier versions, and numbers of no size."""
-    _check_moved(tree, origins)
-    check_magnitudes(tree, origins)
-
-
-def _check_moved(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
-    """Refuse a setting under the name it had in an earlier version, and say the one it has now."""
-    vest = tree.get("vest", {})
-    for key, now in _MOVED.items():
-        if isinstance(vest, dict) and key.removeprefix("vest.") in vest:
-            place = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), "settings")
-            raise ConfigError(f"{place}: {key}: unknown key", f"it is {now}")
 
 
 def _check_dead_man(seat: InputConfig | None) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from tega.config.guests import guest_tables
+from tega.config.removed import CONSTANTS
 from tega.errors import ConfigError
 
 _UNITS = {
@@ -64,6 +65,9 @@ def explain(
     if (unknown := re.match(r"Object contains unknown field `(.*)`", what)) is not None:
         name = unknown.group(1)
         full = f"{key}.{name}".lstrip(".")
+        if full in CONSTANTS:
+            said = f"{_origin(origins, full)}: {full} was taken out in 0.3"
+            return ConfigError(said, f"leave it out: it is always {CONSTANTS[full]:g}")
         known = [*_field_names(kind), *(guest_tables() if not key else ())]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Final, Literal, NamedTuple
 
-import msgspec
 import numpy as np
 
 from tega.errors import ConfigError
@@ -24,25 +23,27 @@ if TYPE_CHECKING:
     from tega.records import Contact, Event
 
 
+_PERCENT: Final = 100.0
+"""Intensity of a burst: the row carries nothing else, so nothing is hidden by it."""
+_BURSTS: Final = 2
+"""Bursts of one slip: one alone could be the noise of a motor."""
+_BURST_NS: Final = 150_000_000
+"""Length of a burst: a small coin motor needs about 0.18 s to reach its full vibration."""
+_PERIOD_NS: Final = _BURST_NS + 100_000_000
+"""From one burst to the next, long enough that two bursts are told apart."""
+_AGAIN_NS: Final = 300_000_000
+"""So soon after the last burst the same finger's slip is not shown again."""
+
+
 class SlipRowOptions(ColumnsOptions, frozen=True):
     """Options of the mapping ``slip-row``: those of ``columns``, and these.
 
     Attributes:
         slip_row: Row of every face that shows slips and nothing else; ``none`` leaves it to the columns and shows no
             slip.
-        slip_percent: Intensity of a burst.
-        slip_bursts: Number of bursts that show a slip.
-        slip_burst_s: Duration of a burst: a small coin motor needs about 0.18 s to reach its full vibration.
-        slip_rest_s: Rest between two bursts.
-        slip_again_s: Minimum time after the last burst before the same finger's slip is shown again.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "bottom"
-    slip_percent: Annotated[float, msgspec.Meta(gt=0, le=100)] = 100.0
-    slip_bursts: Annotated[int, msgspec.Meta(ge=1, le=5)] = 2
-    slip_burst_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.15
-    slip_rest_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.1
-    slip_again_s: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.3
 
 
 class _Told(NamedTuple):
@@ -68,7 +69,6 @@ class SlipRowMapping(ColumnsMapping):
 
     def __init__(self, setup: VestSetup, options: SlipRowOptions) -> None:
         super().__init__(setup, options)
-        self._slip = options
         self.wants_events = options.slip_row != "none"
         self._told: list[_Told] = []
         self._columns_of = {finger: column for column, finger in enumerate(self._fingers)}
@@ -104,31 +104,26 @@ class SlipRowMapping(ColumnsMapping):
         return levels
 
     def _tell(self, t_ns: int, events: Sequence[Event]) -> None:
-        o = self._slip
-        again_ns, period_s = round(o.slip_again_s * 1e9), o.slip_burst_s + o.slip_rest_s
-        lasts_ns = round((o.slip_bursts * period_s - o.slip_rest_s) * 1e9)
+        lasts_ns = (_BURSTS - 1) * _PERIOD_NS + _BURST_NS
         for event in events:
             if event.kind != "slip" or not event.certain:
                 continue
             if any(
-                told.finger == event.finger and event.t_ns < told.end_ns + again_ns for told in self._told
+                told.finger == event.finger and event.t_ns < told.end_ns + _AGAIN_NS for told in self._told
             ):
                 continue
             self._told.append(_Told(event.t_ns, event.t_ns + lasts_ns, event.finger))
-        self._told = [told for told in self._told if t_ns < told.end_ns + again_ns]
+        self._told = [told for told in self._told if t_ns < told.end_ns + _AGAIN_NS]
 
     def _show(
         self, told: _Told, t_ns: int, contacts: AnyMapping[str, Contact], levels: NDArray[np.float64]
     ) -> None:
         """Set the motor levels of a slip at a given time; a finger without a fresh frame shows nothing."""
-        o = self._slip
         if not told.began_ns <= t_ns < told.end_ns:
             return
-        if (t_ns - told.began_ns) % round((o.slip_burst_s + o.slip_rest_s) * 1e9) >= round(
-            o.slip_burst_s * 1e9
-        ):
+        if (t_ns - told.began_ns) % _PERIOD_NS >= _BURST_NS:
             return
         for finger in contacts:
             if told.finger in {"", finger} and finger in self._columns_of:
                 lit = self._spared & (self._motor_column == self._columns_of[finger])
-                levels[lit] = o.slip_percent
+                levels[lit] = _PERCENT

@@ -41,8 +41,6 @@ from tega.wire.allegro import (
     allegro_servo_on,
     allegro_set_period,
     allegro_torque_frames,
-    allegro_v3_angles_rad,
-    allegro_v3_torque_frame,
 )
 from tega.wire.allegro_decode import allegro_decode, allegro_requested
 from tega.wire.allegro_messages import (
@@ -144,8 +142,6 @@ __all__ = [
     "allegro_servo_on",
     "allegro_set_period",
     "allegro_torque_frames",
-    "allegro_v3_angles_rad",
-    "allegro_v3_torque_frame",
     "chords_channels",
     "hid_motor",
     "hid_motor_report",

@@ -46,8 +46,6 @@ __all__ = [
     "allegro_servo_on",
     "allegro_set_period",
     "allegro_torque_frames",
-    "allegro_v3_angles_rad",
-    "allegro_v3_torque_frame",
 ]
 
 _TEMPERATURE_NO_ANSWER: Final = 0xFF
@@ -259,37 +257,6 @@ def allegro_report_frame(
             return _encode("imu", values=words, device_id=device_id)
         case AllegroStatus(data):
             return _encode("status", values=list(data), device_id=device_id)
-
-
-def allegro_v3_torque_frame(finger: Finger, counts: Sequence[int]) -> CanFrame:
-    """Encode one finger's torque for a version 2 or 3 hand, which has other identifiers and reversed joints.
-
-    Args:
-        finger: The finger.
-        counts: Pulse-width counts of its joints 0 to 3. Whether one tau is 800 or 1200 of them is disputed
-            and depends on the supply, so this function does not scale; nor does it clamp.
-
-    Raises:
-        InvalidValueError: For a finger the hand does not have.
-        ShapeError: Unless there are four counts.
-        WireError: If one does not fit 16 bits.
-    """
-    return CanFrame(*_native.allegro_v3_torque_frame(_number(finger), list(counts)))
-
-
-def allegro_v3_angles_rad(raw: Sequence[int], offsets: Sequence[int]) -> NDArray[np.float64]:
-    """Return joint angles in rad of a version 3 hand in which all encoders count upwards.
-
-    Args:
-        raw: Position words, 0 to 65535.
-        offsets: The same joints' offsets, from the hand's calibration sheet.
-
-    Raises:
-        WireError: If a word or an offset does not fit.
-        ValueError: If there are not as many offsets as words.
-    """
-    pairs = zip(raw, offsets, strict=True)
-    return np.array([_native.allegro_v3_angle_rad(word, offset=offset, down=False) for word, offset in pairs])
 
 
 def _number(finger: Finger) -> int:

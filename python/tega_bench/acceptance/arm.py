@@ -15,7 +15,7 @@ from tega.loop.homing import go_to_start, watch_arm
 from tega.records import ArmTurn
 from tega.records.bus import Bus
 from tega_bench.acceptance.outputs import seen_status, skipped_steps
-from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep
+from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep, spread_ms
 
 if TYPE_CHECKING:
     from tega.config import ArmConfig, SessionConfig
@@ -87,7 +87,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
         name="latency",
         status="passed",
         said="from the arm's own time stamp of its place until the chain used it",
-        measured={f"age_p{p}_ms": round(float(np.percentile(ages_ms, p)), 2) for p in (50, 95, 100)},
+        measured=spread_ms("age", ages_ms),
     )
     home = next(t.measured[0] for t in reversed(seen) if t.measured)
     turns: list[ArmTurn] = []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tega_bench.acceptance.report import AcceptanceGuide, AcceptanceStep
+from tega_bench.acceptance.report import AcceptanceGuide, AcceptanceStep, spread_ms
 
 if TYPE_CHECKING:
     from tega.arm.pose import StampedPose
@@ -57,7 +57,7 @@ def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> I
         status="look" if old else "passed",
         said="from a pose's time stamp until it was read here; without the tracker's delay before its stamp"
         + (f"; poses older than {gate.age_ms:g} ms are not used" if old else ""),
-        measured={f"age_p{p}_ms": round(float(np.percentile(ages_ms, p)), 2) for p in (50, 95, 100)},
+        measured=spread_ms("age", ages_ms),
     )
     yield _pose_limits(seen, good, gate)
     guide.say("Move the forearm forward by about 10 cm, slowly, and back.")
@@ -171,16 +171,14 @@ def accept_input(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep
     guide.ask("Ready? Press Enter, and do so for five seconds.")
     moved, events = _readings(source, _WATCH_S)
     yield _input_rate(moved)
-    ages_ms = np.array([(at_ns - event.t_ns) * 1e-6 for at_ns, event in events])
+    ages_ms = [(at_ns - event.t_ns) * 1e-6 for at_ns, event in events]
     yield AcceptanceStep(
         name="latency",
-        status="passed" if len(ages_ms) else "skipped",
+        status="passed" if ages_ms else "skipped",
         said="from a button that the driver saw until it was read here, every 2 ms"
-        if len(ages_ms)
+        if ages_ms
         else "no button was pressed, so none was late",
-        measured={f"age_p{p}_ms": round(float(np.percentile(ages_ms, p)), 2) for p in (50, 95, 100)}
-        if len(ages_ms)
-        else {},
+        measured=spread_ms("age", ages_ms),
     )
     yield _input_limits(rest, moved)
     pressed = sorted({event.button for _, event in events if event.pressed})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -13,7 +13,7 @@ from tega.devices.base import AnsweringHand, HarmlessDevice, ReportingHand, Stam
 from tega.errors import InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
 from tega.setup.calibration.identify import motor_place
-from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep
+from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep, spread_ms
 
 LEAST_PERCENT: Final = 20
 """The strength of a vest's pulses: the lowest that is felt on most places; the driver is opened with this limit."""
@@ -25,7 +25,6 @@ LEAST_LEVEL: Final = 1.25
 _PERIOD_S: Final = 0.05
 _PULSES: Final = 20
 _SILENT_S: Final = 0.5
-_WATCH_S: Final = 5.0
 _MOVE_S: Final = 2.0
 _MOVED_RAD: Final = 0.01
 _NOT_SAID: Final = "was not said yes to"
@@ -126,15 +125,13 @@ def _vest_rate(left_ms: list[tuple[float, float]]) -> AcceptanceStep:
 
 
 def _left_step(left_ms: list[tuple[float, float]], n_zero: int) -> AcceptanceStep:
-    late = np.array([ms for _, ms in left_ms])
+    late = [ms for _, ms in left_ms]
     return AcceptanceStep(
         name="latency",
-        status="passed" if len(late) and not n_zero else "failed",
+        status="passed" if late and not n_zero else "failed",
         said="from a frame that is written until it has left this machine; the motor's start is not in it "
         "(tega-teleop vest onset)",
-        measured={f"left_p{p}_ms": round(float(np.percentile(late, p)), 2) for p in (50, 95, 100)}
-        if len(late)
-        else {},
+        measured=spread_ms("left", late),
     )
 
 
@@ -184,18 +181,21 @@ def least_hand_options(options: Any) -> Any | None:
     return msgspec.structs.replace(options, torque_share=min(LEAST_TORQUE, options.torque_share))
 
 
-def accept_hand(make: Any, options: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept a hand: first with its motors off, then, after a yes, with the least torque.
+def accept_hand(
+    make: Any, options: Any, guide: AcceptanceGuide, measured: Mapping[str, float]
+) -> Iterator[AcceptanceStep]:
+    """Accept a hand that was read with its motors off; after a yes, with the least torque.
 
     Args:
         make: The driver's class.
         options: Its options.
         guide: The person at the hand's switch.
+        measured: What ``doctor`` measured with its motors off.
 
     Yields:
         The steps rate, latency, limits, least and stop.
     """
-    yield _read_only(make, options)
+    yield _reported_rate(make(options).info.rate_hz or 0.0, measured)
     least = least_hand_options(options)
     guide.say("The hand is free of people and things; one of you has a finger on its emergency switch.")
     share = 0.0 if least is None else least.torque_share
@@ -212,33 +212,16 @@ def accept_hand(make: Any, options: Any, guide: AcceptanceGuide) -> Iterator[Acc
     yield _motors_off(make, options, stopped)
 
 
-def _read_only(make: Any, options: Any) -> AcceptanceStep:
-    harmless = make.harmless(options) if isinstance(make, HarmlessDevice) else None
-    if harmless is None:
+def _reported_rate(agreed_hz: float, measured: Mapping[str, float]) -> AcceptanceStep:
+    """Return the rate that ``doctor`` measured with the motors off."""
+    rate_hz = measured.get("rate_hz")
+    if rate_hz is None:
         return AcceptanceStep(name="rate", status="skipped", said="its driver cannot read it without force")
-    with make(harmless) as hand:
-        if not isinstance(hand, ReportingHand):
-            return AcceptanceStep(
-                name="rate", status="skipped", said="its driver does not count the hand's reports"
-            )
-        before, start_s = hand.state().counts, time.monotonic()
-        while time.monotonic() - start_s < _WATCH_S:
-            time.sleep(0.1)
-            hand.step(1)
-        after, passed_s = hand.state().counts, time.monotonic() - start_s
-        warm = [c for c in hand.state().joints_c if c is not None]
-    rate_hz = (after.sets - before.sets) / passed_s
-    agreed_hz = hand.info.rate_hz or 0.0
     return AcceptanceStep(
         name="rate",
         status="passed" if rate_hz > 0.9 * agreed_hz else "look",
         said=f"{rate_hz:.0f} whole sets of positions a second with the motors off, {agreed_hz:.0f} are sent by a hand",
-        measured={
-            "rate_hz": round(rate_hz, 1),
-            "incomplete_count": float(after.incomplete - before.incomplete),
-            "late_count": float(after.late - before.late),
-            **({"warmest_joint_c": float(max(warm))} if warm else {}),
-        },
+        measured=dict(measured),
     )
 
 

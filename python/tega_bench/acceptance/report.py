@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Final, Literal, Protocol
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.files.whole_file import write_whole
 
@@ -92,6 +95,13 @@ class AcceptanceReport(msgspec.Struct, frozen=True, kw_only=True):
     def passed(self) -> bool:
         """Whether no step failed."""
         return all(step.status != "failed" for step in self.steps)
+
+
+def spread_ms(name: str, values_ms: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
+    """Return median, 95th percentile and maximum as measurements such as ``age_p50_ms``; none without a value."""
+    if not len(values_ms):
+        return {}
+    return {f"{name}_p{p}_ms": round(float(np.percentile(values_ms, p)), 2) for p in (50, 95, 100)}
 
 
 class AcceptanceGuide(Protocol):

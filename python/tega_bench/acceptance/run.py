@@ -96,24 +96,23 @@ def accept_device(
 
 def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     driver: Any = driver_class(case.driver, case.kind)
-    if case.kind in {"tactile", "emg"}:
-        with driver(case.options) as source:
-            yield _identity(source)
-            yield from (accept_camera if case.kind == "tactile" else accept_amplifier)(source, guide)
-            yield reopen_step(source)
-        return
     least = least_vest_options(case.options) if case.kind == "vest" else None
     if least is not None:
         section = msgspec.structs.replace(config.vest, options=least)
         layout: Any = config.vest.layout or DEFAULT_LAYOUT[config.session.preset]
         with worn_vest(section, dose_file(config.calibration)) as vest:
-            yield _identity(vest)
+            said = (vest.info.label, optional(vest, "condition"), *vest.info.notes)
+            yield AcceptanceStep(name="identity", status="passed", said="; ".join(filter(None, said)))
             yield from accept_vest(vest, layout, least.limit, guide)
         return
     found = _found(case)
     yield found
-    if case.kind == "hand" and found.status != "failed":
-        yield from accept_hand(driver, case.options, guide)
+    if case.kind in {"tactile", "emg"} and found.status != "failed":
+        with driver(case.options) as source:
+            yield from (accept_camera if case.kind == "tactile" else accept_amplifier)(source, guide)
+            yield reopen_step(source)
+    elif case.kind == "hand" and found.status != "failed":
+        yield from accept_hand(driver, case.options, guide, found.measured)
     elif case.kind == "arm" and config.arm is not None and found.status != "failed":
         yield from accept_arm(config, config.arm, guide)
     elif case.kind == "tracker" and found.status != "failed":
@@ -125,17 +124,6 @@ def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> I
             yield from accept_input(source, guide)
     elif case.kind == "vest":
         yield from skipped_steps(STEPS[1:], "its driver has no limit of strength")
-
-
-def _identity(device: Any) -> AcceptanceStep:
-    """Return what an open device says of itself."""
-    info = device.info
-    parts = [info.label, optional(device, "condition")]
-    if info.channels:
-        parts.append(f"{len(info.channels)} channels in {info.unit}")
-    return AcceptanceStep(
-        name="identity", status="passed", said="; ".join(filter(None, (*parts, *info.notes)))
-    )
 
 
 def _found(case: DriverCase) -> AcceptanceStep:

@@ -1,22 +1,13 @@
 """Compute the time of each sample of a recording, on the clock that the commands are stamped with.
 
-There are three ways, from the surest to the least sure; the result says which it was and how far it may be off.
-
-========  ====================================================================================================
-clicks    sounds of known time are found in the recording: whatever the input's latency is, it drops out. What is
-          left is how well the times of the clicks are known: :data:`CLICKS_MS`
-stamps    the sound system's own stamps of the first sample of each block (PortAudio's inputBufferAdcTime): off by
-          what the system does not know of its converter, at most the latency that it states
-arrival   where it gives none (PortAudio has none with WMME and DirectSound, and zeros through PulseAudio's plug-in for
-          ALSA): a block was heard before it came; half of the stated latency is taken off, the other half is
-          the uncertainty
-========  ====================================================================================================
+Sounds of known time, clicks, are found in the recording: the input's latency drops out. What is left is how well the
+times of the clicks are known: :data:`CLICKS_MS`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -33,23 +24,6 @@ _WIDTH_S = 0.002
 _APART_S = 0.08
 _FITS_S = 0.03
 _FEWEST_CLICKS = 3
-_LONGEST_S = 5.0
-
-
-class SoundBlock(NamedTuple):
-    """A block of sound as it came.
-
-    Attributes:
-        first: Number of its first sample.
-        n: Samples.
-        at_s: When it came.
-        age_s: Age of its first sample then, as stated by the sound system; NaN if unknown.
-    """
-
-    first: int
-    n: int
-    at_s: float
-    age_s: float
 
 
 class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,49 +33,13 @@ class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
         began_s: Time of the first sample.
         rate_hz: Samples per second, by that clock.
         uncertainty_ms: How far it may be off.
-        how: ``clicks``, ``stamps`` or ``arrival``.
+        how: ``clicks``; in logs of before version 0.3 also ``stamps`` or ``arrival``.
     """
 
     began_s: float
     rate_hz: float
     uncertainty_ms: float
     how: str
-
-
-def by_blocks(blocks: Sequence[SoundBlock], rate_hz: float, *, latency_s: float) -> ClockMap:
-    """Map by the sound system's time stamps.
-
-    Args:
-        blocks: As they came.
-        rate_hz: Requested rate.
-        latency_s: The input's latency as it states it.
-
-    Raises:
-        InvalidValueError: There are too few.
-    """
-    if len(blocks) < 10:
-        raise InvalidValueError(f"{len(blocks)} blocks of sound are too few", "record for longer")
-    index, n, at_s, age_s = np.array(blocks, np.float64).T
-    latency_s = latency_s if 0 < latency_s < _LONGEST_S else float(np.median(n)) / rate_hz
-    told = (age_s > 0) & (age_s < _LONGEST_S)
-    if told.mean() > 0.9 and np.ptp((at_s - age_s)[told]) > 0:
-        began_s, true_hz = _line(index[told], (at_s - age_s)[told], rate_hz)
-        off = (at_s - age_s)[told] - (began_s + index[told] / true_hz)
-        jitter_s = float(np.percentile(np.abs(off), 95))
-        return ClockMap(
-            began_s=began_s, rate_hz=true_hz, uncertainty_ms=1e3 * (jitter_s + latency_s), how="stamps"
-        )
-    # What is late is late by any amount, so the earliest blocks of each stretch are right.
-    ends = index + n
-    stretch = np.array_split(np.arange(len(ends)), min(20, len(ends) // 5) or 1)
-    earliest = np.array([part[np.argmin(at_s[part] - ends[part] / rate_hz)] for part in stretch])
-    began_s, true_hz = _line(ends[earliest], at_s[earliest], rate_hz)
-    return ClockMap(
-        began_s=began_s - latency_s / 2,
-        rate_hz=true_hz,
-        uncertainty_ms=1e3 * latency_s / 2,
-        how="arrival",
-    )
 
 
 def _line(index: NDArray[np.float64], at_s: NDArray[np.float64], rate_hz: float) -> tuple[float, float]:

@@ -39,7 +39,7 @@ class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", ta
         unsent: Bursts that were not.
         clicks_s: When there was a click to go by.
         clicks: What made it; ``""`` for none.
-        clock: How the recording made here lies in time; ``None`` for one made elsewhere.
+        clock: In logs of before version 0.3 that have no clicks: how the recording lies in time.
         notes: Notes of the vest's driver.
     """
 

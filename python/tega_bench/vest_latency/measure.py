@@ -198,8 +198,7 @@ def log_of(
     bursts_s: list[float],
     unsent: int,
     clicks_s: list[float],
-    clicks: Literal["", "keys", "speaker"],
-    clock: ClockMap | None = None,
+    clicks: Literal["keys", "speaker"],
 ) -> OnsetLog:
     """Make the log of some bursts, times counted from the first."""
     if not bursts_s:
@@ -208,13 +207,6 @@ def log_of(
             "; ".join(info.notes) or "lower --percent, or look at the vest's limit",
         )
     zero_s = min(bursts_s + clicks_s)
-    if clock is not None:
-        clock = ClockMap(
-            began_s=clock.began_s - zero_s,
-            rate_hz=clock.rate_hz,
-            uncertainty_ms=clock.uncertainty_ms,
-            how=clock.how,
-        )
     return OnsetLog(
         made=made,
         driver=info.driver,
@@ -227,6 +219,5 @@ def log_of(
         unsent=unsent,
         clicks_s=tuple(round(t - zero_s, 6) for t in clicks_s),
         clicks=clicks,
-        clock=clock,
         notes=info.notes,
     )

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.sound_card import load_sounddevice
-from tega_bench.vest_latency.clock import SoundBlock
 
 RATE_HZ: Final = 48_000
 _FIRST_S: Final = 3.0
@@ -34,7 +33,6 @@ class Microphone:
 
     Attributes:
         rate_hz: Samples per second.
-        latency_s: The input's latency, as the sound system states it.
         name: Name of the microphone.
     """
 
@@ -42,12 +40,11 @@ class Microphone:
         self._device = int(device) if device is not None and device.isdigit() else device
         self._lock = threading.Lock()
         self._parts: list[NDArray[np.float64]] = []
-        self._blocks: list[SoundBlock] = []
         self._n = 0
+        self._came_s = 0.0
         self._lost = 0
         self._stream: Any = None
         self.rate_hz = float(RATE_HZ)
-        self.latency_s = 0.0
         self.name = ""
 
     def __enter__(self) -> Self:
@@ -70,9 +67,8 @@ class Microphone:
                 f"no microphone: {error}", "plug one in; 'tega-teleop vest onset --list' shows what there is"
             ) from error
         self.rate_hz = float(self._stream.samplerate)
-        self.latency_s = float(self._stream.latency)
         until_s = time.monotonic() + _FIRST_S
-        while not self._blocks:
+        while not self._parts:
             if time.monotonic() > until_s:
                 self.__exit__(None, None, None)
                 raise DeviceUnavailableError(
@@ -95,15 +91,15 @@ class Microphone:
         """Length of the recording so far, seconds."""
         return self._n / self.rate_hz
 
-    def heard(self) -> tuple[NDArray[np.float64], list[SoundBlock]]:
-        """Return the recorded sound, float64 (n,), -1 to 1, and the blocks in which it came.
+    def heard(self) -> NDArray[np.float64]:
+        """Return the recorded sound, float64 (n,), -1 to 1.
 
         Raises:
             DeviceUnavailableError: The microphone was unplugged meanwhile, or the system has lost samples.
         """
         with self._lock:
-            parts, blocks, lost = list(self._parts), list(self._blocks), self._lost
-        if self._stream is not None and (not self._stream.active or time.monotonic() - blocks[-1].at_s > 0.5):
+            parts, came_s, lost = list(self._parts), self._came_s, self._lost
+        if self._stream is not None and (not self._stream.active or time.monotonic() - came_s > 0.5):
             raise DeviceUnavailableError(
                 f"the microphone {self.name!r} went away while it recorded", "plug it in and measure again"
             )
@@ -112,19 +108,15 @@ class Microphone:
                 f"the sound system lost samples {lost} times, so the times are not known",
                 "close other programs and measure again",
             )
-        return np.concatenate(parts), blocks
+        return np.concatenate(parts)
 
-    def _take(self, data: Any, n: int, times: Any, status: Any) -> None:
+    def _take(self, data: Any, n: int, _times: Any, status: Any) -> None:
         """Keep a block; called by the sound system's own thread."""
-        at_s = time.monotonic()
-        # Zero where a system has no stamp: PortAudio issues 121, 135, 586.
-        stamped = times.inputBufferAdcTime > 0 and times.currentTime > 0
-        age_s = times.currentTime - times.inputBufferAdcTime if stamped else float("nan")
         with self._lock:
             self._lost += bool(status.input_overflow)
             self._parts.append(np.array(data[:, 0], np.float64))
-            self._blocks.append(SoundBlock(self._n, n, at_s, age_s))
             self._n += n
+            self._came_s = time.monotonic()
 
 
 class Speaker:

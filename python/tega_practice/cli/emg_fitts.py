@@ -10,7 +10,6 @@ import click
 
 from tega.ui.cli.options import NameList, echo_json, json_option
 from tega.ui.cli.page import view_options
-from tega_practice.cli.emg_people import interval_told
 
 if TYPE_CHECKING:
     from tega_practice.kept import DecoderSkill
@@ -139,48 +138,56 @@ def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, a
 
 
 def _print_tracked(found: list[TrackingSkill]) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(
-        box=SIMPLE, title="Practice: RMS error, levels of 1 to 5; [95 % interval]", title_justify="left"
+    _table(
+        "Practice: RMS error, levels of 1 to 5; [95 % interval]",
+        ("practices", "error", "against first", "on the level %"),
+        [
+            (
+                one.person,
+                one.decoder,
+                one.practices,
+                one.rms_error_levels,
+                one.difference_levels,
+                f"{100 * one.in_target:.0f}",
+            )
+            for one in found
+        ],
     )
-    for name in ("person", "decoder"):
-        table.add_column(name, no_wrap=True)
-    for name in ("practices", "error", "against first", "on the level %"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for one in found:
-        table.add_row(
-            one.person or "over people",
-            one.decoder,
-            str(one.practices),
-            interval_told(one.rms_error_levels),
-            interval_told(one.difference_levels),
-            f"{100 * one.in_target:.0f}",
-        )
-    Console(highlight=False, width=110).print(table)
 
 
 def _print(found: list[DecoderSkill]) -> None:
+    _table(
+        "Fitts tests; [95 % interval]",
+        ("tests", "bits/s", "against first", "hit %", "path %", "overshoots"),
+        [
+            (
+                one.person,
+                one.decoder,
+                one.tests,
+                one.throughput_bits_s,
+                one.difference_bits_s,
+                f"{100 * one.completion:.0f}",
+                None if one.path_efficiency is None else f"{100 * one.path_efficiency:.0f}",
+                f"{one.overshoots:.1f}",
+            )
+            for one in found
+        ],
+    )
+
+
+def _table(title: str, numbers: tuple[str, ...], rows: list[tuple[object, ...]]) -> None:
+    """Print rows that begin with a person (``None``: over people) and a decoder."""
     from rich.box import SIMPLE
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(box=SIMPLE, title="Fitts tests; [95 % interval]", title_justify="left")
+    table = Table(box=SIMPLE, title=title, title_justify="left")
     for name in ("person", "decoder"):
         table.add_column(name, no_wrap=True)
-    for name in ("tests", "bits/s", "against first", "hit %", "path %", "overshoots"):
+    for name in numbers:
         table.add_column(name, justify="right", no_wrap=True)
-    for one in found:
-        table.add_row(
-            one.person or "over people",
-            one.decoder,
-            str(one.tests),
-            interval_told(one.throughput_bits_s),
-            interval_told(one.difference_bits_s),
-            f"{100 * one.completion:.0f}",
-            "–" if one.path_efficiency is None else f"{100 * one.path_efficiency:.0f}",
-            f"{one.overshoots:.1f}",
-        )
+    for person, *others in rows:
+        cells = ("–" if cell is None else escape(str(cell)) for cell in others)
+        table.add_row(str(person or "over people"), *cells)
     Console(highlight=False, width=110).print(table)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
-from typing import IO, Literal, Self
+from typing import Literal
 
 import msgspec
 
-from tega.errors import DeviceUnavailableError, RecordingError
 from tega.recording.mcap_folder import SessionFolder
-from tega.runtime.files.foreign_file import parse_json, read_foreign
-from tega.runtime.files.lock import lock_file
-from tega.runtime.files.whole_file import open_to_append
+from tega.runtime.files.json_lines import JsonLines, read_json_lines
 
 EPISODES = "episodes.jsonl"
 
@@ -48,29 +44,14 @@ def read_episodes(folder: Path) -> list[EpisodeLine]:
     Raises:
         RecordingError: Another line is none.
     """
-    path = folder / EPISODES
-    if not path.exists():
-        return []
-    lines = read_foreign(path, most_mib=64).split(b"\n")[:-1]
-    found = []
-    for number, line in enumerate(lines, start=1):
-        try:
-            found.append(parse_json(line, EpisodeLine))
-        except msgspec.DecodeError as error:
-            raise RecordingError(
-                f"{path}: line {number} is no episode: {error}", "restore the file from a copy"
-            ) from error
-    return found
+    return read_json_lines(folder / EPISODES, EpisodeLine, "episode")
 
 
-class EpisodeJournal:
+class EpisodeJournal(JsonLines[EpisodeLine]):
     """The episodes of a session's folder, open to be added to; one program at a time.
 
     Args:
         folder: The session's.
-
-    Attributes:
-        lines: All so far.
 
     Raises:
         RecordingError: The journal holds something else, or is a link.
@@ -81,20 +62,17 @@ class EpisodeJournal:
         self.folder = folder
         folder.begin()
         path = folder.path / EPISODES
-        self.lines = read_episodes(folder.path)
-        self._file: IO[bytes] = open_to_append(path)
+        taken = f"{path}: another program takes episodes here", "end that one first"
+        super().__init__(path, EpisodeLine, "episode", taken=taken)
         try:
-            _lock(self._file, path)
-            self._file.seek(0)
-            self._file.truncate(self._file.read().rfind(b"\n") + 1)
             self._close_cut()
         except BaseException:
-            self._file.close()
+            self.close()
             raise
 
     def _close_cut(self) -> None:
         """Note an episode that the program did not live to end; its recording was finished before."""
-        if self.lines and (last := self.lines[-1]).step == "begun":
+        if self.entries and (last := self.entries[-1]).step == "begun":
             self.add(
                 "cut" if self.folder.finished(last.file) else "discarded",
                 last.file,
@@ -105,7 +83,7 @@ class EpisodeJournal:
     @property
     def n_episodes(self) -> int:
         """How many have begun."""
-        return sum(line.step == "begun" for line in self.lines)
+        return sum(line.step == "begun" for line in self.entries)
 
     def add(
         self,
@@ -123,21 +101,4 @@ class EpisodeJournal:
             self.folder.label(task, [file])
         number = self.n_episodes + (step == "begun")
         line = EpisodeLine(number, step, round(time.time(), 3), file, task, duration_s, why)
-        self._file.write(msgspec.json.encode(line) + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        self.lines.append(line)
-        return line
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-def _lock(file: IO[bytes], path: Path) -> None:
-    if not lock_file(file, path):
-        raise DeviceUnavailableError(f"{path}: another program takes episodes here", "end that one first")
+        return self.append(line)

@@ -37,8 +37,6 @@ Call = Callable[[], Any]
         (lambda: wire.allegro_angles_rad([0.5]), DtypeError, "counts has dtype float64"),
         (lambda: wire.allegro_set_period(70000), WireError, "70000"),
         (lambda: wire.allegro_request_position("little"), InvalidValueError, "finger = 'little'"),  # type: ignore[arg-type]
-        (lambda: wire.allegro_v3_torque_frame("index", [1, 2, 3]), ShapeError, "3 elements"),
-        (lambda: wire.allegro_v3_torque_frame("index", [40000] * 4), WireError, "40000"),
         (lambda: wire.allegro_report_frame(wire.AllegroSerial("123456789")), WireError, "123456789"),
         (lambda: wire.allegro_report_frame(wire.AllegroImu((1,))), ShapeError, "imu has 1 elements"),
         (

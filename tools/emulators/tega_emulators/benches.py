@@ -270,9 +270,6 @@ BENCHES: dict[str, EmulatedDriver] = {
         unix=True,
         reason=why_no_runtime,
     ),
-    "panda": EmulatedDriver(
-        "nothing: only a Panda speaks to it", partial(_with, {}), ("a Panda with robot server 5",), unix=True
-    ),
     "pedal": EmulatedDriver(
         f"{_PROCESS}, report bytes over a socket",
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),

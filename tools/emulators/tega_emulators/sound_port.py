@@ -39,7 +39,6 @@ class SoundPort:
     Attributes:
         present: Whether there is a microphone.
         latency_s: How old sound is when it arrives.
-        stamped: Whether the sound system stamps it.
         overflows: Whether samples get lost.
         speaker_ms: What the loudspeaker takes beyond its stamp.
         played: Each block that the loudspeaker was given, float32 (n, channels).
@@ -48,7 +47,7 @@ class SoundPort:
     def __init__(self, peer: Emulator | None = None) -> None:
         self.__spec__ = ModuleSpec("sounddevice", None)
         self.peer = peer
-        self.present = self.stamped = True
+        self.present = True
         self.overflows = False
         self.latency_s, self.speaker_ms = 0.03, 0.0
         self.PortAudioError = PortAudioError
@@ -123,13 +122,10 @@ class _SoundStream:
                 return
             from_s = first_s + k * _BLOCK_S
             heard = port.peer.say(f"hear {from_s!r} {n}")["samples"]
-            now_s = time.monotonic()
-            stamps = SimpleNamespace(
-                inputBufferAdcTime=from_s - 5.0 if port.stamped else 0.0,
-                currentTime=now_s - 5.0 if port.stamped else 0.0,
-            )
             data = np.array(heard, np.float32)[:, None] / 32768
-            self._callback(data, n, stamps, SimpleNamespace(input_overflow=port.overflows and k == 20))
+            self._callback(
+                data, n, SimpleNamespace(), SimpleNamespace(input_overflow=port.overflows and k == 20)
+            )
             k += 1
 
     def _play(self) -> None:

@@ -1,26 +1,26 @@
 """Print and draw decoders compared on simulated people: the table and the picture of docs/evidence/emg-decoders.md.
 
-``python -m tega_figures.simulated_skill people.jsonl docs/images/emg-skill.png``, where people.jsonl is what
-``tega-teleop emg people --out people.jsonl`` kept. Everything in it is simulated.
+``python -m tega_figures.simulated_skill people.jsonl docs/images/emg-skill.png`` simulates the people who are not in
+people.jsonl yet and adds them. Everything in it is simulated.
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import click
-import msgspec
 import numpy as np
 
 from tega.errors import MissingExtraError, TegaError
-from tega_practice.cli.emg_people import interval_told
-from tega_practice.people import PersonSkill, compare_people
+from tega.ui.cli.options import NameList, progress_bar
+from tega_figures.skill_people import compare_people, people_at_test
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tega_practice.people import PeopleSkill
+    from tega_figures.skill_people import PeopleSkill
 
 __all__ = ["main", "skill_figure", "skill_table"]
 
@@ -29,12 +29,32 @@ SHOWN: Final = {"none": "no effect", "all": "all effects together"}
 
 
 @click.command(help=__doc__)
-@click.argument("people", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.argument("people", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("picture", type=click.Path(path_type=Path, dir_okay=False), required=False)
-def main(people: Path, picture: Path | None) -> None:
+@click.option("--people", "n_people", type=click.IntRange(1, 10_000), default=100, show_default=True)
+@click.option("--decoders", type=NameList(), default="rules,proportional,learned", show_default=True)
+@click.option("--effects", type=NameList(), default="none,all", show_default=True)
+@click.option("--movements", type=click.IntRange(1, 100), default=3, show_default=True)
+def main(
+    *,
+    people: Path,
+    picture: Path | None,
+    n_people: int,
+    decoders: list[str],
+    effects: list[str],
+    movements: int,
+) -> None:
     """Print the table, and draw the picture where one is named."""
-    known = [msgspec.json.decode(line, type=PersonSkill) for line in people.read_bytes().splitlines()]
-    decoders, effects, movements = known[0].asked
+    with progress_bar() as progress:
+        known = people_at_test(
+            range(n_people),
+            decoders,
+            effects,
+            movements=movements,
+            workers=os.cpu_count() or 1,
+            out=people,
+            progress=progress,
+        )
     rows = compare_people(known, decoders, effects)
     click.echo(f"{len(known)} simulated people, {movements} movements of each distance and width.\n")
     click.echo(skill_table(rows))
@@ -51,7 +71,7 @@ def skill_table(rows: list[PeopleSkill]) -> str:
     for row in rows:
         refused = f" (refused on {row.refused})" if row.refused else ""
         told = (row.throughput_bits_s, row.difference_bits_s, row.lost_bits_s)
-        intervals = " | ".join(interval_told(one).replace("\\[", "[") for one in told)
+        intervals = " | ".join("–" if one is None else str(one) for one in told)
         path = "–" if row.path_efficiency is None else f"{100 * row.path_efficiency.mean:.0f} %"
         lines.append(
             f"| {row.effect} | `{row.decoder}`{refused} | {intervals} | {100 * row.completion.mean:.0f} % | {path} | "

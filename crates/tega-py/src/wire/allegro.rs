@@ -91,25 +91,6 @@ pub(crate) fn allegro_angle_counts<'py>(
     Ok(PyArray1::from_vec(py, counts.collect::<Result<_, _>>()?))
 }
 
-#[pyfunction]
-#[pyo3(signature = (finger, counts, /))]
-pub(crate) fn allegro_v3_torque_frame(
-    py: Python<'_>,
-    finger: i64,
-    counts: Vec<i64>,
-) -> Result<(u16, Bound<'_, PyBytes>), BindError> {
-    let counts = exactly::<i16, 4>(&counts, "-32768 to 32767 counts")?;
-    let frame = allegro::v3_torque_frame(self::finger(finger)?, counts);
-    Ok((frame.id(), PyBytes::new(py, frame.data())))
-}
-
-#[pyfunction]
-#[pyo3(signature = (raw, /, *, offset, down))]
-pub(crate) fn allegro_v3_angle_rad(raw: i64, offset: i64, down: bool) -> Result<f64, BindError> {
-    let offset = narrow("offset", offset, "32 bits")?;
-    Ok(allegro::v3_angle_rad(narrow("raw", raw, "0 to 65535 counts")?, offset, down))
-}
-
 /// A message as kind, finger and values; the values are what `allegro_encode` takes.
 fn flat(message: &Message) -> (&'static str, u8, Vec<i64>) {
     fn list<T: Copy + Into<i64>>(values: &[T]) -> Vec<i64> {

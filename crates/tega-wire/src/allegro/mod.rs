@@ -11,12 +11,10 @@ use tega_error::OutOfRange;
 
 mod decode;
 mod message;
-mod older;
 mod units;
 
 pub use decode::{Received, Rejection, decode, requested};
 pub use message::{Command, Info, Message, Report, Request};
-pub use older::{v3_angle_rad, v3_torque_frame};
 pub use units::{
     PWM_LIMITS, RAD_PER_COUNT, Scale, TEMPERATURE_VALID_MAX_C, angle_counts, angle_rad, temperature_c,
     torque_counts, torque_frames,
@@ -115,10 +113,6 @@ impl CanFrame {
             *to = from;
         }
         Self { id: message << 2 | u16::from(device.0), remote: false, len: N as u8, bytes }
-    }
-
-    pub(crate) fn raw_id(id: u16, bytes: [u8; 8]) -> Self {
-        Self { id, remote: false, len: 8, bytes }
     }
 
     pub(crate) fn remote_frame(message: u16, device: DeviceId) -> Self {

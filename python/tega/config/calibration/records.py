@@ -260,7 +260,7 @@ class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
         used: How many count.
         left_out: The others, each number with its reason.
         spin_hz: Turns of the motor a second.
-        clock: Source of the recording's time: ``clicks``, ``stamps`` or ``arrival``.
+        clock: Source of the recording's time: ``clicks``; before version 0.3 also ``stamps`` or ``arrival``.
         clock_uncertainty_ms: How far all delays together may be off by that.
     """
 

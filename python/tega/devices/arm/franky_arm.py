@@ -15,8 +15,8 @@ _Centre = Annotated[float, msgspec.Meta(ge=-1, le=1)]
 _Angle = Annotated[float, msgspec.Meta(ge=-4.6, le=4.6)]
 
 
-class FrankaOptions(ArmOptions, frozen=True, kw_only=True):
-    """Settings of a Franka robot, whichever library leads it.
+class FrankyArmOptions(ArmOptions, frozen=True, kw_only=True):
+    """Settings of :class:`FrankyArm`.
 
     Attributes:
         host: The robot's address.
@@ -29,6 +29,11 @@ class FrankaOptions(ArmOptions, frozen=True, kw_only=True):
         load_centre_m: Its centre of mass from the flange.
         load_inertia_kg_m2: Its inertia about that centre, along the flange's axes.
         start_rad: Joint angles to go to slowly when opened; none stays where it is.
+        robot: Model of the robot; the models have different joint limits.
+        clip_m: The spring pulls as if the target were no farther, so the hand goes no faster than about
+            clip √K / 2.
+        clip_rad: The same limit for the rotation.
+        torque_step_nm: A joint's torque changes by no more in a millisecond.
     """
 
     host: str
@@ -41,19 +46,6 @@ class FrankaOptions(ArmOptions, frozen=True, kw_only=True):
     load_centre_m: tuple[_Centre, _Centre, _Centre] = (0.0, 0.0, 0.0)
     load_inertia_kg_m2: tuple[_Inertia, _Inertia, _Inertia] = (0.001, 0.001, 0.001)
     start_rad: tuple[_Angle, _Angle, _Angle, _Angle, _Angle, _Angle, _Angle] | None = None
-
-
-class FrankyArmOptions(FrankaOptions, frozen=True, kw_only=True):
-    """Settings of :class:`FrankyArm`; the others are those of :class:`FrankaOptions`.
-
-    Attributes:
-        robot: Model of the robot; the models have different joint limits.
-        clip_m: The spring pulls as if the target were no farther, so the hand goes no faster than about
-            clip √K / 2.
-        clip_rad: The same limit for the rotation.
-        torque_step_nm: A joint's torque changes by no more in a millisecond.
-    """
-
     robot: Literal["panda", "fr3"] = "panda"
     clip_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.03
     clip_rad: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 import msgspec
 
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 _NO_HARDWARE = frozenset({"virtual", "udp_multicast"})
 
+_SEND_TIMEOUT_S: Final = 0.01
+"""How long a frame may wait for the adapter: three periods of the hand, after which its torque is out of date."""
+
 
 class PythonCanOptions(Options, frozen=True):
     """Settings of :class:`PythonCan`.
@@ -31,7 +34,6 @@ class PythonCanOptions(Options, frozen=True):
         bus: Further options, passed to ``can.Bus`` as they are.
         open_loop: Allow a bus with real hardware behind it. The torques come from an ideal joint model that
             does not know where the real joints are.
-        send_timeout_s: How long a frame may wait for the adapter.
     """
 
     interface: str = "virtual"
@@ -39,7 +41,6 @@ class PythonCanOptions(Options, frozen=True):
     bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = 1_000_000
     bus: dict[str, Any] = msgspec.field(default_factory=dict)
     open_loop: bool = False
-    send_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.01
 
 
 def may_have_hardware(interface: str, channel: str | int) -> bool:
@@ -116,10 +117,10 @@ class PythonCan(Opened):
             raise DeviceUnavailableError("python-can: the bus is not open", "open it first")
         for frame in frames:
             try:
-                self._bus.send(can_message(self._can, frame), timeout=self._options.send_timeout_s)
+                self._bus.send(can_message(self._can, frame), timeout=_SEND_TIMEOUT_S)
             except Exception as error:  # as above
                 raise DeviceUnavailableError(
-                    f"python-can: frame {frame.id:#05x} was not sent within {self._options.send_timeout_s} s: {error}",
+                    f"python-can: frame {frame.id:#05x} was not sent within {_SEND_TIMEOUT_S} s: {error}",
                     "check that the hand is powered, the bus terminated, and its rate 1 Mbit/s",
                 ) from error
         return frames

@@ -57,14 +57,18 @@ def _look(hand: Any) -> dict[str, float]:
     """Count a hand's reports for a moment; a driver without a state has none."""
     if not isinstance(hand, ReportingHand):
         return {}
-    started_s, before = time.monotonic(), hand.state().counts.sets
+    started_s, before = time.monotonic(), hand.state().counts
     time.sleep(_LOOK_S)
     # What went wrong meanwhile is raised here.
     hand.step(1)
     state = hand.state()
     passed_s = time.monotonic() - started_s
     known = [c for c in state.joints_c if c is not None]
-    measured = {"rate_hz": round((state.counts.sets - before) / passed_s, 1)}
+    measured = {
+        "rate_hz": round((state.counts.sets - before.sets) / passed_s, 1),
+        "incomplete_count": float(state.counts.incomplete - before.incomplete),
+        "late_count": float(state.counts.late - before.late),
+    }
     return measured | ({"warmest_joint_c": float(max(known))} if known else {})
 
 

@@ -75,7 +75,7 @@ _NO_PEDAL = """
 
 _ARM = """
 {off}[arm]                           # the robot's arm, which cannot be looked for: docs/arm.md
-{off}driver = "{driver}"{gap}# franky, panda, bench-arm, simulated-arm: docs/device-arm.md
+{off}driver = "{driver}"{gap}# franky, bench-arm, simulated-arm: docs/device-arm.md
 {options}
 # [arm.tracker]                   # what sees the forearm; without it [input.motion], a SpaceMouse, leads
 # driver = "hololens"             # or "openxr", options = {{ source = "grip" }}: docs/device-tracker.md
@@ -99,7 +99,6 @@ _ARM = """
 """
 _OPTIONS: Mapping[str, str] = {
     "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop arm check HOST asks it\n',
-    "panda": 'options = { host = "172.16.0.2" }\n',
 }
 
 # What a driver cannot find out by itself, and where to start.

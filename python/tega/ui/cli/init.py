@@ -39,7 +39,7 @@ class _Moves(Protocol):
 @click.option(
     "--arm",
     metavar="DRIVER",
-    help="Switch the arm's table on, with this driver: franky, panda, bench-arm, simulated-arm; else it is a comment. "
+    help="Switch the arm's table on, with this driver: franky, bench-arm, simulated-arm; else it is a comment. "
     "With --emulated an arm is led too: franky on a robot of franky-sim, bench-arm or simulated-arm.",
 )
 @click.option(
@@ -97,8 +97,6 @@ def init(
     if arm is not None:
         driver_class(arm, "arm")
     if emulated:
-        if arm == "panda":
-            raise click.UsageError("no emulated robot speaks to panda; franky, bench-arm or simulated-arm do")
         _emulate(out, stations=stations, arm=arm, play=play, as_json=as_json)
         return
     looked = look_for()

@@ -12,9 +12,9 @@ import msgspec
 from tega.errors import CalibrationError, InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
+from tega_figures.skill_simulated import practised, simulated_decoder, simulated_fitts
 from tega_practice.fitts import FittsScore
 from tega_practice.interval import Interval, mean_interval
-from tega_practice.simulated import practised, simulated_decoder, simulated_fitts
 from tega_sim.operator import EFFECTS, draw_person, load_parameters
 from tega_sim.workers import over_cores
 
@@ -77,7 +77,7 @@ def person_at_test(
 
     Args:
         seed: Seed of the person and of all random draws.
-        decoders: As :func:`tega_practice.simulated.simulated_decoder` takes them.
+        decoders: As :func:`tega_figures.skill_simulated.simulated_decoder` takes them.
         effects: Names of :data:`EFFECT_NAMES`.
         movements: That count, of each distance and width.
 
