@@ -68,7 +68,7 @@ def init(
 
     Opens no device. With --emulated two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
     a baseline and a calibration made for them, so that another terminal can try `doctor` and `run` on the file. With
-    --arm a headset and a pedal as well, whose emulated operator holds the dead-man for 8 of every 10 seconds.
+    --arm a headset and a pedal as well, whose emulated operator presses the dead-man switch for 8 s out of every 10 s.
 
     With --json: {"file", "found", "could_not"}, found and could_not by driver; with --stations "robot" and "operator"
     as well, with --arm "pythonpath", a folder that `run` needs in PYTHONPATH to find the emulated pedal.

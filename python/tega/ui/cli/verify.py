@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import PngPath, json_option
 
 if TYPE_CHECKING:
     from tega.recording.replay import Replay
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PngPath(),
     help="PNG to draw what is in the recording: firmest contacts, then touch, level, fingers and vest over time.",
 )
 @json_option
 def verify(
     *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool
 ) -> int:
-    """Compute a recorded session again, tick by tick as it ran, and compare with what was recorded.
+    """Re-run a recorded session tick by tick, and check that the output is identical.
 
     SESSION is a recording made with run --record, or a session's folder. The exit code is 1 if anything differs.
     --config and --set run it through other settings, and say what then differs. A summary says what each finger, the
@@ -95,7 +95,7 @@ def _show(replay: Replay) -> None:
         if replay.lossless
         else "from the contacts and samples as recorded"
     )
-    console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s computed again {how}")
+    console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s re-run {how}")
     if replay.from_s > 0:
         console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
     for change in replay.changed:
@@ -120,18 +120,18 @@ def _show(replay: Replay) -> None:
         for d in s.first[:3]:
             said = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
             console.print(f"  {said}", markup=False)
+    exact = "identical, bit for bit"
+    if replay.pictures:
+        exact += "; pictures were compressed (JPEG) when recorded, so they were not recomputed"
+    console.print(f"  [green]{exact}[/]" if replay.same else "  [red]not identical[/]")
     for p in replay.pictures:
         console.print(
-            f"  {p.finger}: pictures are approximate (JPEG): over {p.compared} frames the area is off by "
-            f"{p.eda_mean_px:.2f} px (at most {p.eda_max_px:.0f}), the concentration by {p.cci_mean:.4f} "
-            f"(at most {p.cci_max:.4f}), contact differs in {p.contact_changed}",
+            f"  from the compressed pictures, {p.finger}: EDA {p.eda_mean_px:.2f} px from the recorded one on average "
+            f"(at most {p.eda_max_px:.0f}), CCI {p.cci_mean:.4f} (at most {p.cci_max:.4f}), contact in "
+            f"{p.compared - p.contact_changed} of {p.compared} frames the same",
+            style="dim",
             soft_wrap=True,
         )
-    exact = (
-        "the same, bit for bit" if replay.lossless else "everything but the pictures is the same, bit for bit"
-    )
-    verdict = f"[green]{exact}[/]" if replay.same else "[red]not the same[/]"
-    console.print(f"  {verdict}")
 
 
 def _short(text: str) -> str:
