@@ -120,16 +120,12 @@ def _show(replay: Replay) -> None:
         for d in s.first[:3]:
             said = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
             console.print(f"  {said}", markup=False)
-    exact = "identical, bit for bit"
+    verdict = "[green]identical, bit for bit[/]" if replay.same else "[red]not identical[/]"
+    console.print(f"  {verdict}")
     if replay.pictures:
-        exact += "; pictures were compressed (JPEG) when recorded, so they were not recomputed"
-    console.print(f"  [green]{exact}[/]" if replay.same else "  [red]not identical[/]")
-    for p in replay.pictures:
         console.print(
-            f"  from the compressed pictures, {p.finger}: EDA {p.eda_mean_px:.2f} px from the recorded one on average "
-            f"(at most {p.eda_max_px:.0f}), CCI {p.cci_mean:.4f} (at most {p.cci_max:.4f}), contact in "
-            f"{p.compared - p.contact_changed} of {p.compared} frames the same",
-            style="dim",
+            "  The pictures were compressed (JPEG), so contacts are those recorded; everything after them was computed "
+            "again. --json has the errors of contacts measured in the compressed pictures.",
             soft_wrap=True,
         )
 
