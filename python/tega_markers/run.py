@@ -29,7 +29,7 @@ class RunMarkers:
     ``trial:NAME``         likewise; the recording's name without ending, or ``start``
     ``state:STATE``        at every change of the run's state
     ``fault:NAME:WORDS``   when something goes wrong
-    ``fault-over:NAME``    when it is well again
+    ``fault-over:NAME``    when it has recovered
     ``pedal:BUTTON``       when a button of the seat ``marker`` goes down
     ``touch:KIND:FINGER``  when a finger touches (``contact``), lets go (``release``), or ``touch:slip``
     =====================  ==========================================================

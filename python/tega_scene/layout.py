@@ -35,6 +35,7 @@ import msgspec
 import numpy as np
 import tomlkit
 
+from tega.config.errors import wrong_value
 from tega.errors import ConfigError
 from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_text import tree_item
@@ -162,7 +163,8 @@ def load_layout(file: Path) -> TagLayout:
             angles, or a number is given twice.
     """
     try:
-        layout = msgspec.convert(parse_toml(read_words(file, error=ConfigError)), TagLayout)
+        tree = parse_toml(read_words(file, error=ConfigError))
+        layout = msgspec.convert(tree, TagLayout)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(
             f"{file.name}: the tag layout cannot be read: {error}",
@@ -170,7 +172,7 @@ def load_layout(file: Path) -> TagLayout:
         ) from error
     except msgspec.ValidationError as error:
         raise ConfigError(
-            f"{file.name}: {error}", "tega-teleop scene tags --layout writes a good one"
+            f"{file.name}: {wrong_value(error, tree)}", "tega-teleop scene tags --layout writes a good one"
         ) from error
     check_layout(layout, file.name)
     return layout

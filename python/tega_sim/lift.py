@@ -25,6 +25,7 @@ from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
+from tega.runtime.number_text import number_text
 from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
 from tega.stages.events.outcomes import LIFT_WINDOW_S
@@ -367,7 +368,7 @@ class Lift:
             "object": plan.object,
             "vest": plan.condition,
             "phase": self.rig.act.phase,
-            "height": f"{100 * truth.object_height_m:.1f} cm",
+            "height": f"{number_text(100 * truth.object_height_m, decimals=1)} cm",
             "grip": f"{sum(truth.pad_force_n):.1f} N",
             "slips": str(slips),
             "deformed": str(deformations),

@@ -8,7 +8,9 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 import msgspec
 
 from tega.config import LOOP_KEYS, SessionConfig, load_config
+from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError
+from tega.runtime.nearest import nearest_hint
 from tega_sim.beside import BesideResult
 from tega_sim.commanded import HandWay
 from tega_sim.conditions import CONDITIONS, Condition
@@ -88,16 +90,16 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         """
         name, spec = fields.get("object"), fields.get("spec")
         if name not in OBJECTS if spec is None else getattr(spec, "name", None) != name:
-            raise InvalidValueError(f"object = {name!r} is not known", f"choose from {', '.join(OBJECTS)}")
+            raise InvalidValueError(f"object = {name!r} is not known", nearest_hint(str(name), OBJECTS))
         condition = fields.get("condition", "haptic")
         if condition not in CONDITIONS:
             raise InvalidValueError(
-                f"condition = {condition!r} is not known", f"choose from {', '.join(CONDITIONS)}"
+                f"condition = {condition!r} is not known", nearest_hint(condition, CONDITIONS)
             )
         try:
-            plan = msgspec.convert({**fields, "spec": msgspec.to_builtins(spec)}, cls)
+            plan = msgspec.convert(tree := {**fields, "spec": msgspec.to_builtins(spec)}, cls)
         except msgspec.ValidationError as error:
-            raise InvalidValueError(f"plan of a trial: {error}") from error
+            raise InvalidValueError(f"plan of a trial: {wrong_value(error, tree)}") from error
         loop_settings(plan.preset, plan.settings)
         _ = plan.object_spec  # refuses what is out of range
         return plan

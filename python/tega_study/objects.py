@@ -12,11 +12,13 @@ from typing import Annotated, Any, Final
 
 import msgspec
 
+from tega.config.errors import wrong_value
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.files.whole_file import write_whole
+from tega.runtime.nearest import nearest_hint
 from tega_study.plan import read_plan
 
 OBJECTS: Final = "objects.toml"
@@ -94,13 +96,14 @@ def note_object(folder: Path, name: str, *, photo: Path | None = None, **changes
     """
     objects = read_plan(folder).settings.objects
     if name not in objects:
-        raise InvalidValueError(f"object {name!r} is not in the plan", f"it has {', '.join(objects)}")
+        raise InvalidValueError(f"object {name!r} is not in the plan", nearest_hint(name, objects, "it has"))
     known = read_objects(folder)
     try:
-        facts = msgspec.convert(msgspec.to_builtins(known.get(name, ObjectFacts())) | changes, ObjectFacts)
+        tree = msgspec.to_builtins(known.get(name, ObjectFacts())) | changes
+        facts = msgspec.convert(tree, ObjectFacts)
     except msgspec.ValidationError as error:
         raise InvalidValueError(
-            f"object {name}: {error}", "masses are in grams, stiffness in N/mm"
+            f"object {name}: {wrong_value(error, tree)}", "masses are in grams, stiffness in N/mm"
         ) from error
     if photo is not None:
         content = read_foreign(photo, most_mib=_MOST_PHOTO_MIB)

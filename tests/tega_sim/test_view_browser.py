@@ -81,8 +81,8 @@ def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
         assert "the hand keeps its level" in held
         assert "<b>emg: no signal for &lt;0.5 s</b>" in held
         assert "! index: no picture" in held
-        again = shown(view, state="active", reason="all is there again")
-        assert "all is there" not in again
+        again = shown(view, state="active", reason="all devices ready again")
+        assert "all devices ready" not in again
         assert "the muscles steer the hand" in again
         assert "waiting for the start" in shown(view, state="armed", reason="all is there")
         assert "emg: no signal yet" in shown(view, state="idle", reason="emg: no signal yet")

@@ -175,7 +175,7 @@ def test_a_missing_device_ends_with_code_3(capsys: pytest.CaptureFixture[str], s
 
 def test_no_traceback_unless_asked_for(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     _, err = call(capsys, "run", tmp_path / "none.toml", code=1)
-    assert err.startswith("error: none.toml: cannot be read")
+    assert err.startswith("error: none.toml: no such file")
     assert "Traceback" not in err
     for words in (["run", tmp_path / "none.toml", "--debug"], ["--debug", "run", tmp_path / "none.toml"]):
         assert "Traceback" in call(capsys, *words, code=1)[1]

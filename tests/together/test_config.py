@@ -96,7 +96,7 @@ def test_fingers_are_those_of_the_vest() -> None:
         ("emg.kind=3", r"emg\.kind = 3: "),
         ("emg.options.rate_hz=0", r"emg\.options\.rate_hz = 0: expected a number > 0\.0 \(hertz\)"),
         ("emg.options.rate_hz=nan", r"emg\.options\.rate_hz = nan: .*\(hertz\)"),
-        ("emg.options.rate_hz=fast", r"emg\.options\.rate_hz = 'fast': expected a number, got a text"),
+        ("emg.options.rate_hz=fast", r"emg\.options\.rate_hz = 'fast': expected a number, got text"),
         ("emg.options.channels=[3, 0]", r"emg\.options\.channels\[1\] = 0: expected a whole number >= 1"),
         ("vest.rate_hz=true", r"vest\.rate_hz = True: expected a number, got true or false \(hertz\)"),
         ("session.duration_s=-1", r"session\.duration_s = -1: .* \(seconds\)"),
@@ -171,7 +171,7 @@ def test_a_mistake_in_the_environment_names_the_variable(settings: Path) -> None
 
 
 def test_a_missing_file_and_broken_toml(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"^none\.toml: cannot be read"):
+    with pytest.raises(ConfigError, match=r"^none\.toml: no such file"):
         load_config(tmp_path / "none.toml", environ={})
     broken = tmp_path / "broken.toml"
     broken.write_text("[session\n")

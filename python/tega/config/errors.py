@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import types
 import typing
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
 
 import msgspec
 
 from tega.config.guests import guest_tables
 from tega.config.removed import CONSTANTS
 from tega.errors import ConfigError
+from tega.runtime.nearest import nearest_hint
+from tega.runtime.number_text import number_text
 
 _UNITS = {
     "hz": "hertz",
@@ -22,16 +23,19 @@ _UNITS = {
     "ns": "nanoseconds",
     "rad": "radians",
     "n": "newtons",
+    "kg": "kilograms",
 }
 _TYPES = {
     "float": "a number",
     "int": "a whole number",
-    "str": "a text in quotes",
+    "str": "text in quotes",
     "bool": "true or false",
     "array": "a list",
     "object": "a table",
     "null": "nothing",
 }
+
+_MOST_ELSEWHERE: Final = 3
 
 
 class Overridden(str):
@@ -55,8 +59,7 @@ def explain(
     Returns:
         The error to raise.
     """
-    what, _, path = str(error).partition(" - at `$")
-    steps = re.findall(r"\.([^.\[\]]+)|\[(\d+)\]", path.removesuffix("`"))
+    what, steps = _parts(error)
     value, kind, key = tree, wanted, prefix
     for name, index in steps:
         key = f"{key}[{index}]" if index else f"{key}.{name}".lstrip(".")
@@ -69,20 +72,46 @@ def explain(
             said = f"{_origin(origins, full)}: {full} was taken out in 0.3"
             return ConfigError(said, f"leave it out: it is always {CONSTANTS[full]:g}")
         known = [*_field_names(kind), *(guest_tables() if not key else ())]
-        near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+        hint = nearest_hint(name, known, "known here:", cutoff=0.5)
+        elsewhere = [full for full in _dotted_keys(wanted) if full.rpartition(".")[2] == name]
+        if 0 < len(elsewhere) <= _MOST_ELSEWHERE:
+            hint = f"did you mean {' or '.join(map(repr, elsewhere))}?"
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
     if (missing := re.match(r"Object missing required field `(.*)`", what)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")
         return ConfigError(
             f"{_origin(origins, key)}: {full}: missing", _choices(_type_at(kind, missing.group(1)))
         )
-    shown = f"{value!r}" if not isinstance(value, str) else f"'{value}'"
-    hint = _choices(kind)
+    return ConfigError(f"{_origin(origins, key)}: {_wrong_value(key, value, what)}", _choices(kind))
+
+
+def wrong_value(error: msgspec.ValidationError, tree: Any) -> str:
+    """Return a validation error in plain words, such as ``mass_kg = 0.1: expected a number >= 0.15 (kilograms)``.
+
+    Args:
+        error: Error raised by msgspec.
+        tree: The values that it checked.
+    """
+    what, steps = _parts(error)
+    value, key = tree, ""
+    for name, index in steps:
+        key = f"{key}[{index}]" if index else f"{key}.{name}".lstrip(".")
+        value = _value_at(value, name, index)
+    return _wrong_value(key, value, what) if key else _plain(what)
+
+
+def _wrong_value(key: str, value: Any, what: str) -> str:
+    shown = f"'{value}'" if isinstance(value, str) else repr(value)
+    if isinstance(value, float):
+        shown = number_text(value, 12)
     unit = _UNITS.get(key.rpartition("_")[2], "")
-    return ConfigError(
-        f"{_origin(origins, key)}: {key} = {shown}: {_plain(what)}{f' ({unit})' if unit else ''}", hint
-    )
+    return f"{key} = {shown}: {_plain(what)}{f' ({unit})' if unit else ''}"
+
+
+def _parts(error: msgspec.ValidationError) -> tuple[str, list[tuple[str, str]]]:
+    """Return what is wrong, and the steps to the value: a name or an index each."""
+    what, _, path = str(error).partition(" - at `$")
+    return what, re.findall(r"\.([^.\[\]]+)|\[(\d+)\]", path.removesuffix("`"))
 
 
 def _origin(origins: Mapping[str, str], key: str) -> str:
@@ -101,8 +130,23 @@ def _file_and_line(origin: str) -> tuple[str, int]:
 def _plain(what: str) -> str:
     if what.startswith("Invalid enum value"):
         return "not one of the choices"
-    named = re.sub(r"`([a-z]+)(?: \| null)?`", lambda m: _TYPES.get(m.group(1), m.group(1)), what)
+    named = re.sub(r"`([a-z |]+)`", lambda m: _kinds(m.group(1)), what.replace("got `str`", "got text"))
     return named[:1].lower() + named[1:]
+
+
+def _kinds(union: str) -> str:
+    """Return the types of a union in words; an optional value is its type."""
+    names = union.split(" | ")
+    return " or ".join(_TYPES.get(name, name) for name in names if name != "null" or len(names) == 1)
+
+
+def _dotted_keys(kind: Any, prefix: str = "") -> Iterator[str]:
+    """Yield the dotted keys of all settings in a type; options belong to a driver or stage and are not in it."""
+    for member in _members(kind):
+        if isinstance(member, type) and issubclass(member, msgspec.Struct):
+            for name, inner in typing.get_type_hints(member, include_extras=True).items():
+                yield f"{prefix}{name}"
+                yield from _dotted_keys(inner, f"{prefix}{name}.")
 
 
 def _choices(kind: Any) -> str:

@@ -61,6 +61,10 @@ def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     try:
         text = read_words(path, error=ConfigError)
         tree, lines = parse_toml(text), value_lines(text)
+    except FileNotFoundError as error:
+        raise ConfigError(
+            f"{path.name}: no such file", f"write a settings file with: tega-teleop init --out {path}"
+        ) from error
     except OSError as error:
         raise ConfigError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"

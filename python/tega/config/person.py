@@ -126,7 +126,7 @@ def needed_record(
     command = calibrate_command(settings, person, part)
     if not info.live:
         raise CalibrationError(
-            f"{what}: {info.label} is a recording, for which {person} has no calibration",
+            f"{what}: {info.label} is not a live device, so {person} has no calibration for it",
             "leave calibration.person out, or name calibration.file",
         )
     device = device_name(info)

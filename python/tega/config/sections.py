@@ -79,7 +79,7 @@ class SessionSection(_Section, frozen=True):
     """The run as a whole.
 
     Attributes:
-        preset: ``paper`` (the printed law and the least that keeps it from breaking) or ``live`` (for people).
+        preset: ``paper`` (the paper's equations with minimal safeguards) or ``live`` (for people).
         pace: ``real`` waits for the clock, ``fast`` runs recordings as fast as they can be computed.
         out_dir: Folder for the outputs; none means nothing is written.
         duration_s: Stop after this long; none means when the last recording ends, or never.

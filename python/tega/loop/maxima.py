@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-SELF_CALIBRATED = "self-calibrated from the recording, not causal"
+SELF_CALIBRATED = "estimated from the whole input, so these results cannot be reproduced live"
 
 TAU_S = 0.1
 """Length of an EMG block where no decoder says otherwise: 100 ms, as the presets have it."""

@@ -224,7 +224,7 @@ class _Messages:
                     said = value.reason
                 self.states.append(Marked(value.t_ns / 1e9, said))
             case "tega.Alert":
-                what = value.said or f"{value.name}: well again"
+                what = value.said or f"{value.name}: recovered"
                 self.states.append(Marked(value.t_ns / 1e9, what))
             case "tega.Latency":
                 way = read(LatencyRecord, value)

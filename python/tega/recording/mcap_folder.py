@@ -76,6 +76,8 @@ class SessionFolder:
             raise ConfigError(f"session folder {path.name!r} is a file", "name a folder")
         self.path = path
         if path.is_dir() and any(path.iterdir()) and not self._is_session():
+            if to_read:
+                raise no_recording(path)
             raise ConfigError(
                 f"session folder {path.name!r} is not empty and holds no session",
                 "name a new or empty folder, or one with the session.json of an earlier recording",
@@ -260,6 +262,13 @@ def recover_file(source: Path, target: Path) -> Recovered:
     return Recovered(target, copy.n_messages, copy.end_ns, records.problem)
 
 
+def no_recording(folder: Path) -> RecordingError:
+    """Return the error for a folder without a recording; the folder of a run's tables is named as that."""
+    tables = any((folder / name).is_file() for name in ("summary.json", "contacts.csv", "vest.csv"))
+    said = "holds a run's tables, not a recording" if tables else "holds no recording"
+    return RecordingError(f"{folder.name}: {said}", "record a run with --record DIR, then name DIR")
+
+
 def session_files(path: Path) -> list[Path]:
     """Return the recordings that a path names: a file, or all of a session's folder, unfinished ones finished first.
 
@@ -273,9 +282,7 @@ def session_files(path: Path) -> list[Path]:
         files = [*path.glob("*.mcap"), *(part for part in folder.unfinished if part.exists())]
         files.sort(key=lambda file: in_order(file.name.removesuffix(_PART)))
         if not files:
-            raise RecordingError(
-                f"{path.name}: holds no recording", "name a session's folder, or a file in it"
-            )
+            raise no_recording(path)
         return files
     if not path.is_file():
         raise RecordingError(f"{path.name}: there is no such recording", f"looked for {path}")

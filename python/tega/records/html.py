@@ -9,6 +9,7 @@ from typing import Any
 
 from tega.records.base import Record
 from tega.records.schema import units, values
+from tega.runtime.number_text import number_text
 
 
 def rows_html(title: str, rows: Iterable[tuple[str, object, str]]) -> str:
@@ -34,4 +35,4 @@ def record_html(record: Record, title: str) -> str:
 
 
 def _shown(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return number_text(value) if isinstance(value, float) else str(value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Mapping
 from functools import cache
@@ -10,6 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
+from tega.runtime.nearest import nearest_hint
 
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:
@@ -37,12 +37,8 @@ def find_plugin(group: str, what: str, name: str) -> EntryPoint:
     entries = plugins(group)
     entry = entries.get(name)
     if entry is None:
-        near = difflib.get_close_matches(name, entries, n=1)
         raise ConfigError(
-            f"no {what} is called {name!r}",
-            f"did you mean {near[0]!r}?"
-            if near
-            else f"installed {what}s: {', '.join(sorted(entries)) or 'none'}",
+            f"no {what} is called {name!r}", nearest_hint(name, sorted(entries), f"installed {what}s:")
         )
     return entry
 

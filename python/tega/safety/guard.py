@@ -284,7 +284,7 @@ class Guard:
         n = last.get(stream.name, 0) - first.get(stream.name, 0)
         # Of a slow stream, such as blocks of EMG, the window has to hold a few.
         if last_ns - first_ns < max(_FIRST_WINDOW_NS, 4e9 / stream.rate_hz / 2):
-            return f"{stream.name}: its rate is being measured"
+            return f"{stream.name}: measuring its rate"
         rate_hz = n * 1e9 / (last_ns - first_ns)
         if rate_hz >= share * stream.rate_hz:
             return ""

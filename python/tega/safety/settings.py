@@ -15,7 +15,7 @@ class SafetySection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     Attributes:
         emg_lost_ms: Without a block of EMG for so long beyond its time, the hand holds its level.
         hold_ms: So long it holds; then see ``then``.
-        then: ``open`` opens the hand when the hold is over, ``keep`` holds until all is there again.
+        then: ``open`` opens the hand when the hold is over, ``keep`` holds until all devices are ready again.
         tactile_lost: ``silent`` goes on with the finger's column silent, ``hold`` holds the level as well.
         vest_lost: ``go-on`` goes on and warns, ``hold`` holds the level.
         late_ms: A loop later than this holds the level.

@@ -102,7 +102,7 @@ class RunStates:
             if self._give_up_ns is not None and t_ns - self.since_ns >= self._give_up_ns:
                 self._enter(t_ns, "idle", f"{_said(every)}; held for {self._give_up_ns / 1e9:g} s")
         elif self.state == "hold":
-            self._enter(t_ns, "active", "all is there again")
+            self._enter(t_ns, "active", "all devices ready again")
         if self.state == "idle" and clear:
             self._enter(t_ns, "armed", "all is there")
         if self.state == "armed" and go:
@@ -120,4 +120,4 @@ class RunStates:
 
 
 def _said(wrong: Mapping[str, str]) -> str:
-    return "; ".join(wrong.values()) or "waiting a moment to be sure"
+    return "; ".join(wrong.values()) or "confirming that all devices are stable"

@@ -40,7 +40,7 @@ def contact_record(finger: str, t_ns: int, metrics: ContactMetrics) -> Contact:
 class PaperMetric(Metric):
     """Eq 1 to 6 on the masked, blurred difference: :func:`tega.tactile.read_contact` with ``reading="paper"``."""
 
-    summary: ClassVar[str] = "the printed law and the least that keeps it from breaking"
+    summary: ClassVar[str] = "the paper's equations with minimal safeguards"
 
     def __init__(self, setup: FingerSetup, _options: StageOptions) -> None:
         self._finger = setup.finger
@@ -87,7 +87,7 @@ class LiveOptions(StageOptions, frozen=True):
 class LiveMetric(Metric):
     """Touch with a memory: :class:`tega.tactile.TouchTracker`, one for each finger."""
 
-    summary: ClassVar[str] = "every contact in grades, without flicker; CCI rises with the press"
+    summary: ClassVar[str] = "graded contact with hysteresis; CCI rises with the press"
     memory: ClassVar[bool] = True
     version: ClassVar[int] = 7
     options_type: ClassVar[type[StageOptions]] = LiveOptions

@@ -58,12 +58,13 @@ def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]
         ConfigError: The file is not valid.
         InvalidValueError: It has no such object.
     """
+    from tega.runtime.nearest import nearest_hint
     from tega_sim.world.objects import read_objects
 
     known = read_objects(file)
     for name in names:
         if name not in known:
-            raise InvalidValueError(f"object {name!r} is not known", f"choose from {', '.join(known)}")
+            raise InvalidValueError(f"object {name!r} is not known", nearest_hint(name, known))
     return {name: known[name].spec for name in names}
 
 

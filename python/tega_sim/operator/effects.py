@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega.runtime.files.foreign_file import parse_toml
+from tega.runtime.nearest import nearest_hint
 from tega_sim.operator.person import Parameter, stream
 
 __all__ = ["EFFECTS", "Disturbance", "effect_parameters"]
@@ -67,9 +68,7 @@ class Disturbance:
 
     def __init__(self, names: Collection[str], *, seed: int, label: str | int, tick_s: float) -> None:
         if unknown := sorted(set(names).difference(EFFECTS)):
-            raise InvalidValueError(
-                f"effect {unknown[0]!r} is not known", f"choose among {', '.join(EFFECTS)}"
-            )
+            raise InvalidValueError(f"effect {unknown[0]!r} is not known", nearest_hint(unknown[0], EFFECTS))
         p = {
             effect: {name: number.value for name, number in some.items()}
             for effect, some in effect_parameters().items()

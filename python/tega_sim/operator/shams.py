@@ -14,6 +14,7 @@ import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
+from tega.runtime.nearest import nearest_hint
 from tega_sim.operator.person import stream
 
 ShamName = Literal[
@@ -79,7 +80,7 @@ def sham_vest(
         "half": lambda: _half,
     }
     if name not in arms:
-        raise InvalidValueError(f"sham = {name!r} is not known", f"choose one of {', '.join(SHAMS)}")
+        raise InvalidValueError(f"sham = {name!r} is not known", nearest_hint(name, SHAMS))
     return arms[name]()
 
 

@@ -65,7 +65,7 @@ def arm_body(inside: str) -> str:
         text += (
             f'<body name="arm{number}" pos="{place}" quat="{np.cos(alpha / 2)} {np.sin(alpha / 2)} 0 0" gravcomp="1">'
             f'<joint name="arm{number}" axis="0 0 1" range="{low} {high}" limited="true" armature="0.1" damping="1"/>'
-            f'<geom class="still" type="capsule" size="0.05" fromto="{ends}" mass="{mass}" rgba="0.9 0.9 0.92 1"/>'
+            f'<geom class="still" type="capsule" size="0.05" fromto="{ends}" mass="{mass}" rgba="0.62 0.56 0.78 1"/>'
         )
     half = _TWIST_RAD / 2
     text += (

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
+from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError, TegaError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign
 from tega.runtime.files.plain_name import plain_name
@@ -90,9 +91,9 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             0.53
         """
         try:
-            return msgspec.convert(msgspec.to_builtins(self) | changes, ObjectSpec)
+            return msgspec.convert(given := msgspec.to_builtins(self) | changes, ObjectSpec)
         except msgspec.ValidationError as error:
-            raise InvalidValueError(f"object {self.name!r}: {error}") from error
+            raise InvalidValueError(f"object {self.name!r}: {wrong_value(error, given)}") from error
 
 
 class ObjectRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -123,17 +123,17 @@ def object_parts(spec: ObjectSpec, physics: Physics) -> tuple[str, str]:
 def preamble(physics: Physics) -> str:
     """Return the solver settings and the classes of shapes: contact pairs, and contact stiffness."""
     contact = _contact(physics)
-    dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
-    classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}
+    hand, unseen = 'rgba="0.27 0.2 0.5 1"', 'rgba="0 0 0 0"'
+    classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {hand}' for n in range(4)}
     classes |= {
         f"shell{n}": f'contype="0" conaffinity="{1 << n}" priority="1" {contact} {unseen}' for n in range(4)
     }
     classes |= {
-        "still": f'contype="0" conaffinity="0" {dark}',
-        "palm": f'contype="16" conaffinity="0" {contact} {dark}',
+        "still": f'contype="0" conaffinity="0" {hand}',
+        "palm": f'contype="16" conaffinity="0" {contact} {hand}',
         "core": f'contype="0" conaffinity="16" priority="1" {contact} {unseen}',
         "base": f'contype="0" conaffinity="32" priority="1" {contact}',
-        "table": f'contype="32" conaffinity="0" {contact} rgba="0.75 0.72 0.68 1"',
+        "table": f'contype="32" conaffinity="0" {contact} rgba="0.88 0.84 0.78 1"',
     }
     defaults = "".join(f'<default class="{name}"><geom {text}/></default>' for name, text in classes.items())
     # The sparse solver is half as dear here as the dense one, which the size of the model would choose.

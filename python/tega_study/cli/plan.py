@@ -104,7 +104,7 @@ def plan(
 ) -> None:
     """Write a counterbalanced plan: study.toml and plan.csv, never changed afterwards.
 
-    The plan has ids only. Keep who they are on paper, elsewhere.
+    The plan contains participant IDs only. Keep the list of names elsewhere, on paper.
     """
     import msgspec
 

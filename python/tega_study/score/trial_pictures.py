@@ -20,6 +20,7 @@ from tega.config import FINGERS
 from tega.errors import RecordingError, TegaError
 from tega.loop.touch import STALE_NS
 from tega.runtime.files.foreign_file import read_words
+from tega.runtime.number_text import number_text
 from tega_study.score.recorded import RecordedTrial
 
 _APART_NS = 30_000_000
@@ -94,9 +95,9 @@ class Reel:
         truth = self._truth[place - 1]
         return [
             "pictures: none, simulated",
-            f"height: {truth.height_m * 100:.1f} cm",
-            f"slid in the hand: {truth.slid_m * 1e3:.1f} mm",
-            f"pressed in: {truth.pressed_in_m * 1e3:.1f} mm",
+            f"height: {number_text(truth.height_m * 100, decimals=1)} cm",
+            f"slid in the hand: {number_text(truth.slid_m * 1e3, decimals=1)} mm",
+            f"pressed in: {number_text(truth.pressed_in_m * 1e3, decimals=1)} mm",
         ]
 
 

@@ -5,7 +5,7 @@ Example of a file::
     format = "tega-calibration"
     version = 1
     preset = "live"
-    origin = "self-calibrated from the recording, not causal"
+    origin = "estimated from the whole input, so these results cannot be reproduced live"
 
     [tactile.thumb]
     cci_max = 1.31

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import logging
 import sys
 import traceback
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError
+from tega.runtime.nearest import nearest_hint
 
 _UP: Final = "ip link set can0 up type can bitrate 1000000 restart-ms 100"
 _ANY_CHANNEL: Final = "check that the adapter is plugged in, and its channel"
@@ -98,11 +98,7 @@ def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
     """Return the problem in one sentence, and the next step."""
     known = sorted(can.VALID_INTERFACES)
     if interface not in known:
-        near = difflib.get_close_matches(interface, known, 1)
-        return (
-            "python-can has no such interface",
-            f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}",
-        )
+        return "python-can has no such interface", nearest_hint(interface, known, "it has")
     about = _INTERFACES.get(interface)
     words = " ".join(str(error).split())[:_MOST_LETTERS] or type(error).__name__
     missing = isinstance(error, _NO_MODULE) or (isinstance(error, OSError) and "library" in words.casefold())

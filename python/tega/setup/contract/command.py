@@ -14,6 +14,7 @@ from typing import Any
 from tega.devices.registry import driver_class, driver_names
 from tega.errors import TegaError
 from tega.haptics.motor_layout import find_layout
+from tega.runtime.nearest import nearest_hint
 from tega.setup.contract.check import check_driver
 from tega.setup.contract.stages import check_stage
 from tega.stages.registry import GROUPS, find_stages, stage_class, stage_names
@@ -45,6 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("--set needs the name of one driver or stage")
     worst = 0
     everything = [*driver_names(), *dict.fromkeys(name for group in GROUPS for name in stage_names(group))]
+    if unknown := [name for name in given.names if name not in everything]:
+        hint = nearest_hint(unknown[0], everything, "drivers and stages:")
+        parser.error(f"no driver or stage is called {unknown[0]!r}; {hint}")
     for name in given.names or everything:
         if name in everything and name not in driver_names():
             verdict, said = _try_stages(name, given.sets)

@@ -114,7 +114,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
     ]
     if refused:
         return Finding(check=CHECK, status="warning", finding=f"{file.name}: {'; '.join(refused)}")
-    said = f"the file {file.name} fits these settings; whose it is, on which devices and how old is not in it"
+    said = f"the file {file.name} matches these settings, but names no participant, device or date"
     return Finding(check=CHECK, status="ok", finding=said)
 
 

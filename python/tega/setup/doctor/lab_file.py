@@ -74,7 +74,7 @@ _NO_PEDAL = """
 """
 
 _ARM = """
-{off}[arm]                           # the robot's arm, which cannot be looked for: docs/arm.md
+{off}[arm]                           # robot arm (not auto-detected): docs/arm.md
 {off}driver = "{driver}"{gap}# franky, bench-arm, simulated-arm: docs/device-arm.md
 {options}
 # [arm.tracker]                   # what sees the forearm; without it [input.motion], a SpaceMouse, leads

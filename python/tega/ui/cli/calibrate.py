@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 @click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
 @click.option(
     "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
-    help="Make every wait and stretch so many times as long; for rehearsals.",
+    help="Scale all durations by FACTOR (for rehearsals).",
 )  # fmt: skip
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option

@@ -9,6 +9,7 @@ import click
 import msgspec
 
 from tega.runtime.files.toml_text import toml_value
+from tega.runtime.number_text import number_text
 from tega.ui.cli.options import json_option
 
 if TYPE_CHECKING:
@@ -123,4 +124,6 @@ def _text(value: Any) -> str:
         return ", ".join(map(_text, value)) or "none"
     if isinstance(value, msgspec.Struct):
         return toml_value(_plain(value))
+    if isinstance(value, float):
+        return number_text(value, 12)
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -12,7 +12,7 @@ from tega.ui.cli.emg_logs import READ_OPTION, force_log, practised_log, read_log
 from tega.ui.cli.emg_recalibrate import emg_recalibrate
 from tega.ui.cli.emg_score import emg_score
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import ChannelList, NameList, echo_json, json_option
+from tega.ui.cli.options import ChannelList, NameList, PngPath, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.stages.learned.compare import DecoderTold, Log
@@ -206,7 +206,7 @@ def fit(
 )
 @click.option(
     "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PngPath(),
     help="Draw target and closures into this PNG.",
 )
 @json_option

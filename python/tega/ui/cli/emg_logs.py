@@ -30,13 +30,15 @@ class ReadOption(click.ParamType[dict[str, Any]]):
 
         if isinstance(value, dict):
             return value
+        from tega.config.errors import wrong_value
+
         given = dict(part.partition("=")[::2] for part in str(value).split(","))
         tree = {key: int(text) if text.isdecimal() else text for key, text in given.items()}
         unknown = set(tree) - {"decimal", "time", "rows"}
         try:
             msgspec.convert(tree, Reading)
         except msgspec.ValidationError as error:
-            self.fail(f"{value!r}: {error}", param, ctx)
+            self.fail(f"{value!r}: {wrong_value(error, tree)}", param, ctx)
         if unknown:
             self.fail(
                 f"{value!r}: decimal, time and rows can be chosen, not {', '.join(unknown)}", param, ctx

@@ -16,7 +16,7 @@ from tega.ui.cli.options import echo_json, json_option
 @click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
 @click.option(
     "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
-    help="Make both stretches so many times as long; for rehearsals.",
+    help="Scale both durations by FACTOR (for rehearsals).",
 )  # fmt: skip
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -47,6 +48,23 @@ class NameList(click.ParamType[list[str]]):
         if not all(names):
             self.fail(f"{value!r} is not a list of names, such as bottle,bag", param, ctx)
         return list(dict.fromkeys(names))
+
+
+class PngPath(click.Path):
+    """PNG file to write."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False, path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Return the path, or fail with a usage error if its name does not end in ``.png``."""
+        super().convert(value, param, ctx)
+        path = Path(str(value))
+        if path.suffix.lower() != ".png":
+            self.fail(
+                f"{path}: pictures are written as PNG; name it {path.with_suffix('.png').name}", param, ctx
+            )
+        return path
 
 
 class NumberList(click.ParamType[list[float]]):

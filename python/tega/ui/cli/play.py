@@ -29,7 +29,7 @@ class _Speed(click.ParamType[float | None]):
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option(
     "--to", type=click.Path(path_type=Path), metavar="LAB.toml",
-    help="Settings whose vest, hand, inputs and limits it is played to; else a vest drawn in this terminal.",
+    help="Settings file with the vest and hand to play on (default: draw the vest in the terminal).",
 )  # fmt: skip
 @click.option(
     "--person",
@@ -39,13 +39,13 @@ class _Speed(click.ParamType[float | None]):
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--speed", type=_Speed(), default="1", show_default=True,
-    help="Multiple of the recording's speed, 0.05 to 20; or max, as fast as possible (to nothing real).",
+    help="Multiple of the recorded speed, 0.05 to 20, or 'max': as fast as possible; not allowed with real devices.",
 )  # fmt: skip
 @click.option(
     "--because",
     default="",
     metavar="REASON",
-    help="Why a real vest or hand gets more than the recording's speed.",
+    help="Reason for playing faster than recorded on real devices (required, logged).",
 )
 @click.option(
     "--from", "from_s", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="SECONDS",

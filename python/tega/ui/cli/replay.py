@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import ChannelList, json_option
+from tega.ui.cli.options import ChannelList, PngPath, json_option
 from tega.ui.cli.page import view_options
 
 
@@ -110,7 +110,7 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 )  # fmt: skip
 @click.option(
     "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PngPath(),
     help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time; else picture.png "
     "in the folder --out.",
 )
@@ -157,7 +157,9 @@ def replay(
     if config is not None:
         raise click.UsageError("--config is for verify; run takes settings with their own recordings")
     if flags["out"] is None:
-        raise click.UsageError("Missing option '--out'; verify computes a recorded session again.")
+        raise click.UsageError(
+            "Missing option '--out'. To re-run a recorded session, use 'tega-teleop verify'."
+        )
     tree = _tree(flags)
     if view:
         tree["session"]["pace"] = "real"

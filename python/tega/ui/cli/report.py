@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from tega.runtime.number_text import number_text
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -82,7 +84,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
                 finger,
                 f["source"],
                 str(f["frames"]),
-                f"{f['rate_hz'] or 0:g}",
+                number_text(f["rate_hz"] or 0),
                 _short(f["cci_max"]),
                 _short(f["eda_max"]),
                 "estimated" if f["baseline"].startswith("estimated") else f["baseline"],
@@ -90,7 +92,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         out.print(table)
     if (emg := summary["emg"]) is not None:
         table = Table(
-            title=f"intent from {emg['source']} ({emg['kind']}, {emg['rate_hz']:g} Hz), time at each level",
+            title=f"intent from {emg['source']} ({emg['kind']}, {number_text(emg['rate_hz'])} Hz), time at each level",
             title_justify="left",
             box=SIMPLE,
         )
@@ -103,7 +105,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         )
         out.print(table)
     vest = summary["vest"]
-    sent = f", {vest['sent']} sent and {vest['skipped']} as before" if vest["sent"] else ""
+    sent = f", {vest['sent']} sent, {vest['skipped']} unchanged" if vest["sent"] else ""
     out.print(
         f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {vest['frames']} vest frames "
         f"({vest['layout']}{sent}), {4 * summary['hand']['ticks']} torque frames"
@@ -121,7 +123,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     if (pacing := summary.get("pacing")) is not None:
         out.print(
             f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
-            f"(worst {pacing['worst_late_ms']:.1f} ms), {pacing['skipped']} left out"
+            f"(worst {pacing['worst_late_ms']:.1f} ms), {pacing['skipped']} skipped"
         )
     else:
         out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
@@ -185,4 +187,4 @@ def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
 
 
 def _short(value: float | None) -> str:
-    return "none" if value is None else f"{value:.4g}"
+    return "none" if value is None else number_text(value)

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from tega.runtime.number_text import number_text
 from tega.ui.cli.options import json_option
 
 _TITLES = {
@@ -44,7 +45,8 @@ def stages(*, as_json: bool) -> None:
                 click.echo(f"      measures {name}{'' if unit == '1' else f', {unit}'}")
             width = max((len(option.name) for option in stage.options), default=0)
             for option in stage.options:
-                default = f"{_text(option.default)} {option.unit}".rstrip()
+                unit = "" if option.default is None else f" {option.unit}".rstrip()
+                default = f"{_text(option.default)}{unit}"
                 choices = f" (one of {', '.join(option.choices)})" if option.choices else ""
                 click.echo(f"      {option.name:<{width}}  {default}{choices}: {option.summary}")
 
@@ -54,4 +56,6 @@ def _text(value: Any) -> str:
         return "not set"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, float):
+        return number_text(value, 12)
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import PngPath, json_option
 
 if TYPE_CHECKING:
     from tega.recording.replay import Replay
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PngPath(),
     help="PNG file for a figure of the recording: firmest contacts, then touch, level, fingers and vest over time.",
 )
 @json_option
@@ -96,7 +96,7 @@ def _show(replay: Replay) -> None:
         if replay.lossless
         else "from the contacts and samples as recorded"
     )
-    console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s computed again {how}")
+    console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s re-run {how}")
     if replay.from_s > 0:
         console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
     for change in replay.changed:
@@ -121,18 +121,14 @@ def _show(replay: Replay) -> None:
         for d in s.first[:3]:
             said = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
             console.print(f"  {said}", markup=False)
-    for p in replay.pictures:
+    verdict = "[green]identical, bit for bit[/]" if replay.same else "[red]not identical[/]"
+    console.print(f"  {verdict}")
+    if replay.pictures:
         console.print(
-            f"  {p.finger}: pictures are approximate (JPEG): over {p.compared} frames the area is off by "
-            f"{p.eda_mean_px:.2f} px (at most {p.eda_max_px:.0f}), the concentration by {p.cci_mean:.4f} "
-            f"(at most {p.cci_max:.4f}), contact differs in {p.contact_changed}",
+            "  The pictures were compressed (JPEG), so contacts are those recorded; everything after them was computed "
+            "again. --json has the errors of contacts measured in the compressed pictures.",
             soft_wrap=True,
         )
-    exact = (
-        "the same, bit for bit" if replay.lossless else "everything but the pictures is the same, bit for bit"
-    )
-    verdict = f"[green]{exact}[/]" if replay.same else "[red]not the same[/]"
-    console.print(f"  {verdict}")
 
 
 def _short(text: str) -> str:

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from tega.hand import split_level
+from tega.runtime.number_text import number_text
 
 if TYPE_CHECKING:
     from tega.loop.moment import LoopView
@@ -34,7 +35,7 @@ def device_rows(view: LoopView) -> dict[str, str]:
 def level_words(level: float) -> str:
     """Return a closure level with the name of its pose, such as ``level 3: half``."""
     whole = split_level(level)[0]
-    return f"level {round(level, 1):g}: {_POSES[whole - 1]}"
+    return f"level {number_text(round(level, 1))}: {_POSES[whole - 1]}"
 
 
 def _muscles(view: LoopView) -> str:

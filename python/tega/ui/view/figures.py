@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import MissingExtraError
+from tega.runtime.number_text import number_text
 from tega.ui.view.state import TouchImage
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None
     )
     touch.set_title(caption, fontsize=9)
     if touch_map is not None and touch_map.mask.any():
-        touch.set_xlabel(f"white: {touch_map.height.max():.3g} {touch_map.unit}", fontsize=8)
+        touch.set_xlabel(f"white: {number_text(touch_map.height.max(), 3)} {touch_map.unit}", fontsize=8)
 
 
 def draw_map(ax: Axes, shape: tuple[int, ...], contact: Contact, touch_map: TouchMap | None) -> None:

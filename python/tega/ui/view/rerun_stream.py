@@ -126,7 +126,7 @@ class RerunStream:
             case RunState():
                 shown = rr.TextLog(f"{record.state}: {record.reason}")
             case Alert():
-                shown = rr.TextLog(record.said or f"{record.name}: well again", level="WARN")
+                shown = rr.TextLog(record.said or f"{record.name}: recovered", level="WARN")
             case Event():
                 shown = rr.TextLog(record.words)
             case LogLine():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import ChannelList, json_option
+from tega.ui.cli.options import ChannelList, PngPath, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-_DRAWN = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command(
@@ -83,10 +82,10 @@ _DRAWN = click.Path(dir_okay=False, path_type=Path)
     "--emg-channels", type=ChannelList(), help="Columns of a file of EMG to use, counted from 1; else all."
 )
 @click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
-@click.option("--picture", type=_DRAWN, help="Draw the comparison, or the sweep, into this PNG.")
+@click.option("--picture", type=PngPath(), help="Draw the comparison, or the sweep, into this PNG.")
 @click.option(
     "--curves",
-    type=_DRAWN,
+    type=PngPath(),
     help="Draw EDA and CCI of the presets over the pictures into this PNG; no recorded picture is in it.",
 )
 @json_option

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.ui.cli.options import NameList, json_option
+from tega.ui.cli.options import NameList, PngPath, json_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,7 +24,7 @@ __all__ = ["bench"]
 )
 @click.option(
     "--picture",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=PngPath(),
     help="Draw time against error into this PNG.",
 )
 @click.option("--quick", is_flag=True, help="A tenth of the rounds, and not the largest pictures.")

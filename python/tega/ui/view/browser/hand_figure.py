@@ -25,7 +25,7 @@ __all__ = ["EYE_M", "LOOK_AT_M", "STANDING", "HandFigure"]
 EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
 """Position of the eye, and the point it looks at, metres."""
 
-_DARK = (0.2, 0.2, 0.22, 1.0)
+_HAND = (0.27, 0.2, 0.5, 1.0)
 _STRAIGHT = (1.0, 0.0, 0.0, 0.0)
 # The palm stands with its fingers up, so high over the floor.
 STANDING: Final = (0.0, 0.0, 0.11, *_STRAIGHT)
@@ -122,7 +122,7 @@ class HandFigure:
             start, end = _numbers(ends).reshape(2, 3)
             place, size[1] = (start + end) / 2, float(np.linalg.norm(end - start)) / 2
             turn = _upright_to(end - start)
-        colour = _DARK if (rgba := geom.get("rgba")) is None else tuple(_numbers(rgba))
+        colour = _HAND if (rgba := geom.get("rgba")) is None else tuple(_numbers(rgba))
         kind = cast("ShapeKind", geom.get("type", "sphere"))
         self.shapes.append(
             (

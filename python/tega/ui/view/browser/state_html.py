@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from tega.haptics import FINGERS
 from tega.loop.touch import STALE_NS
+from tega.runtime.number_text import number_text
 from tega.ui.view.browser.ghost import GHOST_COLOUR
 from tega.ui.view.device_rows import SILENT_NS, device_rows
 from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
@@ -193,7 +194,7 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
 
 def _depth(contact: Contact) -> str:
     """Say how deep a dent is, where the metric knows."""
-    return "" if contact.depth_mm is None else f" {contact.depth_mm:.2f} mm"
+    return "" if contact.depth_mm is None else f" {number_text(contact.depth_mm, decimals=2)} mm"
 
 
 def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:

@@ -1,0 +1,109 @@
+"""Mistakes of a first day: each gets the next step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from reference.command import call
+from tega.config import load_config
+from tega.errors import ConfigError, InvalidValueError
+from tega.setup.contract.command import main as contract
+from tega_sim.plan import TrialPlan
+from tega_sim.world.objects import OBJECTS
+
+
+def _refused(*sets: str) -> ConfigError:
+    with pytest.raises(ConfigError) as error:
+        load_config(None, environ={}, sets=sets)
+    return error.value
+
+
+@pytest.mark.parametrize(
+    ("item", "key"),
+    [
+        ("pace=fast", "session.pace' or 'vest.pace"),
+        ("out_dir=x", "session.out_dir"),
+        ("vest.duration_s=3", "session.duration_s"),
+    ],
+)
+def test_a_setting_of_another_table_is_suggested_whole(item: str, key: str) -> None:
+    assert _refused(item).hint == f"did you mean '{key}'?"
+
+
+@pytest.mark.parametrize(
+    ("item", "said"),
+    [
+        ("session.duration_s=five", "session.duration_s = 'five': expected a number, got text (seconds)"),
+        ("vest.threshold=five", "vest.threshold = 'five': expected a number or a list, got text"),
+        ("session.duration_s=-0.000059999999999999995", "session.duration_s = -0.00006: expected a number"),
+        ("session.pace=7", "session.pace = 7: expected text in quotes, got a whole number"),
+    ],
+)
+def test_a_wrong_value_is_shown_as_it_was_given(item: str, said: str) -> None:
+    assert said in _refused(item).message
+
+
+def test_numbers_of_the_settings_have_no_rounding_noise(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text("[session]\nduration_s = 5.9999999999999995e-5\n[vest]\nthreshold = 30.000000000000004\n")
+    out, _ = call(capsys, "config", "show", file, "--changed")
+    assert [line.split()[1] for line in out.splitlines()] == ["0.00006", "30"]
+
+
+def test_a_missing_settings_file_can_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, err = call(capsys, "run", tmp_path / "lab.toml", code=1)
+    assert "lab.toml: no such file" in err
+    assert "tega-teleop init --out" in err
+
+
+def test_replay_without_a_folder_names_verify(capsys: pytest.CaptureFixture[str]) -> None:
+    _, err = call(capsys, "replay", "--tactile", "thumb=press.avi", code=2)
+    assert "Missing option '--out'" in err
+    assert "tega-teleop verify" in err
+
+
+@pytest.mark.parametrize("verb", ["play", "verify"])
+def test_a_folder_of_tables_is_no_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+    (folder / "vest.csv").write_text("t_s\n")
+    _, err = call(capsys, verb, folder, code=1)
+    assert "results: holds a run's tables, not a recording" in err
+    assert "--record" in err
+
+
+@pytest.mark.parametrize("name", ["x.xyz", "x", "x.svg"])
+def test_a_picture_that_is_no_png_is_refused_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    for verb in ("audit", "verify", "replay"):
+        _, err = call(capsys, verb, tmp_path, "--picture", tmp_path / name, code=2)
+        assert "name it x.png" in err
+
+
+def test_a_near_object_is_suggested() -> None:
+    with pytest.raises(InvalidValueError) as error:
+        TrialPlan.checked({"object": "botle"})
+    assert error.value.hint == "did you mean 'bottle'?"
+
+
+def test_a_mass_out_of_range_is_refused_in_words() -> None:
+    with pytest.raises(InvalidValueError) as error:
+        OBJECTS["bottle"].with_(mass_kg=0.1)
+    assert error.value.message == "object 'bottle': mass_kg = 0.1: expected a number >= 0.15 (kilograms)"
+
+
+def test_a_contract_of_no_driver_and_no_stage(capsys: pytest.CaptureFixture[str]) -> None:
+    for name, hint in (("nonsense", "drivers and stages: "), ("alegro", "did you mean 'allegro'?")):
+        with pytest.raises(SystemExit) as ended:
+            contract([name])
+        assert ended.value.code == 2
+        err = capsys.readouterr().err
+        assert f"no driver or stage is called {name!r}" in err
+        assert hint in err
