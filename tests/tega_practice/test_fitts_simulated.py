@@ -110,7 +110,7 @@ def test_who_cannot_be_calibrated_is_counted_and_nobody_at_all_is_refused() -> N
     without = msgspec.structs.replace(some, person=1, scores={}, refused={"rules": "too weak"})
     (row,) = compare_people([without, some], ["rules"], ["none"])
     assert (row.people, row.refused) == (1, 1)
-    with pytest.raises(CalibrationError, match="calibrated on nobody: too weak"):
+    with pytest.raises(CalibrationError, match="has no calibrated person: too weak"):
         compare_people([without], ["rules"], ["none"])
     with pytest.raises(InvalidValueError, match="effect 'cold'"):
         person_at_test(0, ["rules"], ["cold"])

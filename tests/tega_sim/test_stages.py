@@ -101,7 +101,7 @@ WRONG = [
     ),
     ("[vest]\nlayout = 'x41'", r'lab\.toml:2: vest\.layout = "x41" is not known'),
     ("[stages.metrics]\nname = 'paper'", r"stages\.metrics: unknown key; did you mean 'metric'"),
-    ("[vest]\npulses = { contact = 40 }", r"lab\.toml:2: vest\.pulses: unknown key; it is stages\.mapping\.options"),
+    ("[vest]\npulses = { contact = 40 }", r"lab\.toml:2: vest\.pulses was taken out in 0\.2"),
 ]  # fmt: skip
 
 

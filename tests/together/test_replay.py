@@ -157,7 +157,7 @@ def test_a_calibration_from_a_run_gives_the_same_tables(
 ) -> None:
     first = replay(*press, "--out", tmp_path / "one")
     assert first["calibration"]["self_calibrated"] is True
-    assert "not causal" in first["notes"][0]
+    assert "cannot be reproduced live" in first["notes"][0]
     again = replay(*press, "--calibration", tmp_path / "one" / "calibration.toml", "--out", tmp_path / "two")
     assert again["calibration"] == {
         **first["calibration"],

@@ -129,7 +129,7 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
     good = path.read_text()
     for change, said in (
         (("version = 1", "version = 2"), "version 2 of the format is not known here"),
-        (("eda_max = 9000.0", "eda_max = -1.0"), "live.eda_max = -1.0"),
+        (("eda_max = 9000.0", "eda_max = -1.0"), "live.eda_max = -1: expected"),
         (('person = "p01"', 'person = "p01"\nowner = "x"'), "owner: unknown key"),
         (("n_presses", "n presses"), "damaged"),
     ):

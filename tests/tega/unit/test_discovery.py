@@ -151,7 +151,7 @@ def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
         (CanLink("can0", False, None, "STOPPED", False), "is down", "up type can bitrate 1000000"),
         (CanLink("can0", True, 500_000, "ERROR-ACTIVE", False), "runs at 500000", "can0 down && "),
         (CanLink("can0", True, 1_000_000, "BUS-OFF", False), "bus-off", "120 Ω"),
-        (CanLink("can0", True, 1_000_000, "ERROR-PASSIVE", False), "confirms", "power"),
+        (CanLink("can0", True, 1_000_000, "ERROR-PASSIVE", False), "acknowledges", "power"),
         (CanLink("vcan0", False, None, "", True), "is down", "sudo ip link set vcan0 up"),
     ],
 )

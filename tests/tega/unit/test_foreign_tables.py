@@ -21,6 +21,7 @@ from tega.records.bus import Bus
 from tega.runtime.files.formats import OTHERS
 from tega.runtime.files.signals import Signals, read_signals
 from tega.runtime.files.tables.table import Reading
+from tega.runtime.files.tables.timing import lost_by_counter
 from tega.ui.cli.main import main
 
 RATE_HZ = 250.0
@@ -399,3 +400,9 @@ def test_text_takes_little_more_memory_than_its_numbers(write: Write) -> None:
     tracemalloc.stop()
     # Two MiB of text are lines at a time, whatever the file's size: that is the rest.
     assert peak < 2 * found.samples.nbytes + 16 * 2**20
+
+
+def test_a_counter_of_damaged_numbers_proves_no_loss() -> None:
+    counter = np.arange(200.0)
+    counter[120] = 1e300
+    assert lost_by_counter(counter) == []

@@ -254,6 +254,10 @@ def _even_step(
     return found if found is not None and abs(found / step_s - 1) < RATE_TOLERANCE else step_s
 
 
+# Beyond it a float64 does not hold every whole number.
+_MOST_COUNTED = 2.0**53
+
+
 def lost_by_counter(counter: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return the losses that a counter shows, as :attr:`Timing.lost`; none for one that proves nothing.
 
@@ -261,7 +265,7 @@ def lost_by_counter(counter: NDArray[np.float64]) -> list[tuple[int, int]]:
         >>> lost_by_counter(np.delete(np.arange(1000) % 256.0, slice(300, 340)))
         [(300, 40)]
     """
-    if len(counter) < _FEWEST or not np.isfinite(counter).all():
+    if len(counter) < _FEWEST or not (np.abs(counter) <= _MOST_COUNTED).all():
         return []
     steps = np.diff(counter)
     step = float(np.median(steps))
