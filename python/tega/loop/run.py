@@ -112,6 +112,8 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
     for part in rig.parts:
         part.begin(run)
         flows.callback(part.end)
+    if trace is not None and trace.motor is not None:  # after the recorder has begun
+        rig.bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
     _steer(flows, rig, start_ns)
     touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
     reflex = open_reflex(
@@ -221,7 +223,7 @@ def _metric(rig: Rig, name: str) -> Metric:
 
 
 def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
-    """Publish the run's states, its alerts, and the onset time of the vest's motors."""
+    """Publish the run's states and alerts."""
 
     def changed(change: Transition) -> None:
         bus.publish(RunState(t_ns=change.t_ns, state=change.state, reason=change.reason))
@@ -232,8 +234,6 @@ def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | 
     )
     if trace is not None:
         guard.watch("latency", lambda: trace.warning)
-        if trace.motor is not None:
-            bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
 
 
 def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
