@@ -40,17 +40,20 @@ from together.property.test_records import recorded
 
 _each = st.tuples(*map(records_of, RECORDS))
 _S = 10**9
+_MOST_NS = 300_000_000 * _S
 # Beside a record's own topic.
 EXTRA = ("/wrench", "/emg/closure", "/emg/samples/array", "/run/state/text")
 
 
 def in_time(record: Record) -> Record:
     """Return a record whose time of day has 31 bits of seconds, as ROS 2 states it."""
-    times = {
-        name: getattr(record, name) % (300_000_000 * _S)
-        for name in record.__struct_fields__
-        if name in {"t_ns", "taken_ns", "received_ns", "known_ns"}
-    }
+    times: dict[str, Any] = {}
+    for name in record.__struct_fields__:
+        value = getattr(record, name)
+        if name.endswith("_ns") and isinstance(value, int):
+            times[name] = value % _MOST_NS
+        elif name.endswith("_ns") and isinstance(value, tuple):
+            times[name] = tuple(one % _MOST_NS for one in value)
     return replace(record, **times)
 
 

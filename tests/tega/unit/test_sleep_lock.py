@@ -56,6 +56,7 @@ def test_a_refused_block_leaves_the_delay(logind: Emulator) -> None:
     lock = SleepLock("a test", let_go)
     lock.take()
     until(lambda: logind.say("look")["locks"] == BOTH[:1])
+    assert lock.asked.wait(10)  # both locks were asked for
     assert lock.problem == "Inhibit: Permission denied"
     assert logind.say("sleep")["delayed_s"] < 4.0
     assert asleep.is_set()
