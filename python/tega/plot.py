@@ -23,7 +23,8 @@ from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
 from tega.haptics.motor_layout import find_layout
 from tega.haptics.torso import HEIGHT, WIDTH, spots
-from tega.records import VestRecord
+from tega.recording.record_columns import column_names
+from tega.records import Intent, VestRecord
 from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:
@@ -100,8 +101,9 @@ def levels(data: Any, *, axes: Axes | None = None) -> Axes:
     """
     axes, table = _axes(axes), _columns(data)
     times = _column(table, "t_s")
-    for name in [name for name in _names(table) if name.startswith("channels_")]:
-        axes.step(times, _column(table, name), where="post", alpha=0.5, label=f"muscle {name[9:]}")
+    own = {"log_s", "file", *column_names(Intent)}
+    for name in [name for name in _names(table) if name not in own and not name.startswith("activity_")]:
+        axes.step(times, _column(table, name), where="post", alpha=0.5, label=name)
     axes.step(times, _column(table, "fused"), where="post", color="black", label="fused")
     axes.set(xlabel="time (s)", ylabel="level", yticks=range(1, 6))
     axes.legend()

@@ -13,6 +13,7 @@ from reference.sessions import SECONDS
 from tega.config.choose import preset_metric
 from tega.errors import ConfigError
 from tega.recording.export import export_file
+from tega.recording.growing_table import GrowingCsv
 from tega.ui.cli.main import main
 
 
@@ -51,3 +52,17 @@ def test_parquet_has_the_same_columns(lossless: Path, tmp_path: Path) -> None:
         "ch3",
         "fused",
     ]
+
+
+def test_a_column_that_comes_late_is_empty_before(tmp_path: Path) -> None:
+    table = GrowingCsv(tmp_path / "late.csv")
+    for k in range(5000):
+        table.add({"k": k, "said": 'a "b",\nc'})
+    for k in range(5000, 5003):
+        table.add({"k": k, "said": "", "late": 0.1})
+    with table.close().open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["k"]) for row in rows] == list(range(5003))
+    assert {row["said"] for row in rows[:5000]} == {'a "b",\nc'}
+    assert [row["late"] for row in rows[4998:]] == ["", "", "0.1", "0.1", "0.1"]
+    assert [path.name for path in tmp_path.iterdir()] == ["late.csv"]

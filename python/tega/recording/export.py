@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tega.errors import ConfigError, TegaError
-from tega.haptics.motor_layout import find_layout
+from tega.devices.base import DeviceInfo
+from tega.errors import ConfigError
+from tega.recording.column_names import channel_columns, emg_source, list_columns, time_column
 from tega.recording.copies import note_copy
 from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
 from tega.recording.mcap_reader import McapReader, Message, Progress
@@ -30,9 +31,9 @@ def export_file(
     """Write one table per topic, and the attached files as they are.
 
     Columns are named as in a run's own tables. Times are seconds since the start of the session, exact to the
-    nanosecond: ``t_s`` when something was captured, ``log_s`` when it was received. Channels are ``ch1`` and so on,
-    motors ``m`` and their number, other lists count from 1. CAN frames become text such as ``180#0A0B``, an arm's
-    forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has a row per sample.
+    nanosecond: ``t_s`` when something was captured, ``log_s`` when it was received. EMG channels have their names,
+    else ``ch1`` and so on, motors ``m`` and their number, other lists count from 1. CAN frames become text such as
+    ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has a row per sample.
 
     Args:
         path: The recording.
@@ -62,6 +63,7 @@ def export_file(
     growing = GrowingCsv if kind == "csv" else GrowingParquet
     waiting: dict[str, Message] = {}
     epoch_ns = 0
+    info: DeviceInfo | None = None
     for message in reader.messages(lambda topic: pictures or not topic.endswith("/image")):
         epoch_ns = epoch_ns or int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
         if message.topic.endswith("/image"):
@@ -78,7 +80,9 @@ def export_file(
         if name not in tables:
             plain_name(name, what="topic", source=path.name)
             tables[name] = growing(folder / f"{name}.{kind}")
-        for row in _rows(message, (message.log_ns - epoch_ns) / 1e9):
+        if info is None and message.topic.startswith("/emg/"):
+            info = emg_source(reader)
+        for row in _rows(message, (message.log_ns - epoch_ns) / 1e9, () if info is None else info.channels):
             tables[name].add(row)
     attached = [
         plain_name(name, what="attachment", source=path.name) for name in reader.files if name != LEAD_IN
@@ -88,14 +92,15 @@ def export_file(
     return [table.close() for _, table in sorted(tables.items()) if table.n_rows]
 
 
-def _rows(message: Message, log_s: float) -> Iterator[Row]:
+def _rows(message: Message, log_s: float, channels: Sequence[str]) -> Iterator[Row]:
     value = message.value
     if message.schema == "tega.EmgSamples":
         n = value.n_channels
+        names = channel_columns(channels, n, ("log_s", "chunk_t_s", "index"))
         for k in range(len(value.samples) // n):
             samples = value.samples[k * n : (k + 1) * n]
             row: Row = {"log_s": log_s, "chunk_t_s": value.t_ns / 1e9, "index": value.first_index + k}
-            yield row | {f"ch{c + 1}": sample for c, sample in enumerate(samples)}
+            yield row | dict(zip(names, samples, strict=True))
         return
     if message.schema == "foxglove.JointStates":
         yield {"log_s": log_s} | {joint.name: joint.position for joint in value.joints}
@@ -105,89 +110,82 @@ def _rows(message: Message, log_s: float) -> Iterator[Row]:
         row = {"log_s": log_s, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
         yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
         return
-    yield {"log_s": log_s} | message_columns(value)
+    yield {"log_s": log_s} | message_columns(value, channels)
 
 
-def message_columns(value: Any) -> Row:
-    """Return the cells of a message by their columns."""
+def message_columns(value: Any, channels: Sequence[str] = ()) -> Row:
+    """Return the cells of a message by their columns, named as :mod:`tega.recording.column_names` says.
+
+    Args:
+        value: The decoded message.
+        channels: Names of the EMG channels.
+    """
     row: Row = {}
     for name, optional, cells in _fields(value.DESCRIPTOR):
-        if not optional or value.HasField(name):
-            cells(row, name, getattr(value, name))
+        if optional and not value.HasField(name):
+            continue
+        content = getattr(value, name)
+        if cells is None:
+            row.update(
+                zip(
+                    list_columns(
+                        name,
+                        len(content),
+                        layout=row.get("layout", ""),
+                        channels=channels,
+                        taken=_own(value.DESCRIPTOR),
+                    ),
+                    content,
+                    strict=True,
+                )
+            )
+        else:
+            cells(row, name, content)
     return row
 
 
 @cache
-def _fields(descriptor: Any) -> list[tuple[str, bool, Callable[[Row, str, Any], None]]]:
-    """Return name, whether it may be missing, and how its cells are made, of each field of a message."""
-    # A named value that is named as a column of the record is not that column.
-    own = {"log_s", *descriptor.fields_by_name}
-    own |= {f"{name.removesuffix('_ns')}_s" for name in own if name.endswith("_ns")}
+def _own(descriptor: Any) -> frozenset[str]:
+    """Return the columns of a message's own fields."""
+    names = list(descriptor.fields_by_name)
+    return frozenset({"log_s", *names, *(time_column(name) for name in names if name.endswith("_ns"))})
+
+
+@cache
+def _fields(descriptor: Any) -> list[tuple[str, bool, Callable[[Row, str, Any], None] | None]]:
+    """Return of each field its name, whether it is optional, and the maker of its cells; a list of numbers has none."""
     return [
-        (
-            field.name,
-            field.containing_oneof is not None,
-            partial(_named_cells, own=own) if named else _cells(field),
-        )
+        (field.name, field.containing_oneof is not None, _cells(field, _own(descriptor)))
         for field in descriptor.fields
-        for named in (field.message_type is not None and field.message_type.name == "NamedValue",)
     ]
 
 
-def _named_cells(row: Row, _name: str, content: Any, *, own: set[str]) -> None:
+def _named_cells(row: Row, _name: str, content: Any, *, own: frozenset[str]) -> None:
     for one in content:
         row[f"more.{one.name}" if one.name in own else one.name] = one.value
 
 
-def _cells(field: Any) -> Callable[[Row, str, Any], None]:
-    """Return the function that writes the content of a field into a row."""
-    text: Callable[[Any], Any] | None = None
-    if field.name.endswith("_ns") and not field.is_repeated:
-        return partial(_time_cell, column=f"{field.name.removesuffix('_ns')}_s")
+def _cells(field: Any, own: frozenset[str]) -> Callable[[Row, str, Any], None] | None:
+    """Return what puts the content of a field into a row; ``None`` for a list of numbers."""
+    part = None if field.message_type is None else field.message_type.name
+    if part == "NamedValue":
+        # A named value that is named as a column of the record is not that column.
+        return partial(_named_cells, own=own)
     if not field.is_repeated:
-        text = None if field.message_type is None else str
-    elif field.message_type is not None and field.message_type.name == "ArmPose":
-        text = _poses_text
-    elif field.message_type is not None:
-        text = _frames_text
-    elif field.type == field.TYPE_STRING:
-        text = " ".join
-    elif field.name == "intensities":
-        return _motor_cells
-    else:
-        return partial(_numbered_cells, stem="ch" if field.name == "channels" else f"{field.name}_")
-    return partial(_one_cell, text=text)
+        if field.name.endswith("_ns"):
+            return partial(_one_cell, column=time_column(field.name), made=_seconds)
+        return partial(_one_cell, column=field.name, made=None if part is None else str)
+    if part is not None:
+        return partial(_one_cell, column=field.name, made=_poses_text if part == "ArmPose" else _frames_text)
+    return partial(_one_cell, column=field.name, made=" ".join) if field.type == field.TYPE_STRING else None
 
 
-def _one_cell(row: Row, name: str, content: Any, *, text: Callable[[Any], Any] | None) -> None:
-    row[name] = content if text is None else text(content)
+def _one_cell(row: Row, _name: str, content: Any, *, column: str, made: Callable[[Any], Any] | None) -> None:
+    row[column] = content if made is None else made(content)
 
 
-def _time_cell(row: Row, _name: str, content: int, *, column: str) -> None:
-    row[column] = content / 1e9
-
-
-def _numbered_cells(row: Row, _name: str, content: Any, *, stem: str) -> None:
-    row.update(zip(_numbered(stem, len(content)), content, strict=True))
-
-
-@cache
-def _numbered(stem: str, n: int) -> tuple[str, ...]:
-    return tuple(f"{stem}{k}" for k in range(1, n + 1))
-
-
-def _motor_cells(row: Row, _name: str, content: Any) -> None:
-    row.update(zip(_motors(row["layout"], len(content)), content, strict=True))
-
-
-@cache
-def _motors(layout: str, n: int) -> tuple[str, ...]:
-    """Return the columns of a layout's motors, by their numbers at the device; of an unknown layout by their order."""
-    try:
-        numbers = find_layout(layout).numbers.tolist()
-    except TegaError:
-        numbers = list(range(n))
-    return tuple(f"m{number}" for number in (numbers if len(numbers) == n else range(n)))
+def _seconds(t_ns: int) -> float:
+    return t_ns / 1e9
 
 
 def _frames_text(frames: Any) -> str:

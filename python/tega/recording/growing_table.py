@@ -1,4 +1,7 @@
-"""Write tables with columns that become known as the rows arrive, in memory that does not grow with their length."""
+"""Write tables with columns that become known as the rows arrive.
+
+A CSV needs memory for some thousand rows, a Parquet file for its columns of numbers.
+"""
 
 from __future__ import annotations
 

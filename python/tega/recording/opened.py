@@ -23,12 +23,12 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, overload
 
-import msgspec
 import numpy as np
 
 import tega.haptics  # noqa: F401  # draws vest frames
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
+from tega.recording.column_names import channel_columns, emg_source
 from tega.recording.export import message_columns
 from tega.recording.mcap_folder import session_files
 from tega.recording.mcap_index import IndexedReader, open_indexed
@@ -40,10 +40,9 @@ from tega.recording.record_columns import (
     machine_clock,
     record_of,
     row_of,
-    sample_names,
+    units_of,
 )
 from tega.records import EmgSamples, Record
-from tega.runtime.files.foreign_file import parse_json
 from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:
@@ -55,15 +54,22 @@ __all__ = ["PictureTopic", "RecordedTopics", "Topic", "open_recording"]
 
 _PICTURES: Final = ("foxglove.RawImage", "foxglove.CompressedImage")
 _NEVER_NS: Final = 2**63 - 1
+_OF_SAMPLES: Final = ("t_s", "log_s", "file", "index")
 
 
 class _File(NamedTuple):
-    """File of a recording, with its zero on the wall clock and on the machine's, and after the first file."""
+    """File of a recording, with its zero on the wall clock, the machine's and the first file's, and its EMG source."""
 
     reader: IndexedReader
     zero_ns: int
     start_ns: int
     shift_ns: int
+    emg: DeviceInfo | None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the EMG channels; empty if they are not known."""
+        return () if self.emg is None else tuple(self.emg.channels)
 
 
 def open_recording(*paths: str | PathLike[str]) -> RecordedTopics:
@@ -94,7 +100,13 @@ def open_recording(*paths: str | PathLike[str]) -> RecordedTopics:
         zero_ns = zero or 0
         start_ns = table_ns(reader.metadata.get("tega", {}), "start_ns") or 0
         files.append(
-            _File(reader, zero_ns, start_ns, zero_ns - min(known, default=0) if zero is not None else 0)
+            _File(
+                reader,
+                zero_ns,
+                start_ns,
+                zero_ns - min(known, default=0) if zero is not None else 0,
+                emg_source(reader),
+            )
         )
     files.sort(key=lambda file: file.zero_ns)
     return RecordedTopics(tuple(files), -_NEVER_NS, _NEVER_NS)
@@ -282,8 +294,15 @@ class Topic(Sequence[Any]):
                 "trim copies the part before the damage",
             ) from error
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns that have one, by column; a list's under the name of its field."""
+        if self.kind is EmgSamples:
+            return {name: f.emg.unit for f in self._files if f.emg is not None for name in f.channels}
+        return {} if self.kind is None else units_of(self.kind)
+
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return the columns: times in seconds, the others with their unit in the name, lists numbered from 1.
+        """Return the columns, named as in tables and exports; :attr:`units` has their units.
 
         ``log_s`` is the time at which the loop knew the fact. EMG has a row a sample, spaced by the source's rate. Of
         several files, ``file`` is the number of each row's file. A missing number is NaN.
@@ -296,10 +315,10 @@ class Topic(Sequence[Any]):
 
     def _row(self, number: int, file: _File, message: Message) -> dict[str, Any]:
         if self.kind is None:
-            row = dict(message_columns(message.value))
+            row = message_columns(message.value)
         else:
             shift_ns = file.shift_ns - (file.start_ns if machine_clock(self.kind) else 0)
-            row = row_of(self._read(file, message), shift_ns=shift_ns)
+            row = row_of(self._read(file, message), shift_ns=shift_ns, channels=file.channels)
         first = {"t_s": row.pop("t_s")} if "t_s" in row else {}
         first |= {"log_s": (message.log_ns - file.zero_ns + file.shift_ns) / 1e9}
         return first | ({"file": number} if len(self._files) > 1 else {}) | row
@@ -311,8 +330,7 @@ class Topic(Sequence[Any]):
         for number, file, message in self._messages():
             chunk = self._read(file, message)
             assert isinstance(chunk, EmgSamples)
-            info = _emg_info(file.reader)
-            given = sample_names(info, chunk.n_channels)
+            given = channel_columns(file.channels, chunk.n_channels, _OF_SAMPLES)
             if (names or given) != given or chunk.n_channels < 1 or chunk.samples.size % chunk.n_channels:
                 raise RecordingError(
                     f"{file.reader.path.name}: {self.name}: channels {', '.join(given)} after {', '.join(names)}",
@@ -320,7 +338,7 @@ class Topic(Sequence[Any]):
                 )
             names = given
             samples = chunk.samples.reshape(-1, chunk.n_channels)
-            period_s = 1 / info.rate_hz if info is not None and info.rate_hz else 0.0
+            period_s = 1 / file.emg.rate_hz if file.emg is not None and file.emg.rate_hz else 0.0
             before = np.arange(len(samples) - 1, -1, -1)
             block = np.empty((len(samples), 4 + chunk.n_channels))
             block[:, 0] = (chunk.t_ns + file.shift_ns) / 1e9 - before * period_s
@@ -343,14 +361,14 @@ class Topic(Sequence[Any]):
         return table
 
     def to_pandas(self) -> Any:
-        """Return the columns as a ``pandas.DataFrame``; its ``attrs`` hold topic and clock.
+        """Return the columns as a ``pandas.DataFrame``; its ``attrs`` hold topic, clock and units.
 
         Raises:
             MissingExtraError: pandas is not installed.
         """
         pandas = require("pandas", driver="recording", extra="pandas")
         frame = pandas.DataFrame(self.columns())
-        frame.attrs = {"topic": self.name, "clock": self.clock}
+        frame.attrs = {"topic": self.name, "clock": self.clock, "units": self.units}
         return frame
 
     def to_arrow(self) -> Any:
@@ -399,10 +417,3 @@ class PictureTopic(Topic):
             sizes = ", ".join(sorted({str(picture.shape) for picture in pictures})) or "none"
             raise RecordingError(f"{self.name}: no pictures of one size: {sizes}", "use an index")
         return np.stack(pictures)
-
-
-def _emg_info(reader: IndexedReader) -> DeviceInfo | None:
-    """Return the EMG source's description; ``None`` if it is damaged or missing."""
-    with suppress(msgspec.MsgspecError):
-        return parse_json(reader.metadata.get("sources", {}).get("emg", ""), DeviceInfo)
-    return None

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from tega.hand import JOINT_NAMES
+from tega.recording.column_names import list_columns, time_column
 from tega.recording.mcap_schemas import PACKAGE
 from tega.records import HandExchange, Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
 from tega.records.schema import fields, own_schema, read, schema_name, values
@@ -17,17 +17,15 @@ from tega.records.types import record_types
 from tega.records.video import VideoPacket
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from tega.devices.base import DeviceInfo
     from tega.recording.mcap_reader import Message
 
 Columns = dict[str, list[Any]]
 
 _LOG_LEVELS: Final = {1: 10, 2: 20, 3: 30, 4: 40, 5: 50}
-_NO_UNIT: Final = frozenset({"", "1", "ns", "the source's"})
 
 
 def find_kind(topic: str, schema: str) -> tuple[type[Record], dict[str, str]] | None:
@@ -90,17 +88,18 @@ def _axes(value: Any, names: str) -> tuple[float, ...]:
     return tuple(getattr(value, name) for name in names)
 
 
-def row_of(record: Record, *, shift_ns: int) -> dict[str, Any]:
-    """Return a record as a row: times in seconds, units in the names, lists numbered from 1.
+def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> dict[str, Any]:
+    """Return a record as a row, its columns named as :mod:`tega.recording.column_names` says.
 
     Args:
         record: The record.
         shift_ns: Added to its times.
+        channels: Names of the EMG channels.
     """
     row: dict[str, Any] = {}
     said: dict[str, Any] = values(record) if not isinstance(record, Joints) else {"t_ns": record.t_ns}
     if isinstance(record, Joints):
-        row |= dict(zip((f"{name}_rad" for name in JOINT_NAMES), record.angles_rad, strict=False))
+        row |= dict(zip(JOINT_NAMES, record.angles_rad, strict=False))
     for name, column, is_time in _names(type(record)):
         value: Any = said.get(name)
         if is_time:
@@ -114,9 +113,14 @@ def row_of(record: Record, *, shift_ns: int) -> dict[str, Any]:
             row[column] = value
         elif not len(value) or isinstance(value[0], (int, float, str, np.number)):
             places = type(record).columns.get(name, ())
-            given = (
-                places if len(places) == len(value) else [f"{column}_{k}" for k in range(1, len(value) + 1)]
+            listed = list_columns(
+                name,
+                len(value),
+                layout=said.get("layout", ""),
+                channels=channels,
+                taken={*said, "t_s", "log_s"},
             )
+            given = places if len(places) == len(value) else listed
             row |= dict(zip(given, value, strict=True))
         else:
             row[column] = value
@@ -131,7 +135,7 @@ def _names(kind: type[Record]) -> tuple[tuple[str, str, bool], ...]:
     found = []
     for field in fields(kind):
         is_time = field.unit == "ns" and field.name.endswith("_ns")
-        column = f"{field.name.removesuffix('_ns')}_s" if is_time else with_unit(field.name, field.unit)
+        column = time_column(field.name) if is_time else field.name
         found.append((field.name, column, is_time))
     return tuple(found)
 
@@ -143,41 +147,15 @@ def _optional(kind: type[Record]) -> frozenset[str]:
     )
 
 
-@cache
-def with_unit(name: str, unit: str) -> str:
-    """Return a column's name with its unit at the end, such as ``cci_grey_per_px2``.
-
-    Example:
-        >>> with_unit("front", "%"), with_unit("force_n", "N"), with_unit("eda", "px²")
-        ('front_percent', 'force_n', 'eda_px2')
-    """
-    if unit in _NO_UNIT:
-        return name
-    spelled = (
-        {"B": "bytes"}.get(unit, unit)
-        .replace("²", "2")
-        .replace("³", "3")
-        .replace("/", "_per_")
-        .replace("%", "percent")
-    )
-    spelled = re.sub(r"\W+", "_", spelled.replace("µ", "u")).strip("_")
-    return name if name.lower().endswith(f"_{spelled.lower()}") else f"{name}_{spelled}"
-
-
-def sample_names(info: DeviceInfo | None, n_channels: int) -> list[str]:
-    """Return a column for each channel of EMG: its name and unit, no two alike."""
-    names = list(info.channels) if info is not None else []
-    names = names if len(names) == n_channels else [f"ch{k}" for k in range(1, n_channels + 1)]
-    unit = "" if info is None else info.unit
-    counts = Counter(names)
-    return [
-        with_unit(name if counts[name] == 1 else f"{name}_{k}", unit) for k, name in enumerate(names, start=1)
-    ]
-
-
 def column_names(kind: type[Record]) -> list[str]:
     """Return the columns of a record type, one per field, as for a topic without messages."""
     return [column for _, column, _ in _names(kind)]
+
+
+def units_of(kind: type[Record]) -> dict[str, str]:
+    """Return the unit of each column of a record type that has one."""
+    named = zip(fields(kind), _names(kind), strict=True)
+    return {column: "s" if is_time else field.unit for field, (_, column, is_time) in named if field.unit}
 
 
 def arrays_of(rows: Iterable[Mapping[str, Any]], *, most_rows: int = 4096) -> dict[str, NDArray[Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -17,10 +18,12 @@ import tega
 from reference.sessions import record
 from tega.errors import MissingExtraError, RecordingError, TegaError
 from tega.recording import mcap_index, mcap_reader
+from tega.recording.column_names import channel_columns
+from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_schemas import decoder
 from tega.recording.opened import PictureTopic
-from tega.recording.record_columns import find_kind, with_unit
+from tega.recording.record_columns import find_kind
 from tega.records import Contact
 from tega.records.types import record_types
 
@@ -42,9 +45,9 @@ def test_columns_hold_what_the_public_reader_finds(lossless: Path) -> None:
     zero_ns = int(recording.start.timestamp()) * 1_000_000_000
     for topic, names in {
         CONTACT: {
-            "eda_px2": "eda",
-            "cci_grey_per_px2": "cci",
-            "front_percent": "front",
+            "eda": "eda",
+            "cci": "cci",
+            "front": "front",
             "force_n": "force_n",
         },
         "/emg/levels": {"fused": "fused"},
@@ -92,7 +95,7 @@ def test_samples_have_a_row_each_at_the_source_s_rate(lossless: Path) -> None:
     assert np.array_equal(np.stack([table[name] for name in names], axis=-1), samples)
     assert np.array_equal(table["index"], np.arange(len(samples)))
     assert np.diff(table["t_s"]) == pytest.approx(1e-3)
-    assert all(name.endswith("_uV") for name in names)
+    assert tega.open_recording(lossless)["/emg/samples"].units == dict.fromkeys(names, "µV")
 
 
 def test_pictures_are_decoded_one_by_one(lossless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -356,8 +359,27 @@ def test_older_contacts_are_read_as_the_newest_version(lossless: Path) -> None:
     assert contact.finger == "thumb"
 
 
-def test_units_end_names_once() -> None:
-    assert with_unit("rate", "Hz") == "rate_Hz"
-    assert with_unit("force_n", "N") == "force_n"
-    assert with_unit("flexor", "µV") == "flexor_uV"
-    assert with_unit("x", "'; DROP") == "x_DROP"
+def test_an_export_and_the_topics_name_their_columns_alike(lossless: Path, tmp_path: Path) -> None:
+    recording = tega.open_recording(lossless)
+    assert recording["/emg/levels"].units["t_s"] == "s"
+    alone = {"/emg/samples": {"t_s"}}  # a time for each sample, where an export has the time of its chunk
+    for table in export_file(lossless, tmp_path / "tables"):
+        topic = f"/{table.stem.replace('.', '/')}"
+        with table.open(encoding="utf-8", newline="") as file:
+            exported = set(next(csv.reader(file)))
+        ours = set(recording[topic].columns()) - alone.get(topic, set())
+        assert exported - ours <= {"chunk_t_s", "dropped_topics"}, topic
+        # A field that no message has is no column of an export.
+        assert {name for name in ours - exported if np.any(~_missing(recording[topic].columns()[name]))} <= {
+            "t_s"
+        }, topic
+
+
+def _missing(column: Any) -> Any:
+    return np.isnan(column) if column.dtype.kind == "f" else np.zeros(len(column), bool)
+
+
+def test_a_channel_s_name_is_its_column_unless_it_is_repeated_or_taken() -> None:
+    assert channel_columns(("flexor", "extensor"), 2) == ["flexor", "extensor"]
+    assert channel_columns(("index", "flexor", "flexor"), 3, ("index",)) == ["ch1", "ch2", "ch3"]
+    assert channel_columns(("flexor",), 2) == ["ch1", "ch2"]

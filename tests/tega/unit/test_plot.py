@@ -58,7 +58,7 @@ def test_a_course_is_drawn_from_topic_frame_and_array(lossless: Path) -> None:
 def test_levels_have_a_line_for_each_muscle_and_the_fused_one(lossless: Path) -> None:
     topic = tega.open_recording(lossless)["/emg/levels"]
     axes = tega.plot.levels(topic)
-    assert [line.get_label() for line in axes.lines] == ["muscle 1", "muscle 2", "muscle 3", "fused"]
+    assert [line.get_label() for line in axes.lines] == ["ch1", "ch2", "ch3", "fused"]
     assert np.array_equal(axes.lines[-1].get_ydata(), topic.to_numpy()["fused"])
 
 
