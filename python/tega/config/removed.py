@@ -6,13 +6,20 @@ from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from tega.errors import ConfigError
+from tega.runtime.removed import Removed
 
-REMOVED: Final[Mapping[str, tuple[str, str]]] = {
-    "vest.feedback": ("0.2", "set stages.mapping.name: columns for continuous, pulses for events"),
-    "vest.pulses": ("0.2", "set stages.mapping.options, with stages.mapping.name = pulses"),
-    "arm.driver = panda": ("0.3", "set arm.driver = franky, with arm.options.robot = panda or fr3"),
+REMOVED: Final[Mapping[str, Removed]] = {
+    "vest.feedback": Removed(
+        "0.2", "a mapping replaced it", "set stages.mapping.name: columns for continuous, pulses for events"
+    ),
+    "vest.pulses": Removed(
+        "0.2", "a mapping replaced it", "set stages.mapping.options, with stages.mapping.name = pulses"
+    ),
+    "arm.driver = panda": Removed(
+        "0.3", "franky drives a Panda too", "set arm.driver = franky, with arm.options.robot = panda or fr3"
+    ),
 }
-"""By key, or by ``key = value``: the version that took it out, and the next step. An entry stays for a year."""
+"""By key, or by ``key = value``. An entry stays for a year."""
 
 CONSTANTS: Final[Mapping[str, float]] = {
     "hand.options.send_timeout_s": 0.01,
@@ -35,7 +42,7 @@ def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
     Raises:
         ConfigError: A key or a value of :data:`REMOVED` is set.
     """
-    for name, (version, instead) in REMOVED.items():
+    for name, gone in REMOVED.items():
         key, _, wanted = name.partition(" = ")
         found: Any = tree
         for step in key.split("."):
@@ -43,7 +50,7 @@ def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
         if found is None or (wanted and found != wanted):
             continue
         origin = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), "settings")
-        raise ConfigError(f"{origin}: {name} was taken out in {version}", instead)
+        raise ConfigError(f"{origin}: {gone.sentence(name)}", gone.hint)
 
 
 def without_constants(tree: Any, prefix: str, known: Collection[str]) -> Any:

@@ -23,6 +23,10 @@ class Removed(NamedTuple):
     hint: str
     unused: Any = None
 
+    def sentence(self, name: str) -> str:
+        """Return the message for a name."""
+        return f"{name} was taken out in {self.since}: {self.reason}"
+
 
 REMOVED: Final[Mapping[str, Removed]] = {
     "stages.metric shear": Removed(
@@ -43,7 +47,7 @@ def refuse_removed(name: str, removed: Mapping[str, Removed] = REMOVED) -> None:
         ConfigError: It was taken out; the message says since when and why.
     """
     if (gone := removed.get(name)) is not None:
-        raise ConfigError(f"{name} was taken out in {gone.since}: {gone.reason}", gone.hint)
+        raise ConfigError(gone.sentence(name), gone.hint)
 
 
 def without_removed(table: Mapping[str, Any], removed: Mapping[str, Removed]) -> dict[str, Any]:

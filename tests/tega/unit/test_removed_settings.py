@@ -17,11 +17,11 @@ def test_a_removed_setting_names_its_version_and_what_to_set(tmp_path: Path, nam
     table, _, leaf = key.rpartition(".")
     file = tmp_path / "lab.toml"
     file.write_text(f'[{table}]\n{leaf} = "{value or "odd"}"\n', encoding="utf-8")
-    version, instead = REMOVED[name]
+    gone = REMOVED[name]
     with pytest.raises(ConfigError) as refused:
         load_config(file, environ={})
-    assert refused.value.message == f"lab.toml:2: {name} was taken out in {version}"
-    assert refused.value.hint == instead
+    assert refused.value.message == f"lab.toml:2: {name} was taken out in {gone.since}: {gone.reason}"
+    assert refused.value.hint == gone.hint
     with pytest.raises(ConfigError, match=r"--set: .* was taken out"):
         load_config(None, environ={}, sets=[f"{key}={value or 'odd'}"])
 
