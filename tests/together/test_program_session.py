@@ -68,7 +68,7 @@ def test_what_a_program_sends_is_recorded_and_verified(tmp_path: Path) -> None:
     path = tmp_path / "session" / s.summary["recording"]["file"]
     recording = open_recording(path)
     frames = recording["/vest/frame"].to_numpy()
-    full = frames["intensities_percent_1"] == 70
+    full = frames["m1"] == 70
     at_s = frames["t_s"][full]
     # The program answers to a moment, and its last frame lapses 0.2 s after it was sent.
     assert at_s.min() == pytest.approx(11 / 30)
