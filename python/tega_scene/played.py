@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from tega.errors import RecordingError
-from tega.recording.mcap_reader import McapReader
+from tega.recording.mcap_index import open_indexed
 from tega.recording.replay.followed_file import NEVER_NS, FollowedFile, PlayedMoment, StreamFollower
 from tega.recording.replay.players import PlayedTopics
 from tega.records.display import DisplayPicture
@@ -117,7 +117,7 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
         RecordingError: It is no scene recording, is damaged, or is of another time.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
-    reader = McapReader(path)
+    reader = open_indexed(path)
     keys: dict[str, array[int]] = {}
     first_ns, last_ns = NEVER_NS, 0
     for message in reader.messages(lambda topic: not topic.endswith("/image")):

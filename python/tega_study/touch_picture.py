@@ -160,7 +160,7 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     """
     from tega.config.calibration.store import parse_calibration
     from tega.recording.mcap_reader import McapReader
-    from tega.recording.replay.recorded import without_devices
+    from tega.recording.replay.head import without_devices
     from tega.records.schema import read
 
     files = sorted(folder.glob("*.mcap"))

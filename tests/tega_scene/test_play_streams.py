@@ -27,7 +27,7 @@ from tega.config import SessionConfig, check_tree
 from tega.config.choose import finger_metric
 from tega.errors import RecordingError
 from tega.loop.moment import LoopView, Moment
-from tega.recording.mcap_reader import McapReader
+from tega.recording.mcap_index import open_indexed
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.recording.replay.playhead import Playhead
@@ -413,16 +413,19 @@ def test_a_picture_of_gigabytes_is_refused_before_it_is_decoded() -> None:
 # The file and the page.
 
 
-def test_a_second_pass_begins_at_the_part_that_holds_a_time(lossless: Path) -> None:
-    reader = McapReader(lossless)
+def test_messages_come_in_the_order_of_their_times_from_the_part_that_holds_one(lossless: Path) -> None:
+    reader = open_indexed(lossless)
     every = [(one.topic, one.log_ns) for one in reader.messages(lambda _topic: False)]
-    begin_ns, end_ns = every[0][1], max(log_ns for _, log_ns in every)
+    ordered = [(one.topic, one.log_ns) for one in reader.in_order()]
+    assert ordered == sorted(every, key=lambda one: one[1])
+    assert ordered != every, "the file is in this order already, so nothing was shown"
+    begin_ns, end_ns = ordered[0][1], ordered[-1][1]
     for since_ns in (0, begin_ns, (begin_ns + end_ns) // 2, end_ns, end_ns + 1, 2**64):
-        again = [(one.topic, one.log_ns) for one in reader.messages(lambda _topic: False, since_ns=since_ns)]
-        assert again == every[len(every) - len(again) :]
-        assert all(log_ns < since_ns for _, log_ns in every[: len(every) - len(again)])
-    late = sum(1 for _ in reader.messages(lambda _topic: False, since_ns=end_ns))
-    assert late < len(every) / 2
+        later = [(one.topic, one.log_ns) for one in reader.in_order(lambda *_: False, since_ns=since_ns)]
+        assert later == sorted(later, key=lambda one: one[1])
+        kept = [one for one in ordered if one[1] >= since_ns]
+        assert later[len(later) - len(kept) :] == kept
+    assert sum(1 for _ in reader.in_order(since_ns=end_ns)) < len(every) / 2
 
 
 def test_scene_pictures_fit_the_panel_whatever_their_shape() -> None:

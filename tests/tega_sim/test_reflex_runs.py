@@ -23,7 +23,7 @@ from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.touch import TouchLoop
 from tega.recording.replay.exchanges import compare_exchanges
-from tega.recording.replay.recorded import Recorded
+from tega.recording.replay.feed import Newest
 from tega.recording.replay.reflex import RecordedGuard, recorded_arc
 from tega.records import (
     Button,
@@ -127,12 +127,13 @@ def test_button_and_page_set_the_authority() -> None:
 def test_a_recorded_run_is_computed_again_with_what_was_imposed() -> None:
     run = Ran(FULL)
     rows = [one for one in run.told if one.t_ns < 1_000 * MS]
-    head: Any = SimpleNamespace()
-    levels = [Imposed(t_ns=600 * MS, level=4), Imposed(t_ns=800 * MS, level=0)]
-    recorded = Recorded(head, {"thumb": []}, records={ReflexGrip: rows, Imposed: levels})
+    grips, imposed = Newest[ReflexGrip](), Newest[Imposed]()
+    grips.rows.extend(rows)
+    imposed.rows.extend([Imposed(t_ns=600 * MS, level=4), Imposed(t_ns=800 * MS, level=0)])
     again: list[ReflexGrip] = []
     now = 0
-    arc, guard = recorded_arc(recorded, run.config, tell=again.append), RecordedGuard(recorded, lambda: now)
+    arc = recorded_arc(grips, ["thumb"], run.config, tell=again.append)
+    guard = RecordedGuard(imposed, lambda: now)
     assert arc is not None
     for row in rows:
         now = row.t_ns
@@ -174,10 +175,11 @@ def test_what_was_said_with_a_real_hand_is_computed_again_with_what_was_added() 
     tree = {"hand": {"options": {"interface": "virtual", "channel": "x", "silent_after_ms": 30.0}}}
 
     def differ(said: list[HandExchange]) -> int:
-        head: Any = SimpleNamespace(tree=tree, files={})
-        recorded = Recorded(head, {}, records={HandExchange: said})
-        (found,) = compare_exchanges(recorded)
-        return found.differ
+        feed: Any = SimpleNamespace(head=SimpleNamespace(tree=tree, files={}, from_ns=0), bus=Bus())
+        compared = compare_exchanges(feed)
+        for one in said:
+            feed.bus.publish(one)
+        return compared.result().differ
 
     assert differ(exchanges) == 0
     assert differ([msgspec.structs.replace(one, added=0.0) for one in exchanges]) > 50

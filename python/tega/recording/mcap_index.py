@@ -5,21 +5,24 @@ A finished file has an index at its end. An unfinished one has none: it is passe
 
 from __future__ import annotations
 
+import sys
 from array import array
 from collections import defaultdict
+from heapq import heappop, heappush
+from itertools import accumulate, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tega.errors import RecordingError
+from tega.errors import RecordingError, TegaError
 from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import MOST_RECORD, McapReader, Message, decoded_message, open_recording
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import MIB, tells_damage
 from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -104,6 +107,50 @@ class IndexedReader(McapReader):
         except Exception as error:  # whatever damage makes the reader say
             raise self._damaged(error) from error
 
+    def in_order(
+        self, wanted: Callable[[str, str], bool] = lambda _schema, _topic: True, *, since_ns: int = 0
+    ) -> Iterator[Message]:
+        """Return every message in the order of the log times, those of one time as they were written.
+
+        Args:
+            wanted: Asked by schema and topic whether to decode.
+            since_ns: Skip parts of the file that end before this log time; the first messages may still be earlier.
+
+        Raises:
+            RecordingError: The file cannot be opened.
+        """
+        # A message is next once no later part of the file begins before it.
+        chunks = [chunk for chunk in self._chunks if chunk.until_ns >= since_ns]
+        earliest_ns = [*accumulate((chunk.from_ns for chunk in reversed(chunks)), min)]
+        waiting: list[tuple[int, int, Any]] = []
+        numbers, mib = count(), self.path.stat().st_size // MIB
+        for chunk, next_ns in zip(chunks, [*earliest_ns[-2::-1], sys.maxsize], strict=False):
+            self.progress(self.path.name, chunk.begins // MIB, mib)
+            safe_ns = next_ns
+            try:
+                for record in self._records_of(chunk.begins):
+                    heappush(waiting, (record.log_time, next(numbers), record))
+            except TegaError:
+                raise
+            except Exception as error:  # whatever damage makes the reader say: all before it is good
+                self.cut, safe_ns = type(error).__name__, sys.maxsize
+            while waiting and waiting[0][0] < safe_ns:
+                try:
+                    message = self._wanted_message(heappop(waiting)[2], wanted)
+                except Exception as error:  # of a damaged schema or message, or one of an unknown channel
+                    self.cut = type(error).__name__
+                    return
+                yield message
+            if self.cut:
+                return
+        self.progress(self.path.name, mib, mib)
+
+    def _wanted_message(self, record: Any, wanted: Callable[[str, str], bool]) -> Message:
+        channel = self._channels[record.channel_id]
+        schema = self._schemas.get(channel.schema_id)
+        decode = wanted("" if schema is None else schema.name, channel.topic)
+        return decoded_message(record, channel, self._schemas, lambda _topic: decode)
+
     def _damaged(self, error: Exception) -> RecordingError:
         return RecordingError(
             f"{self.path.name}: damaged: {type(error).__name__}: {str(error)[:200]}",
@@ -184,16 +231,19 @@ class IndexedReader(McapReader):
 
     def _read_chunk(self, begins: int) -> dict[str, list[Any]]:
         """Return the messages of a part of the file, by topic."""
+        found: dict[str, list[Any]] = defaultdict(list)
+        for one in self._records_of(begins):
+            found[self._channels[one.channel_id].topic].append(one)
+        return found
+
+    def _records_of(self, begins: int) -> list[Any]:
+        """Return the messages of a part of the file, in its order."""
         reading = require("mcap.stream_reader", driver="recording", extra="record")
         records = require("mcap.records", driver="recording", extra="record")
         with open_recording(self.path) as file:
             chunk = self._record_at(file, begins)
         inside = [chunk] if isinstance(chunk, records.Message) else reading.breakup_chunk(chunk)
-        found: dict[str, list[Any]] = defaultdict(list)
-        for one in inside:
-            if isinstance(one, records.Message):
-                found[self._channels[one.channel_id].topic].append(one)
-        return found
+        return [one for one in inside if isinstance(one, records.Message)]
 
     @staticmethod
     def _record_at(file: Any, begins: int) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -78,6 +77,7 @@ class McapReader:
         files: Attachments, as far as the pass has come.
         progress: Called with the file's name, the MiB that were read, and all MiB; replace it to display them.
         cut: Reason for an early end of the file; ``""`` before that, and in a complete one.
+        part_begins: Place in the file of the part that holds the message which a pass has just returned.
     """
 
     def __init__(self, path: Path, *, data: bytes | None = None, check_sums: bool = False) -> None:
@@ -86,24 +86,18 @@ class McapReader:
         self._check_sums = check_sums
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, Any] = {}
-        # Of each part of the file: where it begins, and the newest log time up to its end.
-        self._parts: list[tuple[int, int]] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.cut = ""
-        self.late_ns = 0
+        self.part_begins = 0
         self._own = False
         self.progress: Progress = _no_progress
 
-    def messages(
-        self, wanted: Callable[[str], bool] = lambda _topic: True, *, since_ns: int = 0
-    ) -> Iterator[Message]:
+    def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[Message]:
         """Return the messages in the order in which they were written.
 
         Args:
             wanted: Asked per topic whether to decode.
-            since_ns: Skip parts of the file that end before this log time, as found in an earlier pass; the first
-                messages may still be earlier.
 
         Raises:
             RecordingError: The file cannot be opened, is no MCAP, or was not recorded by TEGA.
@@ -115,18 +109,16 @@ class McapReader:
         if self._data is None and self.path.is_file() and not self.path.stat().st_size:
             raise no_session(self.path, ())
         with open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file:
-            begins = file.seek(self._place(since_ns))
             source = iter(
                 reading.StreamReader(
                     file,
-                    skip_magic=begins > 0,
                     emit_chunks=True,
                     validate_crcs=self._check_sums,
                     record_size_limit=MOST_RECORD,
                 ).records
             )
             mib = file.seek(0, io.SEEK_END) // MIB
-            file.seek(begins)
+            file.seek(0)
             while True:
                 begins = file.tell()
                 self.progress(self.path.name, begins // MIB, mib)
@@ -148,7 +140,7 @@ class McapReader:
                 if record is None:
                     self._check_own()
                     return
-                self._note(begins, [one.log_time for one in inside if isinstance(one, records.Message)])
+                self.part_begins = begins
                 for one in inside:
                     if not isinstance(one, records.Message):
                         self._keep(one, records)
@@ -160,25 +152,6 @@ class McapReader:
                         self.cut = type(error).__name__
                         return
                     yield message
-
-    @property
-    def part_begins(self) -> int:
-        """Place in the file of the newest part, which holds the message that a first pass has just returned."""
-        return self._parts[-1][0]
-
-    def _place(self, since_ns: int) -> int:
-        """Return where the first part begins that may hold a log time or a later one."""
-        place = bisect_left(self._parts, since_ns, key=lambda part: part[1])
-        return self._parts[min(place, len(self._parts) - 1)][0] if place else 0
-
-    def _note(self, begins: int, times_ns: list[int]) -> None:
-        """Note a part of the file; in a later pass it is known already."""
-        last, newest_ns = self._parts[-1] if self._parts else (-1, 0)
-        if begins > last and times_ns:
-            for t_ns in times_ns:
-                self.late_ns = max(self.late_ns, newest_ns - t_ns)
-                newest_ns = max(newest_ns, t_ns)
-            self._parts.append((begins, newest_ns))
 
     def _keep(self, record: Any, records: Any) -> None:
         if isinstance(record, records.Schema):

@@ -165,11 +165,12 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
         message: The protobuf message, of this version or an older one.
         unwritten: The fields that the message does not hold, such as the finger that the topic names.
     """
-    there = message.DESCRIPTOR.fields_by_name
-    said: dict[str, Any] = dict(unwritten)
+    plain, others = _reading(kind, message.__class__)
+    said: dict[str, Any] = {attribute: getattr(message, name) for attribute, name in plain}
+    said.update(unwritten)
     pairs: dict[str, list[Any]] = {}
-    for field in fields(kind):
-        if field.name not in there or (field.optional and not message.HasField(field.name)):
+    for field in others:
+        if field.optional and not message.HasField(field.name):
             continue
         value = getattr(message, field.name)
         if field.of_pair is not None:
@@ -182,3 +183,13 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
             said[field.attribute] = value
     record = kind(**said, **{name: tuple(pair) for name, pair in pairs.items()})
     return record.current() if isinstance(record, Record) else record
+
+
+@cache
+def _reading(
+    kind: type[msgspec.Struct], message: Any
+) -> tuple[tuple[tuple[str, str], ...], tuple[MessageField, ...]]:
+    """Return which fields of a file's message are taken as they are (attribute and name), and the others."""
+    there = [field for field in fields(kind) if field.name in message.DESCRIPTOR.fields_by_name]
+    others = [f for f in there if f.optional or f.repeated or f.part is not None or f.of_pair is not None]
+    return tuple((f.attribute, f.name) for f in there if f not in others), tuple(others)

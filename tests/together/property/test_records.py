@@ -26,7 +26,8 @@ from tega.devices.base import DeviceInfo
 from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.mcap_schemas import MESSAGES
-from tega.recording.replay.recorded import KINDS, Recorded, read_recorded
+from tega.recording.replay.kinds import KINDS
+from tega.recording.replay.recorded import Recorded, read_recorded
 from tega.recording.session import Recording
 from tega.records import (
     RECORDS,

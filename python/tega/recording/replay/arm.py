@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -13,9 +13,13 @@ from tega.arm.pose import ArmCommand, StampedPose
 from tega.arm.settings import ArmSettings, MappingSettings
 from tega.arm.turn import Turn, lead
 from tega.errors import RecordingError
-from tega.recording.replay.compare import Comparison, compare
-from tega.recording.replay.recorded import Head, Recorded, read_recorded
+from tega.recording.replay.compare import Compared
+from tega.recording.replay.head import Head
+from tega.recording.replay.recorded import read_recorded
 from tega.records import ArmTurn
+
+if TYPE_CHECKING:
+    from tega.recording.replay.feed import RecordFeed
 
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _SPEEDS = ("x", "y", "z", "about_x", "about_y", "about_z")
@@ -27,24 +31,23 @@ def arm_settings(head: Head) -> ArmSettings:
     return msgspec.convert({k: tree[k] for k in ArmSettings.__struct_fields__ if k in tree}, ArmSettings)
 
 
-def compare_arm(recorded: Recorded, settings: ArmSettings) -> list[Comparison]:
-    """Give a new chain the input of every turn, and compare its commands; empty for a run without an arm.
+def compare_arm(feed: RecordFeed, settings: ArmSettings) -> Compared:
+    """Give a new chain the input of every turn, and compare its commands.
 
     Args:
-        recorded: The recording.
+        feed: The recording.
         settings: Settings of the new chain.
     """
-    turns = recorded.of(ArmTurn)
-    if not turns:
-        return []
-    chain = ArmChain(settings)
-    ours, theirs = [], []
-    for row in turns:
+    compared, chain = Compared(ArmTurn.topic), ArmChain(settings)
+
+    def turn(row: ArmTurn) -> None:
         command = lead(chain, _turn(row))
-        ours.append((row.t_ns, _told(row)))
-        theirs.append((row.t_ns, _commanded(command)))
-    n = recorded.n_early.get(ArmTurn, 0)
-    return [compare("/arm/turn", ours[n:], theirs[n:])]
+        if row.t_ns >= feed.head.from_ns:
+            compared.recorded(_told(row), row.t_ns)
+            compared.replayed(_commanded(command), row.t_ns)
+
+    feed.bus.subscribe(ArmTurn, turn, vital=True)
+    return compared
 
 
 def _turn(row: Any) -> Turn:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import msgspec
 
-Row = tuple[int, Mapping[str, Any]]
-"""A time in nanoseconds and the values at that time, by name."""
+from tega.loop.inbox.stream import NEVER_NS
 
 
 class Difference(msgspec.Struct, frozen=True):
@@ -54,76 +54,104 @@ _ABSENT: Mapping[str, Any] = {}
 _KEPT = 5
 
 
-class _Pair(NamedTuple):
+class _Row(NamedTuple):
     t_ns: int
-    recorded: Mapping[str, Any]
-    replayed: Mapping[str, Any]
+    known_ns: int
+    record: Any
 
 
-def compare(
-    stream: str, recorded: Sequence[Row], replayed: Sequence[Row], *, until_ns: int | None = None
-) -> Comparison:
-    """Compare two courses, row by row; numbers are equal when every bit is (every NaN is equal to any other).
+class Compared:
+    """Compares a stream's records with those of its replay as they come.
+
+    Both sides give their records in the order of their times; numbers are equal when every bit is (every NaN is equal
+    to any other).
 
     Args:
         stream: Its name.
-        recorded: Rows in order of time; several may share one.
-        replayed: Rows of the replay, in order of time.
-        until_ns: Rows that only the replay has from here on are no difference: the recording was cut there.
+        values: Returns the values of a record that are compared, by name.
+        shared: If true, what only the replay has is no difference, and does not count.
     """
-    differ, fields, last_ns = 0, dict[str, int](), -1
-    first: list[Difference] = []
-    for pair in _pairs(recorded, replayed):
-        if pair.recorded is _ABSENT and until_ns is not None and pair.t_ns >= until_ns:
-            continue
-        names = [n for n in {**pair.recorded, **pair.replayed} if not _same(n, pair)]
+
+    def __init__(
+        self,
+        stream: str,
+        values: Callable[[Any], Mapping[str, Any]] = lambda row: row,
+        *,
+        shared: bool = False,
+    ) -> None:
+        self.stream, self._values, self._shared = stream, values, shared
+        self.n_recorded = self.n_replayed = 0
+        self.last_recorded_ns = 0
+        self._recorded: deque[_Row] = deque()
+        self._replayed: deque[_Row] = deque()
+        self._differ, self._last_ns, self._cut_ns = 0, -1, NEVER_NS
+        self._fields: dict[str, int] = {}
+        self._first: list[Difference] = []
+
+    def recorded(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
+        """Take a record of the recording, with its time and the tick at which it was known."""
+        self.n_recorded, self.last_recorded_ns = self.n_recorded + 1, t_ns
+        self._recorded.append(_Row(t_ns, known_ns or t_ns, record))
+
+    def replayed(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
+        """Take a record of the replay."""
+        self.n_replayed += not self._shared
+        self._replayed.append(_Row(t_ns, known_ns or t_ns, record))
+
+    def settle(self, until_ns: int) -> None:
+        """Compare what can be: both sides are complete up to a tick."""
+        ours, theirs = self._recorded, self._replayed
+        while ours or theirs:
+            if ours and theirs:
+                a, b = ours[0].t_ns, theirs[0].t_ns
+                if a == b:
+                    self._pair(a, ours.popleft().record, theirs.popleft().record)
+                    continue
+                first = ours if a < b else theirs
+            else:
+                first = ours or theirs
+                if first[0].known_ns >= until_ns:
+                    return
+            row = first.popleft()
+            if first is ours:
+                self._note(row.t_ns, self._values(row.record), _ABSENT)
+            elif not self._shared and row.t_ns < self._cut_ns:
+                self._note(row.t_ns, _ABSENT, self._values(row.record))
+
+    def result(self, cut_ns: int | None = None) -> Comparison:
+        """Compare the rest, and return what was found.
+
+        Args:
+            cut_ns: What only the replay has from here on is no difference: the recording was cut there.
+        """
+        self._cut_ns = NEVER_NS if cut_ns is None else cut_ns
+        self.settle(NEVER_NS)
+        last_t_s = None if self._last_ns < 0 else self._last_ns / 1e9
+        return Comparison(
+            self.stream, self.n_recorded, self.n_replayed, self._differ, self._fields, last_t_s, self._first
+        )
+
+    def _pair(self, t_ns: int, ours: Any, theirs: Any) -> None:
+        self.n_replayed += self._shared
+        if ours != theirs:
+            self._note(t_ns, self._values(ours), self._values(theirs))
+
+    def _note(self, t_ns: int, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
+        names = [name for name in {**ours, **theirs} if not _same(name, ours, theirs)]
         if not names:
-            continue
-        differ, last_ns = differ + 1, pair.t_ns
+            return
+        self._differ, self._last_ns = self._differ + 1, t_ns
         for name in names:
-            fields[name] = fields.get(name, 0) + 1
-            if len(first) < _KEPT:
-                first.append(
-                    Difference(
-                        pair.t_ns / 1e9,
-                        name,
-                        str(pair.recorded.get(name, "absent")),
-                        str(pair.replayed.get(name, "absent")),
-                    )
-                )
-    return Comparison(
-        stream,
-        len(recorded),
-        len(replayed),
-        differ,
-        fields,
-        None if last_ns < 0 else last_ns / 1e9,
-        first,
-    )
+            self._fields[name] = self._fields.get(name, 0) + 1
+            if len(self._first) < _KEPT:
+                texts = (str(side.get(name, "absent")) for side in (ours, theirs))
+                self._first.append(Difference(t_ns / 1e9, name, *texts))
 
 
-def _pairs(recorded: Sequence[Row], replayed: Sequence[Row]) -> Iterable[_Pair]:
-    """Put rows of the same time beside each other."""
-    i = j = 0
-    while i < len(recorded) or j < len(replayed):
-        ours = recorded[i][0] if i < len(recorded) else None
-        theirs = replayed[j][0] if j < len(replayed) else None
-        if ours is not None and ours == theirs:
-            yield _Pair(ours, recorded[i][1], replayed[j][1])
-            i, j = i + 1, j + 1
-        elif theirs is None or (ours is not None and ours < theirs):
-            assert ours is not None  # by the loop's condition
-            yield _Pair(ours, recorded[i][1], _ABSENT)
-            i += 1
-        else:
-            yield _Pair(theirs, _ABSENT, replayed[j][1])
-            j += 1
-
-
-def _same(name: str, pair: _Pair) -> bool:
-    if name not in pair.recorded or name not in pair.replayed:
+def _same(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
+    if name not in ours or name not in theirs:
         return False
-    ours, theirs = pair.recorded[name], pair.replayed[name]
-    if isinstance(ours, float) and isinstance(theirs, float) and math.isnan(ours):
-        return math.isnan(theirs)
-    return bool(ours == theirs)
+    a, b = ours[name], theirs[name]
+    if isinstance(a, float) and isinstance(b, float) and math.isnan(a):
+        return math.isnan(b)
+    return bool(a == b)

@@ -4,42 +4,43 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from tega.hand import TORQUE_LIMITS, HandController, joined_level
 from tega.hand.link import HandLink, Received
 from tega.hand.poses import load_poses
-from tega.recording.replay.compare import Comparison, compare
-from tega.recording.replay.recorded import Head, Recorded
+from tega.recording.replay.compare import Compared
+from tega.recording.replay.head import Head
 from tega.records import HandExchange
 from tega.wire import CanFrame
 
+if TYPE_CHECKING:
+    from tega.recording.replay.feed import RecordFeed
 
-def compare_exchanges(recorded: Recorded) -> list[Comparison]:
-    """Give a new link the hand's messages at their times, and compare its frames; empty without a hand."""
-    exchanges = recorded.of(HandExchange)
-    if not exchanges:
-        return []
-    link = _link(recorded.head)
-    ours, theirs = [], []
-    for exchange in exchanges:
-        frames = [
-            Received(f.id, f.data, f.remote, bool(f.flags & 1), bool(f.flags & 2)) for f in exchange.received
-        ]
-        if exchange.action == "release":
-            link.release(exchange.t_ns)
+
+def compare_exchanges(feed: RecordFeed) -> Compared:
+    """Give a new link the hand's messages at their times, and compare its frames."""
+    compared, link = Compared(HandExchange.topic), _link(feed.head)
+
+    def exchange(one: HandExchange) -> None:
+        if one.action == "release":
+            link.release(one.t_ns)
             sent: list[CanFrame] = []
-        elif exchange.action == "abandon":
+        elif one.action == "abandon":
             sent = link.abandon()
         else:
-            level = joined_level(exchange.level, exchange.closure)
-            sent = link.exchange(frames, exchange.t_ns, level, exchange.added)
-        ours.append((exchange.t_ns, {"sent": _text(exchange.sent)}))
-        theirs.append((exchange.t_ns, {"sent": _text(sent)}))
-    n = recorded.n_early.get(HandExchange, 0)
-    return [compare("/hand/bus", ours[n:], theirs[n:])]
+            frames = [
+                Received(f.id, f.data, f.remote, bool(f.flags & 1), bool(f.flags & 2)) for f in one.received
+            ]
+            sent = link.exchange(frames, one.t_ns, joined_level(one.level, one.closure), one.added)
+        if one.t_ns >= feed.head.from_ns or not feed.head.from_ns:
+            compared.recorded({"sent": _text(one.sent)}, one.t_ns)
+            compared.replayed({"sent": _text(sent)}, one.t_ns)
+
+    feed.bus.subscribe(HandExchange, exchange, vital=True)
+    return compared
 
 
 def _link(head: Head) -> HandLink:

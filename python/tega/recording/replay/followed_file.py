@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from tega.errors import TegaError
 
 if TYPE_CHECKING:
-    from tega.recording.mcap_reader import McapReader, Message
+    from tega.recording.mcap_index import IndexedReader
+    from tega.recording.mcap_reader import Message
 
 NEVER_NS = 2**63 - 1
 
@@ -63,7 +64,7 @@ class FollowedFile:
     """A file that is read as far as the playhead is, a part of the file at a time.
 
     Args:
-        reader: Has passed over the file once.
+        reader: Reads the file.
         zero_ns: Log time at the beginning of the recording.
         followers: Follower of each topic to read.
         behind_ns: Reading that is further behind than this skips ahead, time of the recording.
@@ -76,7 +77,7 @@ class FollowedFile:
 
     def __init__(
         self,
-        reader: McapReader,
+        reader: IndexedReader,
         zero_ns: int,
         followers: Mapping[str, StreamFollower],
         *,
@@ -89,10 +90,10 @@ class FollowedFile:
         self._delays_ns = dict(delays_ns or {})
         delays = [self._delays_ns.get(topic, 0) for topic in followers] or [0]
         # Taking delays off brings messages out of order by as much as they differ.
-        self._disorder_ns, self._least_delay_ns = reader.late_ns + max(delays) - min(delays), min(delays)
+        self._disorder_ns, self._least_delay_ns = max(delays) - min(delays), min(delays)
         self._n_jumps = -1
         self._messages: Iterator[Message] = iter(())
-        # What was read and waits for its time, as a heap: a file is not in the order of its log times.
+        # What was read and waits for its time, as a heap.
         self._waiting: list[tuple[int, int, Message]] = []
         self._n_read, self._newest_ns, self._ended = 0, -NEVER_NS, False
         self._n_unusable: dict[str, int] = {}
@@ -123,8 +124,9 @@ class FollowedFile:
             follower.begin(at_ns, jumped=jumped)
         since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS)
         if jumped or since_ns > (self._waiting[0][0] if self._waiting else self._newest_ns):
-            self._messages = self._reader.messages(
-                self._followers.__contains__, since_ns=max(self.zero_ns + since_ns + self._least_delay_ns, 0)
+            self._messages = self._reader.in_order(
+                lambda _schema, topic: topic in self._followers,
+                since_ns=max(self.zero_ns + since_ns + self._least_delay_ns, 0),
             )
             self._waiting, self._newest_ns, self._ended = [], -NEVER_NS, False
 

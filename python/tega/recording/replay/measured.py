@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-import numpy as np
 
 from tega.arm.settings import ArmSettings
 from tega.config import STAGE_GROUPS, load_config
@@ -29,8 +28,9 @@ from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, picture_of, samples_of
 from tega.recording.replay.arm import arm_settings
-from tega.recording.replay.recorded import Head, Recorded, without_devices
-from tega.records import Adaptation, AdaptationSwitch, BesideContact, BesideIntent, Contact, Intent
+from tega.recording.replay.feed import Newest
+from tega.recording.replay.head import Head, without_devices
+from tega.records import Contact, Intent
 from tega.records.bus import Bus
 from tega.stages.base import MeasuredPicture
 
@@ -40,69 +40,44 @@ if TYPE_CHECKING:
     from tega.devices.base import EmgChunk, TactileFrame
 
 
-class PictureError(msgspec.Struct, frozen=True):
-    """Errors of contacts measured in JPEG pictures against those recorded from the pictures themselves.
-
-    Attributes:
-        finger: Name of the finger.
-        compared: Frames compared.
-        contact_changed: Frames in which contact is seen in one of them only.
-        eda_mean_px: Mean error of the area over all frames, pixels.
-        eda_max_px: The largest.
-        cci_mean: Mean error of the concentration.
-        cci_max: The largest.
-    """
-
-    finger: str
-    compared: int
-    contact_changed: int
-    eda_mean_px: float
-    eda_max_px: float
-    cci_mean: float
-    cci_max: float
-
-
 class Measured:
     """Measures the raw streams of a recording again; its methods are for ``read_recorded``.
 
     Args:
         other: Settings that replace the run's preset, calibration, kind of EMG, vest and hand.
         sets: Single settings that do, as ``key=value``: preset, stages, vest, hand.
-        lookers: Bus; each frame that is measured as in the run is published on it.
+        bus: Here the output of what comes before the loop is published: adaptations, stages beside the connected ones,
+            and each picture that is measured as in the run.
 
     Attributes:
+        checked: Called for every lossless picture: finger, stamp, checksum as recorded, checksum now.
         config: The settings of the run, as changed.
         calibration: Maxima of the run, as changed.
         contacts: By finger, as a live loop would get them.
         intents: Intents, as a live loop would get them.
-        pixels: By finger and picture: stamp, checksum as recorded, checksum now.
         arm: Settings of the arm's chain, as changed.
         metric: Metric that measures the pictures.
-        outside: Whether the levels came from a decoder in another process.
+        decodes: Whether the intents are those of the samples here, not of an operator's station or another program.
         same_metric: Whether the recording's contacts were measured by this version of it.
         changed: Settings that differ from the run's own, in words.
-        adaptations: Gains and offsets of EMG, as the samples and the recorded switches give them.
-        beside: Output of the stages beside the connected ones, by topic.
+        again: Whether measuring the frames again gives the recorded contacts to the last bit: the frames are unchanged,
+            the metric has the version that measured them, and either the recording begins with the session or the
+            metric has no memory.
     """
 
-    def __init__(
-        self, other: Path | None = None, sets: Sequence[str] = (), lookers: Bus | None = None
-    ) -> None:
+    def __init__(self, other: Path | None = None, sets: Sequence[str] = (), bus: Bus | None = None) -> None:
         self._other, self._sets = other, tuple(sets)
-        self._lookers = Bus() if lookers is None else lookers
+        self._bus = Bus() if bus is None else bus
+        self.checked: Callable[[str, int, int, int], None] = lambda _finger, _t_ns, _then, _now: None
         self.config: SessionConfig
         self.calibration: Calibration
-        self.contacts: dict[str, list[Contact]] = {}
-        self.intents: list[Intent] = []
-        self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
+        self.contacts: dict[str, Newest[Contact]] = {}
+        self.intents: Newest[Intent] = Newest()
         self.changed: list[str] = []
-        self.adaptations: list[Adaptation] = []
-        self.beside: dict[str, list[BesideContact | BesideIntent]] = {}
-        self._bus: Bus | None = None
         self.arm = ArmSettings()
         self.metric: Chosen
-        self.same_metric = True
-        self.outside = False
+        self.same_metric = self.again = True
+        self.decodes = self._beside = False
         self._exact = self._lossless = False
         self._meters: dict[str, FrameMeter] = {}
         self._muscles: BlockMeter | None = None
@@ -121,18 +96,20 @@ class Measured:
             with with_attached(self.config.stages, kept) as stages:
                 metric = finger_metric(stages, preset, finger, baseline, maxima)
             self._meters[finger] = FrameMeter(baseline, metric, SourceReport(), live=live)
-            self.contacts[finger], self.pixels[finger] = [], []
+            self.contacts[finger] = Newest()
         self.metric = chosen_stage("metric", self.config.stages, self.config.session.preset)
         now = metric_told(self.config.stages, self.config.session.preset)
         then = head.facts.get("metric", f"{self.metric.name} 1")
         self.same_metric = then == now or then.partition(" ")[0] != self.metric.name
         self._lossless = head.lossless
         self._exact = self._lossless and self.same_metric
+        self.again = self._exact and (head.from_ns == 0 or not self.metric.kind.memory)
         if not self.same_metric:
             self.changed.append(f"metric: {then} -> {now}, so contacts are those recorded")
         emg = self.calibration.emg
-        self.outside = chosen_stage("decoder", self.config.stages, self.config.session.preset).kind.outside
-        if "emg" in head.sources and emg is not None and not self.outside:
+        outside = chosen_stage("decoder", self.config.stages, self.config.session.preset).kind.outside
+        self.decodes = "emg" in head.sources and not outside and head.sources["emg"].driver != "net"
+        if "emg" in head.sources and emg is not None and not outside:
             used = msgspec.structs.replace(emg, kind=kind)
             with with_attached(self.config.stages, kept) as stages:
                 decoder = muscle_decoder(stages, self.config.session.preset, used)
@@ -151,22 +128,16 @@ class Measured:
         if not settings.on:
             return None
         return ChannelAdaptation(
-            used, settings, switches=read_switches(head.switches), tell=self._adapted_again
+            used, settings, switches=read_switches(head.switches), tell=self._bus.publish
         )
-
-    def _adapted_again(self, told: Adaptation | AdaptationSwitch) -> None:
-        if isinstance(told, Adaptation):
-            self.adaptations.append(told)
 
     def _look_on(self, head: Head, muscles: EmgMaxima | None) -> None:
         """Have the stages beside the connected ones look on again."""
         beside = tuple(one for one in self.config.stages.beside if not is_outside(one))
         if not beside:
             return
+        self._beside = True
         stages = msgspec.structs.replace(self.config.stages, beside=beside)
-        self._bus = Bus()
-        self._bus.subscribe(BesideContact, lambda said: self._said(said, said.finger), vital=True)
-        self._bus.subscribe(BesideIntent, lambda said: self._said(said, "emg"), vital=True)
         with ExitStack() as stack:  # nothing in it has a thread of its own
             look_on(
                 stack,
@@ -177,9 +148,6 @@ class Measured:
                 muscles=muscles if "emg" in head.sources else None,
                 live="emg" in head.sources and head.sources["emg"].live,
             )
-
-    def _said(self, said: BesideContact | BesideIntent, finger: str) -> None:
-        self.beside.setdefault(f"/beside/{said.stage}/{finger}", []).append(said)
 
     def _change(self, head: Head, kind: str) -> Any:
         """Apply and note the other settings for the computation."""
@@ -224,14 +192,11 @@ class Measured:
         return kind if other.emg is None else other.emg.kind
 
     def frame(self, finger: str, frame: TactileFrame, told: Any) -> None:
-        """Measure a picture; if it is lossless, note its checksum beside the one it had when it was taken."""
-        if self._bus is not None:
+        """Measure a picture; if it is lossless, compare its checksum with the one it had when it was taken."""
+        if self._beside:
             self._bus.publish(picture_of(finger, frame))
         if self._lossless:
-            now = zlib.crc32(frame.image.data)
-            self.pixels[finger].append(
-                (frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now})
-            )
+            self.checked(finger, frame.t_ns, told.pixels_crc32, zlib.crc32(frame.image.data))
         meter = self._meters[finger]
         meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
         if getattr(told, "rezeroed", False):
@@ -241,21 +206,19 @@ class Measured:
         except TegaError:  # a bad picture of a live sensor, dropped then as now
             return
         if contact is not None:
-            self.contacts[finger].append(contact)
+            self.contacts[finger].rows.append(contact)
             # Else the contacts are those recorded, and this is not what they were measured in.
-            if self._exact and self._lookers.wants(MeasuredPicture):
-                self._lookers.publish(
-                    MeasuredPicture(image=frame.image, contact=contact, metric=meter.metric)
-                )
+            if self._exact and self._bus.wants(MeasuredPicture):
+                self._bus.publish(MeasuredPicture(image=frame.image, contact=contact, metric=meter.metric))
 
     def chunk(self, chunk: EmgChunk) -> None:
         """Take EMG samples."""
-        if self._bus is not None:
+        if self._beside:
             self._bus.publish(samples_of(chunk, live=False, start_ns=0))
         if self._muscles is None:
             return
         try:
-            self.intents += self._muscles.take(chunk)
+            self.intents.rows.extend(self._muscles.take(chunk))
         except TegaError:
             return
 
@@ -265,60 +228,3 @@ def _told(config: SessionConfig, group: Any) -> str:
     chosen = chosen_stage(group, config.stages, config.session.preset)
     options = ", ".join(f"{k} {v}" for k, v in msgspec.to_builtins(chosen.options, enc_hook=str).items())
     return f"{chosen.name} ({options})" if options else chosen.name
-
-
-def measured_again(recorded: Recorded, measured: Measured) -> bool:
-    """Return whether measuring the frames again gives the recorded contacts to the last bit.
-
-    True if the frames are unchanged, the metric has the version that measured them, and either the recording begins
-    with the session or the metric has no memory.
-    """
-    begins = recorded.from_ns == 0 or not measured.metric.kind.memory
-    return recorded.head.lossless and begins and measured.same_metric
-
-
-def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[tuple[int, Contact]]:
-    """Pair every frame that the loop received with its contact, measured now or in the run."""
-    if not measured_again(recorded, measured):
-        return [(c.taken_ns, c) for c in recorded.contacts[finger]]
-    again = {c.t_ns: c for c in measured.contacts[finger]}
-    n_early = recorded.n_early.get(finger, 0)  # of which there are no pictures
-    again |= {c.t_ns: c for c in recorded.contacts[finger][:n_early]}
-    return [(c.taken_ns, again[c.t_ns]) for c in recorded.contacts[finger] if c.t_ns in again]
-
-
-def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Intent]]:
-    """Pair every intent that the loop received with that of the samples now; intents from a link are unchanged."""
-    # Made at the operator's station by what is known there, or by another program.
-    if recorded.head.sources["emg"].driver == "net" or measured.outside:
-        return [(row.taken_ns, row) for row in recorded.of(Intent)]
-    items, intents = [], iter(measured.intents)
-    for row in recorded.of(Intent):
-        for intent in intents:  # those between were lost on the way to the loop
-            if intent.t_ns == row.t_ns:
-                items.append((row.taken_ns, intent))
-                break
-    return items
-
-
-def picture_errors(recorded: Recorded, measured: Measured) -> list[PictureError]:
-    """Compare contacts measured in JPEG images with those measured in the original ones."""
-    errors = []
-    for finger, contacts in recorded.contacts.items():
-        again = {c.t_ns: c for c in measured.contacts[finger]}
-        pairs = [(c, again[c.t_ns]) for c in contacts if c.t_ns in again]
-        eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
-        cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])
-        changed = sum(a.in_contact != b.in_contact for a, b in pairs)
-        errors.append(
-            PictureError(
-                finger,
-                len(pairs),
-                changed,
-                eda.mean().item(),
-                eda.max().item(),
-                cci.mean().item(),
-                cci.max().item(),
-            )
-        )
-    return errors

@@ -15,9 +15,8 @@ from tega.hand import joined_level, split_level
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.loop import FIRST_LEVEL
-from tega.recording.replay.measured import contact_items, level_items
 from tega.recording.replay.playhead import PlayedItems
-from tega.records import HandCommand, Haptics, Intent
+from tega.records import Contact, HandCommand, Haptics, Intent
 from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def played_input(
 
     fingers = {}
     for finger in recorded.contacts:
-        items = list(contact_items(recorded, measured, finger))
+        items = _contact_items(recorded, measured, finger)
         fingers[finger] = Finger(
             source(finger, head.sources[finger].rate_hz),
             head.baselines[finger],
@@ -76,7 +75,7 @@ def played_input(
         )
     muscles, emg = None, measured.calibration.emg
     if "emg" in head.sources and emg is not None:
-        first, asked = _asked(recorded, level_items(recorded, measured), len(emg.channels))
+        first, asked = _asked(recorded, _level_items(recorded, measured), len(emg.channels))
         with with_attached(measured.config.stages, head.files) as stages:
             decoder = muscle_decoder(stages, measured.config.session.preset, emg)
         muscles = Muscles(
@@ -99,6 +98,24 @@ def played_input(
         "" if name == "self-calibrated" else name,
         look=PlayedLooks(list(looks.values()), playhead) if (looks := recorded.looks) else None,
     )
+
+
+def _contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[tuple[int, Contact]]:
+    """Pair every frame that the loop received with its contact, measured now or in the run."""
+    if not measured.again:
+        return [(c.taken_ns, c) for c in recorded.contacts[finger]]
+    again = {c.t_ns: c for c in measured.contacts[finger].rows}
+    n_early = recorded.n_early.get(finger, 0)  # of which there are no pictures
+    again |= {c.t_ns: c for c in recorded.contacts[finger][:n_early]}
+    return [(c.taken_ns, again[c.t_ns]) for c in recorded.contacts[finger] if c.t_ns in again]
+
+
+def _level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Intent]]:
+    """Pair every intent that the loop received with that of the samples now, where it was decoded here."""
+    if not measured.decodes:
+        return [(row.taken_ns, row) for row in recorded.of(Intent)]
+    again = {intent.t_ns: intent for intent in measured.intents.rows}
+    return [(row.taken_ns, again[row.t_ns]) for row in recorded.of(Intent) if row.t_ns in again]
 
 
 def _asked(

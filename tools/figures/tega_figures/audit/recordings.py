@@ -14,7 +14,8 @@ from tega.errors import RecordingError
 from tega.loop.baseline import find_baseline
 from tega.loop.maxima import emg_conditions
 from tega.recording.mcap_folder import INDEX_NAME, session_files
-from tega.recording.replay.recorded import Head, read_recorded
+from tega.recording.replay.head import Head
+from tega.recording.replay.recorded import read_recorded
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

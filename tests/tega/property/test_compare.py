@@ -1,0 +1,75 @@
+"""Streams compared as they come are found to differ as those compared at once, whenever they are settled."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tega.recording.replay.compare import Compared, Comparison
+
+_VALUES = st.sampled_from([0.0, 1.0, math.nan])
+# Time, how much later it was known, and the value.
+_ROWS = st.lists(st.tuples(st.integers(0, 30), st.integers(0, 4), _VALUES), max_size=25)
+
+Rows = list[tuple[int, int, float]]
+
+
+def in_order(rows: Rows) -> Rows:
+    """Return rows by time, each known no earlier than the one before."""
+    known, ordered = 0, []
+    for t_ns, late_ns, value in sorted(rows, key=lambda row: row[0]):
+        known = max(known, t_ns + late_ns)
+        ordered.append((t_ns, known, value))
+    return ordered
+
+
+def compared(recorded: Rows, replayed: Rows, settled: list[int], cut_ns: int | None) -> Comparison:
+    """Give both sides their rows by the ticks at which they are known, and settle at some of these ticks."""
+    found = Compared("stream", lambda value: {"value": value})
+    for tick in range(40):
+        if tick in settled:
+            found.settle(tick)
+        for take, rows in ((found.recorded, recorded), (found.replayed, replayed)):
+            for t_ns, known_ns, value in rows:
+                if known_ns == tick:
+                    take(value, t_ns, known_ns)
+    return found.result(cut_ns)
+
+
+@given(_ROWS, _ROWS, st.lists(st.integers(0, 39)), st.none() | st.integers(20, 30))
+def test_settling_early_finds_what_settling_once_finds(
+    recorded: Rows, replayed: Rows, settled: list[int], cut_ns: int | None
+) -> None:
+    ours, theirs = in_order(recorded), in_order(replayed)
+    if cut_ns is not None:  # the recording was cut there
+        ours = [row for row in ours if row[1] < cut_ns]
+        settled = [tick for tick in settled if tick <= cut_ns]
+    assert compared(ours, theirs, settled, cut_ns) == compared(ours, theirs, [], cut_ns)
+
+
+@given(_ROWS)
+def test_a_stream_is_the_same_as_itself_and_is_not_kept(rows: Rows) -> None:
+    found = Compared("stream", lambda value: {"value": value})
+    for t_ns, known_ns, value in in_order(rows):
+        found.recorded(value, t_ns, known_ns)
+        found.replayed(value, t_ns, known_ns)
+        found.settle(t_ns)
+        assert not found._recorded
+        assert not found._replayed
+    result: Any = found.result()
+    assert (result.recorded, result.replayed, result.differ) == (len(rows), len(rows), 0)
+
+
+@given(_ROWS, st.data())
+def test_a_changed_value_is_one_difference(rows: Rows, data: st.DataObject) -> None:
+    ours = in_order(rows)
+    theirs = list(ours)
+    k = data.draw(st.integers(0, len(ours) - 1)) if ours else None
+    if k is not None:
+        theirs[k] = (*ours[k][:2], 7.0)
+    result = compared(ours, theirs, list(range(0, 40, 3)), None)
+    assert result.differ == (k is not None)
+    assert (result.fields == {"value": 1}) == (k is not None)
