@@ -16,11 +16,17 @@ from lift_player import lift_page
 from reference_pages import commands_page, drivers_page, public_modules, settings_page, stages_page
 
 MOVED = {
-    **{name: name for name in ("devices", "emg-decoders", "loop", "sim-touch")},
-    "sim-operator": "sim",
-    "sim-world": "sim",
-    "skips": "pareto",
-    "study-silico": "study",
+    **{name: f"evidence/{name}" for name in ("emg-decoders", "loop", "sim-touch")},
+    "sim-operator": "evidence/sim",
+    "sim-world": "evidence/sim",
+    "skips": "evidence/pareto",
+    "study-silico": "evidence/study",
+    "evidence/devices": "hardware/what-to-buy",
+    "hardware/emg-signal": "device-emg",
+    "hardware/franka": "device-arm",
+    "hardware/motor-onset": "device-vest",
+    "hardware/openxr": "device-tracker",
+    "hardware/vest-troubles": "device-vest",
 }
 ABBREVIATIONS = {"CCI": "contact concentration index", "EDA": "effective deformation area"}
 
@@ -71,12 +77,12 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_post_build(config: MkDocsConfig) -> None:
-    """Write the page of a recorded lift, and lead from old addresses of pages under evidence to their new ones."""
+    """Write the page of a recorded lift, and lead from old addresses of pages to their new ones."""
     Path(config.site_dir, "lift.html").write_text(
         lift_page(Path(config.docs_dir, "lift.viser")), encoding="utf-8"
     )
     for name, page in MOVED.items():
-        link = f"evidence/{page}.html"
+        link = f"{'../' * name.count('/')}{page}.html"
         Path(config.site_dir, f"{name}.html").write_text(
             f'<!doctype html><title>{name}</title><meta http-equiv="refresh" content="0; url={link}">'
             f'<a href="{link}">This page moved.</a>\n',

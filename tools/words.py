@@ -42,6 +42,11 @@ def prose(page: Path) -> str:
     return re.sub(r"\]\([^)]*\)", "]", text)
 
 
+def count_words(text: str) -> int:
+    """Return the number of words; bars and rules of tables are none."""
+    return sum(any(letter.isalnum() for letter in word) for word in text.split())
+
+
 def strings_of(tree: ast.Module) -> Iterator[tuple[str, bool]]:
     """Yield each docstring, and each other string constant of four words and more; true if it is a docstring."""
     bodies = [node.body for node in ast.walk(tree) if isinstance(node, _DEFINED)]
@@ -83,20 +88,21 @@ def report() -> str:
         f"{'per 10,000 words':<14} {'words':>8}" + "".join(f"  {name} < {most}" for name, _, most in BUDGET)
     ]
     for kind, text in texts.items():
-        n_words = len(text.split())
+        n_words = count_words(text)
         rates = [1e4 * len(pattern.findall(text)) / n_words for _, pattern, _ in BUDGET]
         widths = [len(f"{name} < {most}") + 2 for name, _, most in BUDGET]
         cells = "".join(f"{rate:>{width}.1f}" for rate, width in zip(rates, widths, strict=True))
         lines.append(f"{kind:<16} {n_words:>8}{cells}")
-    long = {page.name: len(prose(page).split()) for page in user_pages()}
+    long = {page.name: count_words(prose(page)) for page in user_pages()}
     lines += [f"{name}: {n} words, more than {LONGEST_PAGE}" for name, n in long.items() if n > LONGEST_PAGE]
     pattern = retired()
     for page in user_pages():
         said = prose(page).partition("## Words that are not used")[0]
         lines += [f"{page.name}: retired word {word!r}" for word in sorted(set(pattern.findall(said)))]
-    shown = "\n".join(page.read_text("utf-8") for page in [*PROJECT.glob("*.md"), *DOCS.rglob("*.md")])
+    sources = [*PROJECT.glob("*.md"), *DOCS.rglob("*.md"), PROJECT / "mkdocs.yml"]
+    shown = "\n".join(page.read_text("utf-8") for page in sources)
     pictures = sorted(path for path in (DOCS / "images").glob("*.*") if path.suffix != ".py")
-    lines += [f"no page shows {path.name}" for path in pictures if f"images/{path.name})" not in shown]
+    lines += [f"no page shows {path.name}" for path in pictures if f"images/{path.name}" not in shown]
     return "\n".join(lines)
 
 

@@ -366,7 +366,7 @@ class Lift:
         slips, deformations = self.scorer.count("slip"), self.scorer.count("deformation")
         return {
             "object": plan.object,
-            "vest": plan.condition,
+            "condition": plan.condition,
             "phase": self.rig.act.phase,
             "height": f"{number_text(100 * truth.object_height_m, decimals=1)} cm",
             "grip": f"{sum(truth.pad_force_n):.1f} N",

@@ -72,6 +72,12 @@ def test_the_verbs_a_page_names_exist(page: Path) -> None:
     assert set(named) <= {*_VERBS, *guest_verbs(), *earlier, *own}
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_the_modules_a_page_runs_exist(page: Path) -> None:
+    for name in re.findall(r"python -m (tega[\w.]*\w)", page.read_text(encoding="utf-8")):
+        assert find_spec(name) is not None, name
+
+
 def test_the_readme_s_python_runs() -> None:
     text = (PROJECT / "README.md").read_text(encoding="utf-8")
     code, _ = re.findall(r"```python\n(.*?)```", text, re.DOTALL)  # the second one needs devices

@@ -15,7 +15,10 @@ pytestmark = pytest.mark.skipif(not (PROJECT / "mkdocs.yml").is_file(), reason="
 
 
 def texts() -> list[Path]:
-    named = [PROJECT / name for name in ("README.md", "CONTRIBUTING.md", "Makefile", ".ci/run", ".ci/extras")]
+    named = [
+        PROJECT / name
+        for name in ("README.md", "CONTRIBUTING.md", "fuzz/README.md", "Makefile", ".ci/run", ".ci/extras")
+    ]
     return [path for path in named if path.is_file()] + sorted((PROJECT / "docs").rglob("*.md"))
 
 

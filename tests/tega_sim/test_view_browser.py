@@ -84,7 +84,7 @@ def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
         again = shown(view, state="active", reason="all devices ready again")
         assert "all devices ready" not in again
         assert "the muscles steer the hand" in again
-        assert "waiting for the start" in shown(view, state="armed", reason="all is there")
+        assert "waiting for the start" in shown(view, state="armed", reason="all devices ready")
         assert "emg: no signal yet" in shown(view, state="idle", reason="emg: no signal yet")
         view.offer(moment._replace(loop=moment.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
     # The page stays open when nobody serves it any more: it must not go on saying that the hand moves.

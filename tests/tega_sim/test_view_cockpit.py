@@ -24,7 +24,7 @@ from tega.ui.view.browser.vest import vest_svg
 
 
 def test_a_paused_run_is_not_called_active_and_haptics_off_is_said() -> None:
-    loop = Moments().at(2.0).loop._replace(state="active", reason="all is there")
+    loop = Moments().at(2.0).loop._replace(state="active", reason="all devices ready")
     assert ">ACTIVE<" in run_state_html(loop)
     paused = run_state_html(loop, paused=True)
     assert ">PAUSED<" in paused

@@ -221,9 +221,9 @@ def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
         return moment._replace(loop=moment.loop._replace(state=state, reason=reason))
 
     with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
-        view.offer(in_state("active", "all is there"))
+        view.offer(in_state("active", "all devices ready"))
         page.get_by_text("ACTIVE", exact=True).wait_for(timeout=60_000)
-        assert page.get_by_text("all is there").count() == 0
+        assert page.get_by_text("all devices ready").count() == 0
         view.offer(in_state("hold", "emg: no signal for 0.5 s"))
         page.get_by_text("HOLD", exact=True).wait_for(timeout=60_000)
         page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=60_000)

@@ -27,7 +27,7 @@ def _watch(*, poses: bool, arm: bool, refusal: str = "") -> str:
 
 
 def _line(
-    alert: str = "", *, reason: str = "all is there", state: str = "active", arm: str = ""
+    alert: str = "", *, reason: str = "all devices ready", state: str = "active", arm: str = ""
 ) -> dict[str, Any]:
     """Return a line of a run that is well but for what is given."""
     return {

@@ -141,9 +141,6 @@ def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tup
 
     Returns:
         The settings, and the side that was taken; ``""`` where the settings say it or no driver knows it.
-
-    Raises:
-        ConfigError: The settings say another side of the arm's hand than of the hand.
     """
     side = getattr(config.hand.options, "side", None)
     if config.arm is None or side is None:

@@ -133,11 +133,7 @@ def names_input(config: SessionConfig) -> bool:
 
 
 def _refuse_no_input(config: SessionConfig, prepared: Prepared | None, parts: Sequence[Part]) -> None:
-    """Refuse a run to which nothing gives input.
-
-    Raises:
-        ConfigError: The settings name no source, and no part brings one.
-    """
+    """Refuse a run to which nothing gives input."""
     if not names_input(config) and prepared is None and not any(part.brings_input for part in parts):
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set, nor an arm",

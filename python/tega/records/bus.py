@@ -11,7 +11,7 @@ Example:
     >>> from tega.records import RunState
     >>> bus, seen = Bus(), []
     >>> bus.subscribe(RunState, lambda record: seen.append(record.state))
-    >>> bus.publish(RunState(t_ns=0, state="active", reason="all is there"))
+    >>> bus.publish(RunState(t_ns=0, state="active", reason="all devices ready"))
     >>> seen
     ['active']
 """

@@ -52,7 +52,7 @@ class RunStates:
     Example:
         >>> run = RunStates(settle_ns=0, give_up_ns=None)
         >>> run.look(0, wrong={"emg": "emg: no signal yet"}), run.look(1, wrong={}), run.reason
-        ('idle', 'active', 'all is there')
+        ('idle', 'active', 'all devices ready')
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class RunStates:
         elif self.state == "hold":
             self._enter(t_ns, "active", "all devices ready again")
         if self.state == "idle" and clear:
-            self._enter(t_ns, "armed", "all is there")
+            self._enter(t_ns, "armed", "all devices ready")
         if self.state == "armed" and go:
             self._enter(t_ns, "active", self.reason)
         return self.state

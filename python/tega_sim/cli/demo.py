@@ -244,7 +244,7 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
     table = Table(title="simulated lifts", title_justify="left", box=SIMPLE)
     names = (
         "object",
-        "vest",
+        "condition",
         "lifted",
         "slips",
         "deformed",
@@ -255,7 +255,7 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
         "peak N",
     )
     for name in names:
-        table.add_column(name, justify="left" if name in {"object", "vest", "lifted"} else "right")
+        table.add_column(name, justify="left" if name in {"object", "condition", "lifted"} else "right")
     for trial in report.trials:
         table.add_row(
             trial.object,

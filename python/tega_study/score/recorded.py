@@ -89,11 +89,7 @@ def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial]
 
 
 def _begins(where: Path, trial_id: str, attempt: int, start_ns: int) -> int:
-    """Return where in its recording a trial begins, nanoseconds.
-
-    Raises:
-        RecordingError: There is no finished recording of this trial.
-    """
+    """Return where in its recording a trial begins, nanoseconds."""
     if not (path := where / "trial.json").exists():
         raise RecordingError("no recording" if not where.exists() else "trial.json is missing")
     try:

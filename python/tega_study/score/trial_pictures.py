@@ -182,11 +182,7 @@ def _of_bench(trial: RecordedTrial) -> Reel:
 
 
 def _reaches(trial: RecordedTrial, newest_ns: int) -> None:
-    """Refuse a recording that ends before its trial.
-
-    Raises:
-        RecordingError: It does.
-    """
+    """Refuse a recording that ends before its trial."""
     if newest_ns < trial.length_ns - _SHORT_NS:
         raise RecordingError(
             f"the recording ends at {max(newest_ns, 0) / 1e9:.1f} s of {trial.length_ns / 1e9:.1f} s"

@@ -44,6 +44,12 @@ def test_only_changed_settings_are_shown(tmp_path: Path, capsys: pytest.CaptureF
         "session.preset": "paper",
         "vest.threshold": 30,
     }
+    file.write_text('[tactile.thumb]\ndriver = "synthetic-touch"\noptions = { seed = 3 }\n')
+    out, _ = _said(capsys, "config", "show", "--changed", "--json", str(file))
+    assert {row["key"]: row["value"] for row in json.loads(out)} == {
+        "tactile.thumb.driver": "synthetic-touch",
+        "tactile.thumb.options.seed": 3,
+    }
     out, _ = _said(capsys, "config", "show", "--changed")
     assert out == "every setting has its default value\n"
 

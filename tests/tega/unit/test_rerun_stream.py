@@ -28,7 +28,7 @@ def test_what_the_bus_tells_is_in_the_file(tmp_path: Path) -> None:
     image = np.zeros((32, 24, 3), np.uint8)
     with RerunStream(bus, file=file) as stream:
         assert stream.url == str(file)
-        bus.publish(RunState(t_ns=0, state="active", reason="all is there"))
+        bus.publish(RunState(t_ns=0, state="active", reason="all devices ready"))
         bus.publish(Picture(finger="thumb", image=image, t_ns=7, received_ns=7, seq=0, name="a picture"))
         bus.publish(Contact(finger="thumb", t_ns=5, in_contact=True, cci_norm=0.25))
         bus.publish(Intent(t_ns=5, level=3))

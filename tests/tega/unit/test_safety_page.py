@@ -56,8 +56,8 @@ def test_state_reason_and_alerts_stand_first() -> None:
     assert "emg: no signal" in lines[2]
     assert "! vest: not reached" in lines[3]
     assert "camera to vest 9 ms" in lines[-2]
-    going_on = screen(held._replace(state="active", reason="all is there"))
-    assert "all is there" not in going_on
+    going_on = screen(held._replace(state="active", reason="all devices ready"))
+    assert "all devices ready" not in going_on
     assert "! emg: no signal" in going_on
 
 

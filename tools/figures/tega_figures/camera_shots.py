@@ -33,7 +33,7 @@ WINDOWS: Final = {"view-cameras": (1440, 810), "view-cameras-phone": (390, 844)}
 
 _EYES: Final = {"front": EYE_M, "side": (0.8, 0.25, 0.5)}
 _LENS: Final = Lens(1280, 720, 1000.0, 1001.0, 639.0, 360.5, LENS.distortion)
-_RATE_HZ, _LONGEST_S, _WAIT_S, _DRAWN_MS = 5.0, 240.0, 60.0, 30_000
+_RATE_HZ, _LONGEST_S, _WAIT_S, _DRAWN_MS = 5.0, 360.0, 60.0, 90_000
 
 # The picture is another element five times a second.
 _SCROLLED: Final = """() => {

@@ -10,12 +10,12 @@ __all__ = ["HARDWARE"]
 
 HARDWARE: Final[dict[str, Diagram]] = {
     "calibrate-full": Diagram(
-        "Calibration: from what a person does to what a run uses",
+        "Calibration: from presses and squeezes to a run",
         {
             "press": Box(0, 0, "fingertips\nuntouched, then six presses", "person"),
             "squeeze": Box(0, 1, "muscles\nrest, then three fists", "person"),
             "feel": Box(0, 2, "vest\nfelt or not, stronger or not", "person"),
-            "full": Box(1, 0, "baseline and maxima\nwhat is nothing, what is full"),
+            "full": Box(1, 0, "baseline and maxima\nzero and full scale"),
             "emg": Box(1, 1, "rest and maxima\nof each channel"),
             "step": Box(1, 2, "threshold and step\nof each column"),
             "run": Box(2, 1, "a run with --person p01\nchecks age and device", "tega"),
@@ -138,7 +138,7 @@ HARDWARE: Final[dict[str, Diagram]] = {
         gap_y=44,
     ),
     "tracker-axes": Diagram(
-        "From what a tracker sees to the robot's base",
+        "From the tracker to the robot's base",
         {
             "t": Box(0, 0, "forearm or wrist\none place, one turn", "person"),
             "a": Box(1, 0, "openxr axes\ny up, -z forward", "other"),
@@ -159,7 +159,7 @@ HARDWARE: Final[dict[str, Diagram]] = {
         (Arrow("d", "r"), Arrow("r", "l"), Arrow("l", "t")),
     ),
     "input-seats": Diagram(
-        "Seats: what each switch does in a run",
+        "Seats: the effect of each switch in a run",
         {
             "dm": Box(0, 0, "dead_man\nheld: things may move", "person"),
             "cl": Box(0, 1, "clutch\nheld: the arm follows", "person"),

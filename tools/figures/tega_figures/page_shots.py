@@ -112,7 +112,7 @@ def still(browser: Any, course: list[ViewState], size_px: tuple[int, int], path:
     with ShownLift(browser, course, size_px).page() as lifted:
         for place in range(0, last + 1, _BETWEEN):
             lifted.paint(place, whole=place == last)
-        lifted.shown.wait_for_timeout(5_000)  # the scene comes after the text
+        lifted.shown.wait_for_timeout(20_000)  # the scene comes after the text, and fades in
         # 256 colours would put steps into the cameras' pictures.
         Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB").save(path, quality=90, method=6)
 

@@ -15,7 +15,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
             "d": Box(0, 0, "your device", "other"),
             "y": Box(1, 0, "your driver\nopen, read or write, close", "person"),
             "r": Box(2, 0, "TEGA\nfinds it by name"),
-            "c": Box(1, 1, "python -m tega.setup.contract\nsays ok, or what is broken"),
+            "c": Box(1, 1, "python -m tega.setup.contract\nprints ok, or the broken rule"),
         },
         (Arrow("d", "y", both=True), Arrow("y", "r", both=True), Arrow("c", "y")),
         gap_x=50,
@@ -117,7 +117,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
             "s": Box(0, 1, "stopped\nzero torque, vest zeros", "safe"),
         },
         (
-            Arrow("i", "a", "all is there"),
+            Arrow("i", "a", "all devices ready"),
             Arrow("a", "x", "go"),
             Arrow("x", "h", "lost, or back", both=True),
             Arrow("h", "i", "after 2 s"),
@@ -127,7 +127,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
         gap_y=60,
     ),
     "who-leads": Diagram(
-        "What the robot's station asks of a command",
+        "Checks of a command at the robot's station",
         {
             "c": Box(0, 0, "command\nof an operator", "person"),
             "l": Box(1, 0, "of the leader?\nelse foreign", "safe"),
@@ -138,7 +138,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
         (Arrow("c", "l"), Arrow("l", "n"), Arrow("n", "o"), Arrow("o", "r")),
     ),
     "stations": Diagram(
-        "Two stations: what goes over the link",
+        "Two stations and the link between them",
         {
             "m": Box(0, 0, "EMG, tracker, switches", "person"),
             "o": Box(1, 0.5, "operator's station\nlevels, vest, page"),
@@ -182,7 +182,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
         ),
     ),
     "study-flow": Diagram(
-        "A study: the verbs, and what each writes",
+        "A study: the verbs and their files",
         {
             "p": Box(0, 0, "study plan\nstudy.toml, plan.csv"),
             "r": Box(1, 0, "study run\nevents.jsonl, recordings"),

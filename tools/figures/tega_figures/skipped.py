@@ -129,7 +129,7 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
             "a finger touches nothing (`live`, tracker)",
             "the robust fit of light, depth, outline",
             "nothing while S is far under its threshold; a touch that only the robust fit would see "
-            "is told a little later",
+            "is detected a little later",
             "`tega-tactile` `tests/tracker.rs`, "
             "`tests/tega_sim/test_sim_touch.py::test_untouched_frames_are_never_contact`",
         ): (partial(rest.update, untouched), partial(touched.update, pressed)),
@@ -238,7 +238,7 @@ def _whole() -> list[SavedWork]:
     runs: dict[Says, tuple[Callable[[], object], Callable[[], object]]] = {
         Says(
             "a simulated lift without a vest, as a whole",
-            "rendering and reading pictures that nobody is shown",
+            "rendering and reading pictures that are not shown",
             "nothing: the result is the same",
             "`test_sim_trial.py::test_a_trial_whose_pictures_nobody_is_shown_is_the_same_without_them`",
         ): (partial(run_trial, plan), partial(run_trial, plan, skip_untouched=False)),

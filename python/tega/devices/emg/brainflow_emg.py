@@ -97,11 +97,7 @@ class BrainFlowEmg(LiveEmg):
         self._stated_hz: float | None = None
 
     def _start(self) -> None:
-        """Find out about the board, connect to it and start its stream.
-
-        Raises:
-            DeviceUnavailableError: No board has that name, it has no such channels, or it does not start.
-        """
+        """Find out about the board, connect to it and start its stream."""
         o = self._options
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it imports pkg_resources when its library is loaded

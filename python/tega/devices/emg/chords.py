@@ -101,11 +101,7 @@ class Chords(LiveSerialEmg):
         self._waiting = b""
 
     def _start(self) -> None:
-        """Ask the board for its name, start it, and count the channels in its stream.
-
-        Raises:
-            DeviceUnavailableError: It does not answer, is not known, or sends no packet.
-        """
+        """Ask the board for its name, start it, and count the channels in its stream."""
         from tega.wire import ChordsDecoder, chords_channels
 
         o = self._options

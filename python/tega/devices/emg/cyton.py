@@ -78,11 +78,7 @@ class Cyton(LiveSerialEmg):
         return find_boards(cls.name, dongles=True)
 
     def _start(self) -> None:
-        """Silence the board, reset it, set its channels, and start the stream.
-
-        Raises:
-            DeviceUnavailableError: No board or another device answers, or a setting is not confirmed.
-        """
+        """Silence the board, reset it, set its channels, and start the stream."""
         from tega.wire import CytonDecoder
 
         o = self._options

@@ -100,11 +100,7 @@ class LslEmg(LiveEmg):
         ]
 
     def _start(self) -> None:
-        """Find the stream and connect to it.
-
-        Raises:
-            DeviceUnavailableError: There is none or more than one, or it is not made of numbers.
-        """
+        """Find the stream and connect to it."""
         o = self._options
         lsl = load_lsl(LslEmg.name)
         found = find_streams(lsl, o.by, o.value, o.start_s)

@@ -69,9 +69,6 @@ class Spiker(LiveSerialEmg):
         """Set the number of channels, and repeat until the board sends that many.
 
         The board ignores commands while it starts, and opening the port may restart it.
-
-        Raises:
-            DeviceUnavailableError: It sends nothing, or another number of channels.
         """
         from tega.wire import SpikerDecoder
 

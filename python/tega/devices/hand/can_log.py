@@ -113,12 +113,7 @@ def _messages(can: Any, path: Path) -> Iterator[Any]:
 
 @contextmanager
 def _converted(path: Path) -> Iterator[IO[str]]:
-    """Return an ``.mf4`` log in can-utils' format, converted by :mod:`tega.devices.hand.mf4_program`.
-
-    Raises:
-        NotImplementedError: asammdf is not installed.
-        ValueError: The log is damaged.
-    """
+    """Return an ``.mf4`` log in can-utils' format, converted by :mod:`tega.devices.hand.mf4_program`."""
     command = python_command("tega.devices.hand.mf4_program", str(path.resolve()))
     with tempfile.TemporaryFile("w+", encoding="utf-8") as file:
         try:

@@ -51,12 +51,7 @@ def slcan_bus() -> Any:
             self._write(self.LINE_TERMINATOR.decode().join(kept))
 
         def _read(self, timeout: float | None) -> str | None:
-            """Return the next line, or ``None`` when none is complete in time.
-
-            Raises:
-                OSError: The adapter is gone.
-                ValueError: The received bytes are not a line.
-            """
+            """Return the next line, or ``None`` when none is complete in time."""
             buffer: bytearray = self._buffer
             until_s = None if timeout is None else time.monotonic() + timeout
             while True:
@@ -79,11 +74,7 @@ def slcan_bus() -> Any:
                 buffer += piece
 
         def _write(self, string: str) -> None:
-            """Hand a line to the system; wait for the part that it does not take at once.
-
-            Raises:
-                CanOperationError: The adapter is gone, or takes nothing for as long as :meth:`send` may wait.
-            """
+            """Hand a line to the system; wait for the part that it does not take at once."""
             if self._kept is not None:
                 self._kept.append(string)
                 return

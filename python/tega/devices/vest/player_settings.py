@@ -55,11 +55,7 @@ class PlayerOptions(VestOptions, frozen=True):
 
 
 def _key(file: Path | None) -> str:
-    """Read the key of version 3, which stands in no settings file and in no message.
-
-    Raises:
-        DeviceUnavailableError: There is none.
-    """
+    """Read the key of version 3, which stands in no settings file and in no message."""
     if file is None:
         raise DeviceUnavailableError("version 3 of the Player needs api_key_file", KEY_HINT)
     try:

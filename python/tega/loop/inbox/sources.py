@@ -258,11 +258,7 @@ class BlockMeter:
 
 
 def _checked(intent: Intent, n_channels: int) -> Intent:
-    """Return a decoder's intent, checked: the decoder may be anybody's. A closure sets the level to the nearest.
-
-    Raises:
-        InvalidValueError: The level, the closure or the levels of the channels are out of range.
-    """
+    """Return a decoder's intent, checked: the decoder may be anybody's. A closure sets the level to the nearest."""
     level, closure = intent.level, intent.closure
     if closure is not None:
         if not 0.0 <= closure <= 1.0:

@@ -197,11 +197,7 @@ def _live(to: SessionConfig) -> tuple[bool, list[str]]:
 
 
 def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None:
-    """Refuse a speed that is out of range, or not allowed for devices that are worn or may hurt.
-
-    Raises:
-        ConfigError: The speed is out of range, or not allowed for the devices.
-    """
+    """Refuse a speed that is out of range, or not allowed for devices that are worn or may hurt."""
     if speed is not None and not SLOWEST <= speed <= FASTEST:
         raise ConfigError(f"speed = {speed:g} is out of range: {SLOWEST:g} to {FASTEST:g}, or max")
     if not real:

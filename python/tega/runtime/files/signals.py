@@ -141,11 +141,7 @@ def _said(name: str, error: Exception) -> Exception:
 
 
 def _length(file: str, samples: NDArray[np.float64], decision: Decision) -> int:
-    """Return the rows that all channels have; columns of sensors at other rates end early.
-
-    Raises:
-        RecordingError: A channel ends long before the others, or holds no number.
-    """
+    """Return the rows that all channels have; columns of sensors at other rates end early."""
     n = len(samples)
     there = np.logical_not(np.isnan(samples))
     empty = [str(c) for k, c in enumerate(decision.channels) if not there[:, k].any()]

@@ -98,7 +98,7 @@ _ARM = """
 # button = "left"
 """
 _OPTIONS: Mapping[str, str] = {
-    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop arm check HOST asks it\n',
+    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n',
 }
 
 # What a driver cannot find out by itself, and where to start.

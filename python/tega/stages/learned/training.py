@@ -296,11 +296,7 @@ def _shifted(
 
 
 def _lag(values: NDArray[np.float64], y: NDArray[np.float64], block_s: float) -> int:
-    """Find how many blocks later than the muscles the target comes.
-
-    Raises:
-        CalibrationError: At no shift do the features explain the target.
-    """
+    """Find how many blocks later than the muscles the target comes."""
     lags = range(round(_EARLIEST_S / block_s), round(_LATEST_S / block_s) + 1)
     explained = []
     for lag in lags:

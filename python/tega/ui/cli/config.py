@@ -101,8 +101,8 @@ def changed_values(values: dict[str, SettingValue]) -> dict[str, SettingValue]:
     return {
         key: value
         for key, value in values.items()
-        if key not in default
-        or default[key].value != value.value
+        if (key not in default and value.origin != "default")
+        or (key in default and default[key].value != value.value)
         or (
             key == "session.preset" and value.origin != "default" and preset != SessionConfig().session.preset
         )

@@ -133,7 +133,7 @@ def noisy_bits(apart_sd: float, n_trials: int = 20_000) -> tuple[float, float]:
 def _cell(values: list[float], digits: int = 2) -> str:
     if not all(map(math.isfinite, values)):
         n = sum(map(math.isfinite, values))
-        return "not told" if not n else f"told by {n} of {len(values)}"
+        return "not noticed" if not n else f"noticed by {n} of {len(values)}"
     one: Interval = mean_interval(values)
     if one.low is None or one.high is None:
         return f"{one.mean:z.{digits}f}"
@@ -157,7 +157,7 @@ def table(found: dict[str, list[FeltInformation]]) -> str:
         lines.append(f"| {label} | {' | '.join(cells)} |")
     lines += [
         "",
-        "| mapping | " + " | ".join(f"difference told at {base:g}" for base in _BASES)
+        "| mapping | " + " | ".join(f"difference noticed at {base:g}" for base in _BASES)
         + " | dose, worst motor | dose, all motors | felt weaker after 10 min | firmness then, bits |",
         "|---" * (len(_BASES) + 5) + "|",
     ]  # fmt: skip

@@ -184,7 +184,7 @@ def emg_block(*, budget_s: float) -> Choice:
             "that of the low-pass."
         ),
         why=(
-            "100 ms tells two fifths fewer wrong levels than 20 ms and changes the level a sixth as "
+            "100 ms gives two fifths fewer wrong levels than 20 ms and changes the level a sixth as "
             "often. Longer blocks gain a third at most, "
             "for two to three times the delay. Processor time decides nothing here."
         ),

@@ -167,7 +167,7 @@ def gel_grid(*, budget_s: float) -> Choice:
         )
     return Choice(
         title="Simulated gel: size of its cells",
-        setting="no option: `CELL_PX` of the crate `tega-gel`, for which the command builds the crate anew",
+        setting="no option: `CELL_PX` of the crate `tega-gel`, for which the command builds the crate again",
         cost="µs to solve a press",
         error="displacement off, % of the deepest",
         how=(

@@ -66,7 +66,7 @@ def jpeg_quality(*, budget_s: float) -> Choice:
                 error=float(np.mean(missed)),
                 beside={
                     "peak off, %": float(np.mean(peaks)),
-                    "told otherwise, of 30": float(wrong),
+                    "judged otherwise, of 30": float(wrong),
                     "pixels off, counts": float(np.mean(pixels)),
                     "ms to encode": timing(turns[name]).median_us / 1000,
                 },
@@ -87,8 +87,8 @@ def jpeg_quality(*, budget_s: float) -> Choice:
         why=(
             "95 moves the outline by half a percent at a ninth of the bytes of a lossless picture, "
             "and pixels by less than the qualities under it. "
-            "100 takes three times the bytes of 95. Whoever will read the pictures again to the last "
-            "count sets `lossless`."
+            "100 takes three times the bytes of 95. To read the pictures again to the last count, set "
+            "`lossless`."
         ),
         variants=variants,
     )

@@ -91,9 +91,9 @@ def touch_reading(*, budget_s: float) -> Choice:
                 cost=timing(turns[name]).median_us,
                 error=100 * sum(wrong) / 3,
                 beside={
-                    "pressed, not told, %": 100 * wrong[0],
-                    "untouched, told, %": 100 * wrong[1],
-                    "1.5 s after release, told, %": 100 * wrong[2],
+                    "pressed, not detected, %": 100 * wrong[0],
+                    "untouched, detected, %": 100 * wrong[1],
+                    "1.5 s after release, detected, %": 100 * wrong[2],
                     "1 - rank of force with area": 1 - float(np.mean(ranks)),
                 },
                 default=name == "live tracker",
@@ -103,7 +103,7 @@ def touch_reading(*, budget_s: float) -> Choice:
         title="Touch: the reading",
         setting="`metric.name`, `metric.options`",
         cost="µs a picture, touched",
-        error="told wrongly, % (mean of three)",
+        error="wrong, % (mean of three)",
         how=(
             "Simulated pictures of three gels that creep and drift: a ball at three places, half a "
             "second untouched, pressed from 0.3 to 8 N "
@@ -112,9 +112,9 @@ def touch_reading(*, budget_s: float) -> Choice:
             "On recorded sensors the readings are compared in [touch-peers.md](touch-peers.md)."
         ),
         why=(
-            "Here only the tracker tells every press and is silent on the untouched gel and on what "
+            "Here only the tracker detects every press and is silent on the untouched gel and on what "
             "a press leaves behind. "
-            "The equations as printed tell all pictures or, signed, one sensor in three. Time is no "
+            "The equations as printed report a contact in all pictures or, signed, on one sensor in three. Time is no "
             "reason: each takes some "
             "tens of microseconds of the 16 ms between two pictures."
         ),

@@ -118,7 +118,7 @@ def ways(results: dict[str, Any]) -> str:
 
 def force(results: dict[str, Any]) -> str:
     """Make the table of the force's error."""
-    lines = [["set", "calibrated by", "clips", "frames", "told over true", "relative error", "95 % interval",
+    lines = [["set", "calibrated by", "clips", "frames", "reported over true", "relative error", "95 % interval",
               "within 25 %"]]  # fmt: skip
     for e in results["force"]:
         low, high = e["interval"]

@@ -134,7 +134,7 @@ def label(row: dict[str, Any]) -> str:
 def table(rows: list[dict[str, Any]]) -> str:
     """Make the table of the page."""
     head = ["cells, outline, frames", "at rest", "touched", "1 - overlap, grasps", "1 - overlap, balls",
-            "missed, 0.6 N and more", "told where nothing is", "1 - rank with force"]  # fmt: skip
+            "missed, 0.6 N and more", "detected where nothing is", "1 - rank with force"]  # fmt: skip
     lines = [head, ["---"] * len(head)]
     for row in rows:
         name = f"**{label(row)}** (default)" if _default(row) else label(row)

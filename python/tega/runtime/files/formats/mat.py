@@ -78,12 +78,7 @@ def _flat(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_size(path: Path) -> None:
-    """Refuse a file with compressed variables that grow beyond the limit, whatever its header states.
-
-    Raises:
-        ValueError: A variable is too large.
-        zlib.error: A variable is damaged.
-    """
+    """Refuse a file with compressed variables that grow beyond the limit, whatever its header states."""
     with path.open("rb") as file:
         order = {b"IM": "<", b"MI": ">"}.get(file.read(128)[126:])
         left = MOST_MIB * MIB

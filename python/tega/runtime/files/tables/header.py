@@ -190,11 +190,7 @@ def _above(  # noqa: PLR0917  # of one place in the file
     lines: Sequence[str], cells: dict[int, list[str]], above: list[int], numeric: list[bool],
     dialect: Dialect, name: str,
 ) -> tuple[list[str], list[str]] | None:  # fmt: skip
-    """Return names and units that stand right above the first row; ``None`` if none do.
-
-    Raises:
-        RecordingError: A damaged row stands there.
-    """
+    """Return names and units that stand right above the first row; ``None`` if none do."""
     width = len(numeric)
     if not above:
         return None

@@ -18,7 +18,7 @@ BUDGET_MS: Final = 88.0
 _WITH_BUDGET = "picture to vest"
 
 _N_KEPT = 300
-_WIDTH, _HEIGHT, _LABEL = 380, 26, 230
+_WIDTH, _HEIGHT, _TEXT, _LEFT = 380, 38, 16, 8
 
 
 class Delays:
@@ -55,18 +55,18 @@ class Delays:
             top, p99_ms = row * _HEIGHT, self.p99_ms(name)
             has_budget = name == _WITH_BUDGET
             full_ms = max(1.2 * BUDGET_MS, *kept)
-            base, scale = top + _HEIGHT - 4, (_HEIGHT - 8) / full_ms
-            step = (_WIDTH - _LABEL - 6) / _N_KEPT
-            points = " ".join(f"{_LABEL + k * step:.1f},{base - v * scale:.1f}" for k, v in enumerate(kept))
+            base, scale = top + _HEIGHT - 4, (_HEIGHT - _TEXT - 6) / full_ms
+            step = (_WIDTH - 2 * _LEFT) / _N_KEPT
+            points = " ".join(f"{_LEFT + k * step:.1f},{base - v * scale:.1f}" for k, v in enumerate(kept))
             y = base - BUDGET_MS * scale
             ink = "#c92a2a" if has_budget and p99_ms > BUDGET_MS else "#495057"
             allowed = f" · budget {BUDGET_MS:.0f}" if has_budget else ""
             limit = (
-                f'<line x1="{_LABEL}" x2="{_WIDTH - 6}" y1="{y:.1f}" y2="{y:.1f}" stroke="#fa5252"'
+                f'<line x1="{_LEFT}" x2="{_WIDTH - _LEFT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#fa5252"'
                 ' stroke-width="0.8"/>'
             )
             parts.append(
-                f'<text x="8" y="{top + 16}" fill="{ink}">{escape(name)} {self.words(name)}'
+                f'<text x="{_LEFT}" y="{top + 12}" fill="{ink}">{escape(name)} {self.words(name)}'
                 f"{allowed}</text>{limit if has_budget else ''}"
                 f'<polyline points="{points}" fill="none" stroke="#1f5fbf" stroke-width="1"/>'
             )
