@@ -1,1 +1,1 @@
-"""Write recordings as ROS 2 bags."""
+"""Speak ROS 2: write recordings as bags, publish a run by DDS, and take commands under the run's limits."""

@@ -1,4 +1,4 @@
-"""Convert the messages of a recording to ROS 2: viewers' schemas to standard messages, TEGA's own field by field."""
+"""Convert messages of a recording or run to ROS 2: viewers' schemas to standard messages, own ones field by field."""
 
 from __future__ import annotations
 
@@ -31,15 +31,19 @@ class Converted(NamedTuple):
 
 
 class Converter:
-    """Converts the messages of one recording.
+    """Converts the messages of one recording or run.
 
     Args:
         source: Name of the recording, for errors.
         epoch_ns: Time of day at the start of the session, nanoseconds since 1970.
+
+    Attributes:
+        definitions: Message types that were used so far.
+        epoch_ns: As given; a run that has just begun sets it with its first record.
     """
 
     def __init__(self, source: str, epoch_ns: int) -> None:
-        self._source, self._epoch_ns = source, epoch_ns
+        self._source, self.epoch_ns = source, epoch_ns
         self.definitions = Definitions(source)
         self._types: dict[str, Any] = self.definitions.store.types
         self._standard: dict[str, Callable[[Message], tuple[str, Any]]] = {
@@ -75,7 +79,7 @@ class Converter:
         # A hand's exchanges are stamped by the machine's monotonic clock.
         if message.schema == "tega.HandExchange" or not hasattr(message.value, "t_ns"):
             return message.log_ns
-        return self._epoch_ns + int(message.value.t_ns)
+        return self.epoch_ns + int(message.value.t_ns)
 
     def _beside(self, message: Message, header: Any) -> list[Converted]:
         """Return the standard messages of the numbers that plots and other programs use."""
@@ -96,7 +100,7 @@ class Converter:
             case "tega.EmgSamples" if value.n_channels > 0:
                 kind = "std_msgs/msg/Float64MultiArray"
                 return [Converted(f"{topic}/array", kind, self._samples(kind, value))]
-            case "tega.RunState":
+            case "tega.State":
                 kind = "std_msgs/msg/String"
                 return [Converted(f"{topic}/text", kind, self._new(kind, data=value.state))]
             case _:

@@ -1,4 +1,4 @@
-"""Derive ROS 2 message definitions of package ``tega_msgs`` from the protobuf messages of a recording."""
+"""Derive ROS 2 message definitions of package ``tega_msgs`` from the protobuf messages of records."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def load_rosbags(module: str) -> Any | ModuleType:
     Raises:
         MissingExtraError: It is not installed.
     """
-    return require(f"rosbags.{module}", driver="export --format ros2", extra="ros2")
+    return require(f"rosbags.{module}", driver="ros2", extra="ros2")
 
 
 class Definitions:

@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from tega_study.analyse import Analysis
+from tega_study.cells import Cell
 from tega_study.coupling import TouchCourse, on_grid
 from tega_study.directions import Direction
 
@@ -24,10 +25,15 @@ PAPER_LABELS = {
 
 def table_1(analysis: Analysis) -> list[list[str]]:
     """Return Table I as the paper prints it: a row a condition and metric, a column an object; time in seconds."""
-    rows = [["Condition", "Metric", *analysis.objects]]
-    of = {(cell.object, cell.condition): cell for cell in analysis.cells}
-    for condition in analysis.conditions:
-        cells = [of[name, condition] for name in analysis.objects]
+    return table_of(analysis.cells, analysis.objects, analysis.conditions)
+
+
+def table_of(cells: Sequence[Cell], objects: Sequence[str], conditions: Sequence[str]) -> list[list[str]]:
+    """Return Table I of cells, as :func:`table_1` does."""
+    rows = [["Condition", "Metric", *objects]]
+    of = {(cell.object, cell.condition): cell for cell in cells}
+    for condition in conditions:
+        cells = [of[name, condition] for name in objects]
         for metric, label in PAPER_LABELS.items():
             if metric == "success":
                 values = [f"{cell.successes}/{len(cell.trials)}" for cell in cells]
@@ -46,7 +52,7 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
     """
     from tega_study.figures import figure_8_trials
 
-    files = {} if analysis.blind else {"table1.csv": _csv(table_1(analysis))}
+    files = {} if analysis.blind else {"table1.csv": csv_text(table_1(analysis))}
     for name, rows in (
         ("trials", analysis.trials),
         ("cells", analysis.cells),
@@ -71,10 +77,10 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
             samples = zip(*on_grid(courses[trial]), strict=True)
             lines += [[trial, *(f"{value:.6g}" for value in sample)] for sample in samples]
     if len(lines) > 1:
-        files["fig8.csv"] = _csv(lines)
+        files["fig8.csv"] = csv_text(lines)
     if analysis.sensitivity:
-        files["sensitivity.csv"] = _csv(_sensitivity(analysis))
-    files["provenance.csv"] = _csv(_provenance(analysis, files))
+        files["sensitivity.csv"] = csv_text(_sensitivity(analysis))
+    files["provenance.csv"] = csv_text(_provenance(analysis, files))
     return files
 
 
@@ -127,7 +133,7 @@ def write_csv(analysis: Analysis, courses: Mapping[str, TouchCourse], folder: Pa
 
 def _records(rows: Sequence[msgspec.Struct]) -> str:
     names = rows[0].__struct_fields__
-    return _csv([list(names), *([_cell(getattr(row, name)) for name in names] for row in rows)])
+    return csv_text([list(names), *([_cell(getattr(row, name)) for name in names] for row in rows)])
 
 
 def _cell(value: object) -> str:
@@ -141,7 +147,8 @@ def _cell(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def _csv(rows: Sequence[Sequence[str]]) -> str:
+def csv_text(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows as CSV."""
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows(rows)
     return out.getvalue()

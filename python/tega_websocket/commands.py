@@ -32,6 +32,8 @@ class Commands:
         hand: Whether clients may lead the hand.
         arm: Axes of the arm's mapping; ``None`` where clients may not lead the arm.
         clock: Returns the monotonic time, nanoseconds.
+        name: Table of the settings, for messages.
+        peer: Word for a client.
 
     Attributes:
         n: Commands that were obeyed.
@@ -45,15 +47,18 @@ class Commands:
         hand: bool,
         arm: str | None,
         clock: Callable[[], int] = time.monotonic_ns,
+        name: str = "websocket",
+        peer: str = "WebSocket client",
     ) -> None:
+        self._name, self._peer = name, peer.rpartition(" ")[2]
         self._ttl_ns, self._hand, self._clock = round(ttl_ms * 1e6), hand, clock
         self._lock = threading.Lock()
         self._start_ns: int | None = None
         self._stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
         self._levels: LiveStream[Intent] = LiveStream(clock=clock)
-        label = "a WebSocket client"
-        self._source = FarMuscles("websocket", label, "levels are asked for by a WebSocket client")
-        self.tracker = None if arm is None else FarTracker(arm, "websocket", label)
+        label = f"a {peer}"
+        self._source = FarMuscles(name, label, f"levels are asked for by {label}")
+        self.tracker = None if arm is None else FarTracker(arm, name, label)
         self._leader: int | None = None
         self._last_ns = {"hand": 0, "arm": 0}
         self._newest_ns = {"hand": -1, "arm": -1}
@@ -99,15 +104,13 @@ class Commands:
         with self._lock:
             leader, last_ns = self._leader, self._last_ns["hand"]
         if leader is None:
-            return "websocket: no client leads"
+            return f"{self._name}: no {self._peer} leads"
         age_ns = self._clock() - last_ns
         if not last_ns:
-            return f"websocket: client {leader} has asked for no level yet"
-        return (
-            ""
-            if age_ns <= self._ttl_ns
-            else f"websocket: no level from client {leader} for {age_ns / 1e9:.1f} s"
-        )
+            return f"{self._name}: {self._peer} {leader} has asked for no level yet"
+        if age_ns <= self._ttl_ns:
+            return ""
+        return f"{self._name}: no level from {self._peer} {leader} for {age_ns / 1e9:.1f} s"
 
     def _switch(self, name: str) -> tuple[int, bool, bool]:
         """Return when a switch was received, whether that is fresh, and whether it counts as held."""
@@ -151,19 +154,19 @@ class Commands:
     def _accept(self, client: int, stream: str, command: Hand | Arm) -> int:
         """Return the age of a command, nanoseconds; refuse it if it is not to be obeyed."""
         if not (self._hand if stream == "hand" else self.tracker is not None):
-            raise MessageError(f"not allowed: websocket.{stream} is false")
+            raise MessageError(f"not allowed: {self._name}.{stream} is false")
         if self._start_ns is None:
             raise MessageError("not running: the run has not started, or has ended")
         if self._leader is None:
             self._leader = client
         if self._leader != client:
-            raise MessageError(f"not leading: client {self._leader} leads")
+            raise MessageError(f"not leading: {self._peer} {self._leader} leads")
         age_ns = self._clock() - self._start_ns - command.t_ns
         if age_ns < 0:
             raise MessageError("ahead: t_ns is later than the session's time")
         if age_ns > self._ttl_ns:
             raise MessageError(
-                f"old: {age_ns / 1e6:.0f} ms since t_ns, {self._ttl_ns / 1e6:g} ms are obeyed (websocket.ttl_ms)"
+                f"old: {age_ns / 1e6:.0f} ms since t_ns, {self._ttl_ns / 1e6:g} ms are obeyed ({self._name}.ttl_ms)"
             )
         if command.t_ns < self._newest_ns[stream]:
             raise MessageError("out of order: t_ns is earlier than that of the command before")

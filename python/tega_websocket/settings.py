@@ -12,6 +12,7 @@ import msgspec
 from tega.errors import ConfigError
 
 if TYPE_CHECKING:
+    from tega.config import SessionConfig
     from tega.config.guests import TableContext
 
 SHORTEST_TOKEN: Final = 16
@@ -70,28 +71,40 @@ def check_table(table: WebSocketTable, context: TableContext) -> WebSocketTable:
             f"websocket.host = {table.host!r} is reached from other machines, and websocket.token_file is not set",
             "set websocket.token_file, or use 127.0.0.1",
         )
-    claims = (
-        ("hand", table.hand and config.emg is not None, "[emg]"),
-        ("arm", table.arm and config.arm is not None and config.arm.tracker is not None, "arm.tracker"),
-    )
-    for name, twice, other in claims:
-        if twice:
-            raise ConfigError(
-                f"websocket.{name} = true and {other} both lead the {name}",
-                f"take out {other}, or set websocket.{name} = false",
-            )
-    if table.arm and config.arm is None:
-        raise ConfigError(
-            "websocket.arm = true, but there is no [arm]", "set [arm], or websocket.arm = false"
-        )
-    if (table.hand or table.arm) and config.session.pace == "fast":
-        raise ConfigError(
-            "websocket.hand and websocket.arm need real time, and session.pace = 'fast'",
-            "set session.pace = 'real'",
-        )
+    check_claims("websocket", config, hand=table.hand, arm=table.arm)
     if table.token_file is None:
         return table
     return msgspec.structs.replace(table, token_file=context.base / table.token_file)
+
+
+def check_claims(name: str, config: SessionConfig, *, hand: bool, arm: bool) -> None:
+    """Check the claims of a table to lead hand or arm against the other settings.
+
+    Args:
+        name: The table.
+        config: The other settings.
+        hand: Whether the table's clients may lead the hand.
+        arm: Whether they may lead the arm.
+
+    Raises:
+        ConfigError: Two inputs claim hand or arm, there is no arm, or the session is not in real time.
+    """
+    claims = (
+        ("hand", hand and config.emg is not None, "[emg]"),
+        ("arm", arm and config.arm is not None and config.arm.tracker is not None, "arm.tracker"),
+    )
+    for what, twice, other in claims:
+        if twice:
+            raise ConfigError(
+                f"{name}.{what} and {other} both lead the {what}", f"take out {other} or {name}.{what}"
+            )
+    if arm and config.arm is None:
+        raise ConfigError(f"{name}.arm is set, but there is no [arm]", f"set [arm], or take out {name}.arm")
+    if (hand or arm) and config.session.pace == "fast":
+        raise ConfigError(
+            f"{name}.hand and {name}.arm need real time, and session.pace = 'fast'",
+            "set session.pace = 'real'",
+        )
 
 
 def read_token(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -64,7 +65,11 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     assert "grip" in tega(installed, tmp_path, "--help")
     shown = tega(installed, tmp_path, "config", "show", "lab.toml")
     assert ["grip.firm_from", "2", "lab.toml:10"] in [line.split() for line in shown.splitlines()]
-    summary = json.loads(tega(installed, tmp_path, "run", "lab.toml", "--json"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 9100))
+        printed = tega(installed, tmp_path, "run", "lab.toml", "--stream", "grips", "--json")
+        assert listener.recv(64).decode().strip() in {"0", "1", "2"}
+    summary, _ = json.JSONDecoder().raw_decode(printed)
     file = Path("recorded") / summary["recording"]["file"]
     firm = summary["grip"]["firm"]
     assert firm > 0

@@ -9,8 +9,12 @@ from typing import Any
 import cv2
 import numpy as np
 from mcap_ros2.writer import Writer
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from tega.records import Record
+
+_MOST_NS = 300_000_000_000_000_000
 BEGIN_NS = 1_700_000_000_000_000_000
 _BETWEEN = "=" * 80 + "\n"
 _TIME = _BETWEEN + "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
@@ -81,3 +85,15 @@ def write_bag(path: Path, messages: Sequence[tuple[str, str, int, dict[str, Any]
             writer.write_message(topic, schemas[kind], message, log_time=t_ns, publish_time=t_ns)
         writer.finish()
     return path
+
+
+def in_time(record: Record) -> Record:
+    """Return a record whose time of day has 31 bits of seconds, as ROS 2 states it."""
+    times: dict[str, Any] = {}
+    for name in record.__struct_fields__:
+        value = getattr(record, name)
+        if name.endswith("_ns") and isinstance(value, int):
+            times[name] = value % _MOST_NS
+        elif name.endswith("_ns") and isinstance(value, tuple):
+            times[name] = tuple(one % _MOST_NS for one in value)
+    return replace(record, **times)

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from msgspec.structs import replace
 
 pytest.importorskip("rosbags", reason="needs the extra ros2")
 pytest.importorskip("mcap_ros2", reason="needs the extra ros2")
@@ -27,6 +26,7 @@ from ruamel.yaml import YAML
 
 from reference.command import call
 from reference.record_strategies import records_of
+from reference.ros2 import in_time
 from reference.sessions import rewritten
 from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
 from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
@@ -40,21 +40,8 @@ from together.property.test_records import recorded
 
 _each = st.tuples(*map(records_of, RECORDS))
 _S = 10**9
-_MOST_NS = 300_000_000 * _S
 # Beside a record's own topic.
 EXTRA = ("/wrench", "/emg/closure", "/emg/samples/array", "/run/state/text")
-
-
-def in_time(record: Record) -> Record:
-    """Return a record whose time of day has 31 bits of seconds, as ROS 2 states it."""
-    times: dict[str, Any] = {}
-    for name in record.__struct_fields__:
-        value = getattr(record, name)
-        if name.endswith("_ns") and isinstance(value, int):
-            times[name] = value % _MOST_NS
-        elif name.endswith("_ns") and isinstance(value, tuple):
-            times[name] = tuple(one % _MOST_NS for one in value)
-    return replace(record, **times)
 
 
 def by_rosbags(bag: Path) -> list[tuple[str, int, str, Any]]:

@@ -20,7 +20,7 @@ from tega.loop.parts import Part, PartContext, open_parts
 from tega.loop.prepare import Progress, prepare, to_be_read
 from tega.loop.sinks import Sinks, open_inputs, open_sinks
 from tega.loop.watch import watch_over
-from tega.records import BesideContact, BesideIntent, Record
+from tega.records import BesideContact, BesideIntent, Picture
 from tega.records.bus import Bus
 from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
@@ -105,7 +105,7 @@ def open_rig(
         )
     for part in joined:
         prepared = part.prepared(prepared)
-    if bus.wants(Record) or bus.wants(MeasuredPicture):
+    if bus.wants(Picture) or bus.wants(MeasuredPicture):
         prepared = to_be_read(prepared)
     if bus.wants(BesideIntent) or bus.wants(BesideContact):
         open_beside(stack, config, prepared, bus)

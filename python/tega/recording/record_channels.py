@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -29,6 +30,8 @@ class RecordChannels:
     Args:
         lossless: Pictures as they are; else as JPEG.
         jpeg_quality: 1 to 100.
+        open_channel: Makes the channel of a topic, given the SDK's class of channels and its arguments; by default a
+            channel of the context. It has ``has_sinks()`` and ``log(message, log_time=)``.
 
     Attributes:
         epoch_ns: Time of day at the start of the session, ns; viewers show this plus the session's time.
@@ -38,7 +41,9 @@ class RecordChannels:
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
 
-    def __init__(self, *, lossless: bool, jpeg_quality: int = 95) -> None:
+    def __init__(
+        self, *, lossless: bool, jpeg_quality: int = 95, open_channel: Callable[..., Any] | None = None
+    ) -> None:
         self._foxglove = require("foxglove", driver="recording", extra="record")
         self._channels_of = require("foxglove.channels", driver="recording", extra="record")
         self._messages = require("foxglove.messages", driver="recording", extra="record")
@@ -52,6 +57,7 @@ class RecordChannels:
         self._channels: dict[str, Any] = {}
         self.epoch_ns = 0
         self.context: Any = self._foxglove.Context()
+        self._open: Callable[..., Any] = open_channel or self._open_own
 
     def write(self, record: Record, t_ns: int) -> None:
         """Encode and log a record, unless its channel has no subscriber; a new channel is created for later ones.
@@ -89,8 +95,11 @@ class RecordChannels:
     def _channel(self, topic: str, make: Any, **how: Any) -> Any:
         channel = self._channels.get(topic)
         if channel is None:
-            channel = self._channels[topic] = make(topic, context=self.context, **how)
+            channel = self._channels[topic] = self._open(topic, make, **how)
         return channel
+
+    def _open_own(self, topic: str, make: Any, **how: Any) -> Any:
+        return make(topic, context=self.context, **how)
 
     def _message(self, topic: str, record: Record, log_ns: int) -> None:
         schema = None

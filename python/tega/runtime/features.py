@@ -53,6 +53,8 @@ class Feature:
             :class:`~tega.records.display.DisplayRow` and :class:`~tega.records.display.DisplayPicture`.
         played: Player of its recorded topics for ``play``, a class as :class:`tega.recording.replay.players.Player`.
         formats: Formats of ``recording export`` by name, each called as ``export(recordings, out, **options)``.
+        streams: Programs for ``run --stream`` by name, each called with the run's bus; returns a context manager that
+            has an attribute ``url`` once it is entered.
         extra: Extra of the package that brings the libraries it needs.
     """
 
@@ -66,6 +68,7 @@ class Feature:
     panels: str = ""
     played: str = ""
     formats: Mapping[str, str] = field(default_factory=dict)
+    streams: Mapping[str, str] = field(default_factory=dict)
     extra: str = ""
 
 

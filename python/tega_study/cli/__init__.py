@@ -18,6 +18,7 @@ from tega_study.cli.run import run
 from tega_study.cli.score import score
 from tega_study.cli.sensitivity import sensitivity
 from tega_study.cli.simulate import simulate
+from tega_study.cli.sites import sites
 from tega_study.cli.tell import tell
 
 __all__ = ["study"]
@@ -44,6 +45,7 @@ for _verb in (
     export,
     bundle,
     open_,
+    sites,
     power,
     simulate,
     sensitivity,

@@ -16,4 +16,4 @@ def check_grip(config: SessionConfig) -> list[Finding]:
             f"grip.firm_from is {table.firm_from}, but {fingers} fingers have a sensor: no grip is ever firm"
         )
         return [Finding(check="grip", status="error", finding=said, todo=(f"set it to {fingers} at most",))]
-    return [Finding(check="grip", status="fine", finding=f"a grip is firm from {table.firm_from} fingers on")]
+    return [Finding(check="grip", status="ok", finding=f"a grip is firm from {table.firm_from} fingers on")]

@@ -13,4 +13,5 @@ FEATURE = Feature(
     panels="own_feature.panel:show_grip",
     verbs={"grip": Verb("own_feature.verb:grip", "Count the firm grips of a recording.", "Examine")},
     formats={"grips": "own_feature.grips_format:FORMAT"},
+    streams={"grips": "own_feature.stream:GripLines"},
 )

@@ -108,7 +108,7 @@ class Measured:
             self.changed.append(f"metric: {then} -> {now}, so contacts are those recorded")
         emg = self.calibration.emg
         outside = chosen_stage("decoder", self.config.stages, self.config.session.preset).kind.outside
-        self.decodes = "emg" in head.sources and not outside and head.sources["emg"].driver != "net"
+        self.decodes = "emg" in head.sources and not outside and head.sources["emg"].unit != "level"
         if "emg" in head.sources and emg is not None and not outside:
             used = msgspec.structs.replace(emg, kind=kind)
             with with_attached(self.config.stages, kept) as stages:

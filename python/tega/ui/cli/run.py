@@ -11,6 +11,7 @@ import click
 
 from tega.ui.cli.options import json_option
 from tega.ui.cli.page import view_options
+from tega.ui.cli.streams import stream_names
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -27,9 +28,9 @@ def run_options(function: _Function) -> _Function:
         click.option(
             "--stream",
             "streams",
-            type=click.Choice(["foxglove", "rerun"]),
+            type=click.Choice(stream_names()),
             multiple=True,
-            help="Show the run live in that program, too, on this machine; repeatable.",
+            help="Stream the run live to that program, on this machine; repeatable.",
         ),
         click.option(
             "--wait-for-go",

@@ -1,4 +1,4 @@
-"""Stream a run live to other programs that show it: ``--stream foxglove``, ``--stream rerun``."""
+"""Stream a run live to other programs: ``--stream NAME``, each stream from a feature."""
 
 from __future__ import annotations
 
@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tega.runtime.features import features, load_target
+
 if TYPE_CHECKING:
     from tega.records.bus import Bus
+
+
+def stream_names() -> list[str]:
+    """Return the names of all streams."""
+    return sorted(name for feature in features().values() for name in feature.streams)
 
 
 @contextmanager
@@ -18,21 +25,20 @@ def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
 
     Args:
         bus: The run's.
-        names: ``foxglove`` and ``rerun``, or none.
+        names: Names of streams, or none.
 
     Raises:
         MissingExtraError: A package is not installed.
-        DeviceUnavailableError: A port is taken.
+        DeviceUnavailableError: A port is taken, or a program cannot be reached.
     """
+    found = {
+        name: (target, feature.extra)
+        for feature in features().values()
+        for name, target in feature.streams.items()
+    }
     with ExitStack() as stack:
-        if "foxglove" in names:
-            from tega.ui.view.foxglove_stream import FoxgloveStream
-
-            foxglove = stack.enter_context(FoxgloveStream(bus))
-            click.echo(f"foxglove: {foxglove.url}", err=True)
-        if "rerun" in names:
-            from tega.ui.view.rerun_stream import RerunStream
-
-            rerun = stack.enter_context(RerunStream(bus))
-            click.echo(f"rerun: {rerun.url}", err=True)
+        for name in dict.fromkeys(names):
+            target, extra = found[name]
+            stream = stack.enter_context(load_target(target, extra=extra)(bus))
+            click.echo(f"{name}: {stream.url}", err=True)
         yield

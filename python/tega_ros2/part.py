@@ -1,0 +1,186 @@
+"""Join a run: a ROS 2 program closes the hand, or leads the arm, where the settings allow it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from tega.errors import ConfigError
+from tega.loop.hand_look import hand_closure as closure_scale
+from tega.loop.parts import Part, PartContext, RunStart
+from tega.records.display import Notice
+from tega.runtime.threads import run_realtime
+from tega_ros2.dds import DdsNode, Received, loopback_only
+from tega_ros2.definitions import Definitions
+from tega_ros2.settings import Ros2Table
+from tega_ros2.targets import MOST_BYTES, age_ns, arm_pose, hand_closure
+from tega_websocket.commands import Commands
+from tega_websocket.messages import Arm, Hand, MessageError
+
+if TYPE_CHECKING:
+    from tega.devices.base import Tracker
+    from tega.loop.inbox.prepared import Prepared
+
+_WAIT_S: Final = 0.05
+_JOIN_S: Final = 5.0
+_ALERT_NS: Final = 2_000_000_000
+_KINDS: Final = {"hand": "sensor_msgs/msg/JointState", "arm": "geometry_msgs/msg/PoseStamped"}
+
+
+class Ros2Part(Part):
+    """Takes commands by DDS, in a thread of its own, and hands them to the loop.
+
+    The program that commands first leads until it leaves. Its dead-man and clutch are the settings' own inputs.
+
+    Args:
+        context: Context of the run.
+        table: Its settings.
+
+    Raises:
+        ConfigError: Another table lets clients lead the same.
+    """
+
+    def __init__(self, context: PartContext, table: Ros2Table) -> None:
+        config, self._bus, self._topics = context.config, context.bus, {"hand": table.hand, "arm": table.arm}
+        other = config.guests.get("websocket")
+        for name, topic in self._topics.items():
+            if topic and other is not None and getattr(other, name):
+                raise ConfigError(
+                    f"ros2.{name} and websocket.{name} both lead the {name}", "take out one of them"
+                )
+        self.endless = self.brings_input = bool(table.hand)
+        frame = config.arm.mapping.frame if table.arm and config.arm is not None else None
+        self._commands = Commands(
+            ttl_ms=table.ttl_ms, hand=bool(table.hand), arm=frame, name="ros2", peer="ROS 2 publisher"
+        )
+        self._scale = closure_scale(config) if table.hand else None
+        self._definitions = Definitions("ros2")
+        self._start_ns: int | None = None
+        self._numbers: dict[str, int] = {}
+        self._refused: Counter[str] = Counter()
+        self._newest, self._broken = ("", 0), ""
+        self._leaving = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def open(self) -> None:
+        """Subscribe, and print the topics.
+
+        Raises:
+            DeviceUnavailableError: The domain cannot be joined.
+            MissingExtraError: A package of the extra ``ros2`` is not installed.
+        """
+        node = DdsNode(self._definitions)
+        readers = {name: node.reader(topic, _KINDS[name]) for name, topic in self._topics.items() if topic}
+        where = f"domain {node.domain_id}" + (", this machine" if loopback_only() else "")
+        topics = " and ".join(topic for topic in self._topics.values() if topic)
+        self._bus.publish(Notice(text=f"ros2: {where}: waiting for {topics}"))
+        work = run_realtime("beside")(lambda: self._work(node, readers))
+        self._thread = threading.Thread(target=work, name="tega-ros2-commands", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._leaving.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(_JOIN_S)
+
+    # The run's side.
+
+    @property
+    def tracker(self) -> Tracker | None:
+        """Forearm that a publisher leads the arm with; ``None`` where none may."""
+        tracker: Any = self._commands.tracker
+        return tracker  # type: ignore[no-any-return]
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Return the inputs, with a publisher's levels where it may lead the hand."""
+        return prepared._replace(muscles=self._commands.muscles()) if self._topics["hand"] else prepared
+
+    def needs(self) -> Mapping[str, Callable[[], str]]:
+        """Return the need of a publisher that leads the hand."""
+        return {"ros2": self._commands.missing} if self._topics["hand"] else {}
+
+    def alerts(self) -> Mapping[str, Callable[[], str]]:
+        """Return the alert of a message that was refused just now, or of commands that cannot be received."""
+        return {"ros2 commands": self._problem}
+
+    def begin(self, run: RunStart) -> None:
+        """Obey from now on."""
+        traced = run.trace is not None and bool(self._topics["hand"])
+        stamp = run.trace.source("emg") if run.trace is not None and traced else None
+        self._commands.begin(run.start_ns, stamp)
+        self._start_ns = run.start_ns
+
+    def end(self) -> None:
+        """Obey nothing any more."""
+        self._start_ns = None
+        self._commands.end()
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts of publishers and commands."""
+        counts = {"publishers": len(self._numbers), "commands": self._commands.n}
+        return {"ros2": counts | {"refused": dict(self._refused)}}
+
+    def _problem(self) -> str:
+        if self._broken:
+            return f"ros2: no command can be received any more: {self._broken}"
+        text, at_ns = self._newest
+        return f"ros2: {text}" if text and time.monotonic_ns() - at_ns < _ALERT_NS else ""
+
+    # The thread's side.
+
+    def _work(self, node: DdsNode, readers: Mapping[str, Any]) -> None:
+        try:
+            while not self._leaving.is_set():
+                node.wait(_WAIT_S)
+                for name, reader in readers.items():
+                    for received in node.take(reader):
+                        self._obey(name, received)
+                there = set[str]().union(*map(node.senders, readers.values()))
+                for sender in self._numbers.keys() - there:
+                    self._commands.release(self._numbers[sender])
+        except Exception as error:  # the run holds, and the operator is told why
+            self._broken = f"{type(error).__name__}: {error}"
+        finally:
+            node.close()
+
+    def _obey(self, name: str, received: Received) -> None:
+        start_ns = self._start_ns
+        if start_ns is None:
+            return
+        number = self._numbers.setdefault(received.sender, len(self._numbers) + 1)
+        try:
+            message = self._decoded(name, received.cdr)
+            age = age_ns(message, sent_ns=received.sent_ns, now_ns=time.time_ns())
+            t_ns = time.monotonic_ns() - start_ns - age
+            if self._scale is not None and name == "hand":
+                self._commands.obey(number, Hand(t_ns=t_ns, closure=hand_closure(message, self._scale)))
+            else:
+                position, quaternion = arm_pose(message)
+                self._commands.obey(number, Arm(t_ns=t_ns, position_m=position, quaternion_xyzw=quaternion))
+        except MessageError as error:
+            self._refused[str(error).partition(":")[0]] += 1
+            self._newest = f"{self._topics[name]} refused: {error}", time.monotonic_ns()
+
+    def _decoded(self, name: str, cdr: bytes) -> Any:
+        if len(cdr) > MOST_BYTES:
+            raise MessageError(f"too long: {len(cdr)} bytes, {MOST_BYTES} are read")
+        try:
+            return self._definitions.store.deserialize_cdr(cdr, _KINDS[name])
+        except Exception as error:  # whatever damage makes the library raise
+            raise MessageError(f"damaged: {type(error).__name__}") from error
+
+
+def open_part(context: PartContext) -> Ros2Part | None:
+    """Subscribe to commands; ``None`` where the settings name no topic for them."""
+    table = context.config.guests.get("ros2")
+    if table is None or not (table.hand or table.arm):
+        return None
+    part = Ros2Part(context, table)
+    context.stack.callback(part.close)
+    part.open()
+    return part

@@ -1,0 +1,148 @@
+"""Stream a run live to ROS 2 by DDS: the topics and messages of a bag, while they happen."""
+
+from __future__ import annotations
+
+import logging
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from tega.recording.mcap_reader import Message
+from tega.recording.mcap_schemas import decoder, message_class, unit_table
+from tega.recording.record_channels import RecordChannels
+from tega.records import HandExchange, Record
+from tega.records.bus import Backlog
+from tega.records.schema import own_schema, schema_name
+from tega.records.types import record_types
+from tega.runtime.threads import run_realtime
+from tega_ros2.convert import Converted, Converter
+from tega_ros2.dds import DdsNode, loopback_only
+
+if TYPE_CHECKING:
+    from tega.records.bus import Bus
+
+_LOG: Final = logging.getLogger(__name__)
+_JPEG_QUALITY: Final = 80
+# Records that may wait; the run never does.
+_MOST: Final = 2048
+# A topic without a subscriber is still published so often: its first message is what makes it known.
+_UNHEARD_NS: Final = 1_000_000_000
+_SENSOR_KINDS: Final = frozenset({"sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"})
+
+
+class Ros2Stream:
+    """Publishes a run's records as ROS 2 does; use as a context manager.
+
+    Pictures have the QoS of sensor data (best effort), everything else ROS 2's default (reliable, volatile, depth 10).
+    A record waits in a queue for a thread of its own; the oldest is dropped when the queue is full, and a message is
+    dropped that a subscriber does not acknowledge in time.
+
+    Args:
+        bus: The run's.
+
+    Attributes:
+        url: The domain; empty while closed.
+        n_dropped: Messages that were dropped for slow subscribers; records that were dropped before, when closed.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._node: DdsNode | None = None
+        self._converter: Converter | None = None
+        self._channels: RecordChannels | None = None
+        self._writers: dict[str, Any] = {}
+        self._backlog = Backlog("ros2", most=_MOST, newest=True, rank=run_realtime("beside"))
+        self.url, self.n_dropped = "", 0
+
+    def __enter__(self) -> Self:
+        """Join the domain and subscribe to the run.
+
+        Raises:
+            ConfigError: ``ROS_DOMAIN_ID`` is no number of a domain.
+            DeviceUnavailableError: The domain cannot be joined.
+            MissingExtraError: A package of the extra ``ros2`` is not installed.
+        """
+        converter = Converter("ros2", 0)
+        definitions = converter.definitions
+        definitions.set_units(unit_table())
+        node = DdsNode(definitions)
+        self._channels = RecordChannels(lossless=False, jpeg_quality=_JPEG_QUALITY, open_channel=self._open)
+        kinds = [kind for kind in record_types() if kind.topic and kind is not HandExchange]
+        for kind in filter(own_schema, kinds):  # now, so that no type is built while the loop runs
+            node.prepare(definitions.own(message_class(schema_name(kind)).DESCRIPTOR))
+        self._node, self._converter = node, converter
+        self.url = f"domain {node.domain_id}" + (", this machine" if loopback_only() else "")
+        for kind in kinds:
+            self._bus.subscribe(kind, self._take, name="ros2", backlog=self._backlog)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the domain."""
+        self._backlog.close()
+        self.url = ""
+        self._writers.clear()
+        self._channels = None
+        node, self._node = self._node, None
+        if node is not None:
+            node.close()
+        self.n_dropped += self._backlog.n_dropped
+        if self.n_dropped:
+            _LOG.warning("ros2: %d messages dropped: a subscriber did not keep up", self.n_dropped)
+
+    def _take(self, record: Record) -> None:
+        channels, converter = self._channels, self._converter
+        if self._node is None or channels is None or converter is None:
+            return
+        if converter.epoch_ns == 0:
+            converter.epoch_ns = channels.epoch_ns = time.time_ns() - record.log_ns
+        channels.write(record, record.log_ns)
+
+    def _open(self, topic: str, _make: Any, *, schema: Any = None, **_how: Any) -> _Channel:
+        """Return the channel of a topic, whatever the SDK would have made."""
+        return _Channel(self, topic, schema)
+
+    def publish(self, message: Message) -> list[Any]:
+        """Convert and write a message; return the writers of everything that was made of it."""
+        assert self._converter is not None
+        return [self._write(made) for made in self._converter.convert(message)]
+
+    def _write(self, made: Converted) -> Any:
+        node, converter = self._node, self._converter
+        assert node is not None
+        assert converter is not None
+        writer = self._writers.get(made.topic)
+        if writer is None:
+            sensor = made.kind in _SENSOR_KINDS
+            writer = self._writers[made.topic] = node.writer(made.topic, made.kind, sensor=sensor)
+        cdr = converter.definitions.store.serialize_cdr(made.value, made.kind)
+        self.n_dropped += not node.write(writer, bytes(cdr))
+        return writer
+
+
+class _Channel:
+    """Channel of one topic, in place of one of the SDK's."""
+
+    def __init__(self, stream: Ros2Stream, topic: str, schema: Any) -> None:
+        self._stream, self._topic, self._schema = stream, topic, schema
+        self._writers: dict[int, Any] = {}
+        self._sent_ns = 0
+
+    def has_sinks(self) -> bool:
+        """Return whether anybody subscribes, or the next message is due that makes the topic known."""
+        if time.monotonic_ns() - self._sent_ns >= _UNHEARD_NS:
+            return True
+        return any(writer.get_matched_subscriptions() for writer in self._writers.values())
+
+    def log(self, message: Any, *, log_time: int) -> None:
+        """Publish a message: bytes of TEGA's own, or a message of the SDK."""
+        if not self.has_sinks():
+            return
+        self._sent_ns = time.monotonic_ns()
+        if self._schema is None:
+            self._schema = type(message).get_schema()
+        data = message if isinstance(message, bytes) else message.encode()
+        value = decoder(self._schema.name, self._schema.data).FromString(data)
+        made = Message(self._topic, self._schema.name, log_time, len(data), value)
+        self._writers |= {id(writer): writer for writer in self._stream.publish(made)}

@@ -1,0 +1,227 @@
+# mypy: ignore-errors
+# Types of Cyclone DDS are checked by a plug-in of its own alone.
+"""The peer of :mod:`peer_rclpy` by Cyclone DDS, with types written by hand from ROS 2's own ``.msg`` files.
+
+Contacts are received with the type that TEGA announces, which Cyclone DDS asks for on the wire.
+"""
+
+# Cyclone DDS reads the annotations of its types, so they are not postponed here.
+import json
+import queue
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+from cyclonedds.core import DDSException, Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.dynamic import get_types_for_typeid
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import float64, int32, sequence, uint8, uint32
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class String(IdlStruct, typename="std_msgs.msg.dds_.String_"):
+    data: str
+
+
+@dataclass
+class JointState(IdlStruct, typename="sensor_msgs.msg.dds_.JointState_"):
+    header: Header
+    name: sequence[str]
+    position: sequence[float64]
+    velocity: sequence[float64]
+    effort: sequence[float64]
+
+
+@dataclass
+class CompressedImage(IdlStruct, typename="sensor_msgs.msg.dds_.CompressedImage_"):
+    header: Header
+    format: str
+    data: sequence[uint8]
+
+
+@dataclass
+class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Wrench(IdlStruct, typename="geometry_msgs.msg.dds_.Wrench_"):
+    force: Vector3
+    torque: Vector3
+
+
+@dataclass
+class WrenchStamped(IdlStruct, typename="geometry_msgs.msg.dds_.WrenchStamped_"):
+    header: Header
+    wrench: Wrench
+
+
+@dataclass
+class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
+    position: Point
+    orientation: Quaternion
+
+
+@dataclass
+class PoseStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PoseStamped_"):
+    header: Header
+    pose: Pose
+
+
+RELIABLE = Qos(Policy.Reliability.Reliable(max_blocking_time=10**8), Policy.History.KeepLast(10))
+BEST_EFFORT = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(5))
+HEARD = {
+    "/hand/joints": (JointState, RELIABLE),
+    "/tactile/thumb/image": (CompressedImage, BEST_EFFORT),
+    "/tactile/thumb/wrench": (WrenchStamped, RELIABLE),
+    "/run/state/text": (String, RELIABLE),
+}
+CONTACT = "/tactile/thumb/contact"
+
+
+def say(**fields: Any) -> None:
+    sys.stdout.write(json.dumps(fields) + "\n")
+    sys.stdout.flush()
+
+
+def listen(asked: queue.Queue[dict[str, Any]]) -> None:
+    for line in sys.stdin:
+        asked.put(json.loads(line))
+
+
+def fields_of(topic: str, message: Any) -> dict[str, Any]:
+    match message:
+        case JointState():
+            return {"name": list(message.name), "position": list(message.position)}
+        case CompressedImage():
+            return {
+                "format": message.format,
+                "data": bytes(message.data[:2]).hex(),
+                "size": len(message.data),
+            }
+        case WrenchStamped():
+            return {"force_z": message.wrench.force.z, "frame_id": message.header.frame_id}
+        case String():
+            return {"data": message.data}
+        case _:
+            assert topic == CONTACT
+            return {"frame_id": message.header.frame_id, "cci": message.cci, "t_ns": message.t_ns}
+
+
+class Peer:
+    """The participant, its readers and writers."""
+
+    def __init__(self) -> None:
+        from tega_ros2.dds import DdsNode  # for the domain on the loopback interface alone
+        from tega_ros2.definitions import Definitions
+
+        self._node = DdsNode(Definitions("peer"))
+        self.participant: DomainParticipant = self._node._participant
+        self.readers = {
+            topic: DataReader(self.participant, Topic(self.participant, f"rt{topic}", kind), qos=qos)
+            for topic, (kind, qos) in HEARD.items()
+        }
+        self._publications = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
+        self.hand = self._writer("rt/hand/target", JointState)
+        self.arm = self._writer("rt/forearm", PoseStamped)
+        self.seen: dict[str, Any] = {}
+
+    def _writer(self, name: str, kind: Any) -> Any:
+        return DataWriter(self.participant, Topic(self.participant, name, kind), qos=RELIABLE)
+
+    def look(self) -> None:
+        """Note the publishers, and subscribe to contacts once somebody announces their type."""
+        for one in self._publications.read(200):
+            if getattr(one, "topic_name", None) is None or one.participant_key == self.participant.guid:
+                continue
+            topic = one.topic_name.removeprefix("rt")
+            user = one.qos[Policy.Userdata] if Policy.Userdata in one.qos else None  # noqa: SIM401
+            reliability = one.qos[Policy.Reliability]
+            kind = "BEST_EFFORT" if reliability == Policy.Reliability.BestEffort else "RELIABLE"
+            text = "" if user is None else user.data.decode()
+            self.seen[topic] = [one.type_name, text, kind]
+            if topic == CONTACT and topic not in self.readers and one.type_id is not None:
+                try:
+                    found, _ = get_types_for_typeid(self.participant, one.type_id, 10**9)
+                except DDSException:
+                    continue
+                made = Topic(self.participant, f"rt{CONTACT}", found)
+                self.readers[topic] = DataReader(self.participant, made, qos=RELIABLE)
+
+
+def header(wanted: dict[str, Any]) -> Header:
+    if not wanted.get("stamp", True):
+        return Header(Time(0, 0), "")
+    t_ns = time.time_ns() + round(1e9 * wanted.get("ahead_s", 0.0))
+    return Header(Time(*divmod(t_ns, 10**9)), "")
+
+
+def main() -> None:
+    asked: queue.Queue[dict[str, Any]] = queue.Queue()
+    threading.Thread(target=listen, args=(asked,), daemon=True).start()
+    peer, now, n = Peer(), dict[str, Any](), 0
+    say(topic="ready")
+    while True:
+        time.sleep(0.02)
+        n += 1
+        while not asked.empty():
+            now.update(asked.get())
+            if "graph" in now:
+                say(graph={"publishers": peer.seen}, topic=now.pop("graph"))
+        if n % 10 == 0:
+            peer.look()
+        for topic, reader in peer.readers.items():
+            for message in reader.take(10):
+                if message.sample_info.valid_data:
+                    say(topic=topic, **fields_of(topic, message))
+        if (wanted := now.get("hand")) is not None:
+            more: Any = [
+                [float(one) for one in wanted.get(f, [])] for f in ("position", "velocity", "effort")
+            ]
+            peer.hand.write(JointState(header(wanted), wanted["name"], *more))
+        if (wanted := now.get("arm")) is not None:
+            place, turn = (
+                Point(*map(float, wanted["position"])),
+                Quaternion(*map(float, wanted["orientation"])),
+            )
+            peer.arm.write(PoseStamped(header(wanted), Pose(place, turn)))
+
+
+if __name__ == "__main__":
+    main()
