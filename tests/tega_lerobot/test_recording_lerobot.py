@@ -125,7 +125,11 @@ def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Pat
     assert features["observation.arm"] == {
         "dtype": "float32", "shape": [7], "names": [f"arm.{name}" for name in names],
     }  # fmt: skip
-    assert features["action"]["names"] == ["grasp_level", *(f"arm_target.{name}" for name in names)]
+    assert features["action"]["names"] == [
+        "grasp_level",
+        "closure",
+        *(f"arm_target.{name}" for name in names),
+    ]
     (episode,) = json.loads((dataset / "meta" / "tega.json").read_text())["episodes"]
     start_s = episode["start_ns"] / 1e9
     for k, row in enumerate(table):
@@ -133,8 +137,8 @@ def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Pat
         # The measured arm moves by 0.1 m/s along x; it is led from half a second on, 0.2 m higher.
         assert row["observation.arm"][0] == pytest.approx(0.5 + 0.1 * t_s, abs=0.1 / 30)
         if abs(t_s - 0.5) > 1 / 30:  # how long a fingertip may say nothing new
-            assert row["action"][3] == pytest.approx(0.5 if t_s > 0.5 else 0.3, abs=1e-6), t_s
-        assert row["action"][4:] == pytest.approx([0, 0, 0, 1])
+            assert row["action"][4] == pytest.approx(0.5 if t_s > 0.5 else 0.3, abs=1e-6), t_s
+        assert row["action"][5:] == pytest.approx([0, 0, 0, 1])
     assert [(m["text"], m["source"], m["frame_index"]) for m in episode["markers"]] == [
         ("lift", "pedal", int((0.2 - start_s) * FPS + 1e-9)),
         ("put down", "another program", int((0.8 - start_s) * FPS + 1e-9)),
@@ -257,7 +261,8 @@ def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path
     start_ns = json.loads((dataset / "meta" / "tega.json").read_text())["episodes"][0]["start_ns"]
     for k in (0, 7, 20, 30):
         row, t_ns = rows(dataset)[k], start_ns + k * 1_000_000_000 // FPS
-        assert row["action"] == float(newest("hand.frames", t_ns)["level"])
+        level = float(newest("hand.frames", t_ns)["level"])
+        assert row["action"] == [level, (level - 1) / 4]
         contact = newest("tactile.thumb.contact", t_ns)
         thumb = dict(
             zip(
@@ -385,7 +390,7 @@ def test_the_public_package_opens_it(dataset: Path, monkeypatch: pytest.MonkeyPa
         assert item["observation.images.thumb"].shape == (3, 320, 240)
         assert item["observation.images.ring"].shape == (2, 3, 320, 240)
         assert item["task"] == "lift the bottle"
-        assert item["action"][0] == rows(dataset)[k]["action"]
+        assert item["action"][0].tolist() == rows(dataset)[k]["action"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
@@ -412,7 +417,7 @@ def test_the_public_package_opens_arm_force_and_scene_too(
             if feature["dtype"] == "float32" and name != "timestamp":
                 assert np.array_equal(item[name].numpy(), np.array(table[k][name], np.float32)), name
         assert item["observation.arm"].shape == (7,)
-        assert item["action"].shape == (8,)
+        assert item["action"].shape == (9,)
         assert item["observation.touch_si"].shape == (6,)
         assert item["observation.emg"].shape == (1000 // FPS, 3)
         assert item["observation.vest"].shape == (40,)

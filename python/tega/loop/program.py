@@ -239,6 +239,7 @@ class ProgramSession:
         config: The settings.
         vest: The vest, to send to.
         hand: The hand, to steer.
+        bus: Bus of the run, whose threads call the subscribers; subscribe before the ``with`` block.
         n_skipped: Moments that the program was too slow for.
         summary: Summary of the run, once it has ended; empty before.
     """
@@ -249,6 +250,7 @@ class ProgramSession:
         self._clock: Clock = ManualClock() if self._waits else SystemClock()
         self.vest = ProgramVest(self._clock, driver=config.vest.driver)
         self.hand = ProgramHand(self._clock, driver=config.hand.driver)
+        self.bus = Bus()
         self.n_skipped = 0
         self.summary: dict[str, Any] = {}
         self._stop = Stop()
@@ -318,6 +320,11 @@ class ProgramSession:
             raise StopIteration
         return moment
 
+    @property
+    def over(self) -> bool:
+        """Whether the run has ended."""
+        return self._over
+
     def close(self) -> None:
         """End the run and wait until the outputs are silent; an interrupt is raised after that."""
         self._stop.ask("the program has left the session")
@@ -340,7 +347,7 @@ class ProgramSession:
             raise error
 
     def _run(self) -> None:
-        bus = Bus()
+        bus = self.bus
         bus.subscribe(Moment, self._take, name="program", vital=self._waits)
         bus.subscribe(Notice, lambda notice: _LOG.info("%s", notice.text), name="program")
         try:

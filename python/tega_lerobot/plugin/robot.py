@@ -1,0 +1,141 @@
+"""Hand, fingertips and vest as a robot of LeRobot, which observes a session and steers its hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lerobot.robots import Robot, RobotConfig
+
+from tega.errors import ConfigError
+from tega.hand import split_level
+from tega_lerobot.live import OBSERVED, emg_channel_count, feature_names
+from tega_lerobot.plugin.seat import PATIENCE_S, Seat
+from tega_lerobot.streams import CLOSURE, closure_numbers
+
+
+@RobotConfig.register_subclass("tega")
+@dataclass(kw_only=True)
+class TegaRobotConfig(RobotConfig):
+    """Options of the robot.
+
+    Attributes:
+        settings: TEGA's settings file.
+        sets: Settings to override, such as ``recording.dir="recorded"``.
+        person: Person with the calibration to use.
+        observe: Features of the export, without ``observation.``, of which LeRobot's state consists.
+        emg_channels: Channels of the EMG, where the driver knows them only when it is open.
+        height: Height of the observed pictures, pixels.
+        width: Width of the observed pictures, pixels.
+    """
+
+    settings: Path
+    sets: list[str] = field(default_factory=list)
+    person: str | None = None
+    observe: list[str] = field(default_factory=lambda: list(OBSERVED))
+    emg_channels: int | None = None
+    height: int = 320
+    width: int = 240
+
+
+class TegaRobot(Robot):
+    """Robot ``tega``. An action is a closure, 0 (open) to 1 (closed); it passes TEGA's guard and limits.
+
+    Args:
+        config: The options.
+
+    Raises:
+        ConfigError: The settings are wrong, or ``observe`` names a feature that they do not have.
+    """
+
+    config_class = TegaRobotConfig
+    name = "tega"
+
+    def __init__(self, config: TegaRobotConfig) -> None:
+        self._seat = Seat(config.settings, config.sets, config.person)
+        super().__init__(config)
+        self.config = config
+        settings = self._seat.config
+        n_channels = emg_channel_count(settings) if config.emg_channels is None else config.emg_channels
+        known = feature_names(settings, emg_channels=n_channels)
+        allowed = {*OBSERVED, "image_age"}
+        if unknown := [name for name in config.observe if name not in allowed]:
+            raise ConfigError(
+                f"observe: no feature {unknown[0]!r}", f"choose from {', '.join(sorted(allowed))}"
+            )
+        wanted = [f"observation.{name}" for name in config.observe]
+        self._names = {name: known[name] for name in wanted if name in known}
+        self._fingers = list(settings.tactile.in_use())
+        # LeRobot starts threads for pictures by the number of cameras.
+        self.cameras = dict.fromkeys(self._fingers)
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """Names of the numbers, and shapes of the pictures."""
+        numbers = {name: float for names in self._names.values() for name in names}
+        shape = (self.config.height, self.config.width, 3)
+        return {**numbers, **dict.fromkeys(self._fingers, shape)}
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """The closure, and the grasp level nearest to it."""
+        return dict.fromkeys(CLOSURE, float)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it is connected."""
+        return self._seat.taken
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether it is calibrated; the settings name the calibration."""
+        return True
+
+    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
+        """Begin the session, and wait for a value of everything that is observed.
+
+        Raises:
+            TegaError: The session cannot begin, or something observed is missing.
+        """
+        self._seat.take()
+        try:
+            _, live = self._seat.run
+            live.wait(self._names, self._fingers, patience_s=PATIENCE_S)
+        except BaseException:
+            self._seat.leave()
+            raise
+
+    def calibrate(self) -> None:
+        """Do nothing: ``tega-teleop calibrate`` calibrates."""
+
+    def configure(self) -> None:
+        """Do nothing: the settings file configures."""
+
+    def get_observation(self) -> dict[str, Any]:
+        """Return the newest numbers, and the newest pictures as uint8 (height, width, 3): red, green, blue."""
+        _, live = self._seat.run
+        pictures = live.pictures(height=self.config.height, width=self.config.width)
+        return {**live.numbers(list(self._names)), **pictures}
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Have the hand close to a level; without a new action the level lapses after half a second.
+
+        Args:
+            action: ``closure``, clipped to 0 (open) to 1 (closed); the grasp level follows from it.
+
+        Returns:
+            The action as it was sent.
+
+        Raises:
+            InvalidValueError: The closure is not a number.
+        """
+        session, _ = self._seat.run
+        level = 1 + 4 * float(np.clip(float(action["closure"]), 0, 1))
+        session.hand.level(level)
+        return dict(zip(CLOSURE, closure_numbers(*split_level(level)), strict=True))
+
+    def disconnect(self) -> None:
+        """End the session, unless a teleoperator still uses it: the vest gets zeros, and the hand is let go."""
+        self._seat.leave()

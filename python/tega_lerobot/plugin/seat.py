@@ -1,0 +1,97 @@
+"""Open one session for a robot and a teleoperator of the same settings, and end it with the last of them."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
+
+from tega.errors import ConfigError
+from tega.loop.program import ProgramSession, session
+from tega_lerobot.live import Live
+
+PATIENCE_S: Final = 60.0
+"""How long a device of LeRobot waits until everything is there."""
+
+
+class _Run:
+    """A session that runs, and its number of users."""
+
+    def __init__(self, key: tuple[Any, ...], run: ProgramSession) -> None:
+        if run.config.session.pace != "real":
+            raise ConfigError("LeRobot runs in real time", 'set session.pace = "real"')
+        self.key, self.session, self.n_users = key, run, 0
+        self.live = Live(run)
+
+
+_RUNS: dict[tuple[Any, ...], _Run] = {}
+
+
+class Seat:
+    """Place of one device of LeRobot in a session.
+
+    Args:
+        settings: TEGA's settings file.
+        sets: Settings to override.
+        person: Person with the calibration to use; ``None`` for that of the settings.
+
+    Attributes:
+        config: The settings.
+    """
+
+    def __init__(self, settings: Path, sets: list[str], person: str | None) -> None:
+        self._key = (settings.resolve(), tuple(sets), person)
+        self._make = partial(session, settings, sets=tuple(sets), person=person)
+        self.config = self._make().config
+        self._run: _Run | None = None
+
+    @property
+    def taken(self) -> bool:
+        """Whether this device is connected."""
+        return self._run is not None
+
+    def take(self) -> None:
+        """Join the session of these settings, or begin it.
+
+        Raises:
+            DeviceAlreadyConnectedError: The device is connected.
+            TegaError: The session cannot begin.
+        """
+        if self.taken:
+            raise DeviceAlreadyConnectedError("tega is connected")
+        run = _RUNS.get(self._key)
+        if run is None or run.session.over:
+            run = _Run(self._key, self._make())
+            run.session.__enter__()
+            _RUNS[self._key] = run
+        run.n_users += 1
+        self._run = run
+
+    @property
+    def run(self) -> tuple[ProgramSession, Live]:
+        """The session and its newest values.
+
+        Raises:
+            DeviceNotConnectedError: The device is not connected, or the run has ended.
+            TegaError: The run has ended with an error.
+        """
+        if self._run is None:
+            raise DeviceNotConnectedError("tega is not connected")
+        if self._run.session.over:
+            ended = self._run.session.summary.get("ended", "")
+            self.leave()
+            raise DeviceNotConnectedError(f"the run of TEGA has ended: {ended}")
+        return self._run.session, self._run.live
+
+    def leave(self) -> None:
+        """Leave the session; the last one ends it: the vest gets zeros, and the hand is let go."""
+        run, self._run = self._run, None
+        if run is None:
+            return
+        run.n_users -= 1
+        if run.n_users == 0 or run.session.over:
+            if _RUNS.get(run.key) is run:
+                del _RUNS[run.key]
+            run.session.__exit__(None, None, None)

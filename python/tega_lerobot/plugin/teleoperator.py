@@ -1,0 +1,106 @@
+"""Muscles as a teleoperator of LeRobot, which gives the closure that they ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
+
+from tega.errors import ConfigError
+from tega_lerobot.plugin.seat import PATIENCE_S, Seat
+from tega_lerobot.streams import CLOSURE
+
+
+@TeleoperatorConfig.register_subclass("tega")
+@dataclass(kw_only=True)
+class TegaTeleoperatorConfig(TeleoperatorConfig):
+    """Options of the teleoperator.
+
+    Attributes:
+        settings: TEGA's settings file; where the robot has the same one, both share its session.
+        sets: Settings to override.
+        person: Person with the calibration to use.
+    """
+
+    settings: Path
+    sets: list[str] = field(default_factory=list)
+    person: str | None = None
+
+
+class TegaTeleoperator(Teleoperator):
+    """Teleoperator ``tega``.
+
+    Args:
+        config: The options.
+
+    Raises:
+        ConfigError: The settings are wrong, or name no EMG.
+    """
+
+    config_class = TegaTeleoperatorConfig
+    name = "tega"
+
+    def __init__(self, config: TegaTeleoperatorConfig) -> None:
+        self._seat = Seat(config.settings, config.sets, config.person)
+        if self._seat.config.emg is None:
+            raise ConfigError(f"{config.settings}: a teleoperator needs muscles", "set emg.driver")
+        super().__init__(config)
+        self.config = config
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """The closure, and the grasp level nearest to it."""
+        return dict.fromkeys(CLOSURE, float)
+
+    @property
+    def feedback_features(self) -> dict[str, Any]:
+        """None: the session shows touch on the vest by itself."""
+        return {}
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it is connected."""
+        return self._seat.taken
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether it is calibrated; the settings name the calibration."""
+        return True
+
+    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
+        """Begin the session, and wait for the first intent.
+
+        Raises:
+            TegaError: The session cannot begin, or no intent comes.
+        """
+        self._seat.take()
+        try:
+            _, live = self._seat.run
+            live.wait({"observation.emg_levels": None}, (), patience_s=PATIENCE_S)
+        except BaseException:
+            self._seat.leave()
+            raise
+
+    def calibrate(self) -> None:
+        """Do nothing: ``tega-teleop calibrate`` calibrates."""
+
+    def configure(self) -> None:
+        """Do nothing: the settings file configures."""
+
+    def get_action(self) -> dict[str, Any]:
+        """Return the closure that the muscles ask for now, and the grasp level nearest to it.
+
+        Raises:
+            DeviceUnavailableError: The muscles gave none for a second.
+        """
+        _, live = self._seat.run
+        return dict(zip(CLOSURE, live.closure_numbers(), strict=True))
+
+    def send_feedback(self, feedback: dict[str, Any]) -> None:
+        """Do nothing: the session shows touch on the vest by itself."""
+
+    def disconnect(self) -> None:
+        """End the session, unless a robot still uses it."""
+        self._seat.leave()

@@ -1,0 +1,178 @@
+"""Lay streams of a run on frames, as features of LeRobot: each frame has the newest value that was known by then."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from tega.hand import JOINT_NAMES, joined_level
+from tega.records.arm import PoseNumbers
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.records import Contact
+
+ARM_MEASURED, ARM_TARGET = "/arm/measured", "/arm/target"
+CLOSURE = ("grasp_level", "closure")
+"""Numbers of the hand's part of an action: the nearest level, 1 to 5, and the closure from 0 (open) to 1 (closed).
+
+LeRobot 0.4 cannot train a policy on an action of one number.
+"""
+
+_S = 1_000_000_000
+# What a contact has in units of length and force, where its metric gives them.
+_MEASURED = ("area_mm2", "depth_mm", "force_n")
+
+
+class Column(NamedTuple):
+    """One feature of all frames.
+
+    Attributes:
+        values: float32, shape (frames, ...).
+        names: Names of the values of one frame; names of its axes if it has two.
+    """
+
+    values: NDArray[np.float32]
+    names: list[str]
+
+
+class Stream:
+    """Times, nanoseconds, and values of one topic; a picture's value is ``None``."""
+
+    def __init__(self, times: Sequence[int] = (), values: Sequence[Any] = ()) -> None:
+        self.times, self.values = list(times), list(values)
+
+    def add(self, t_ns: int, value: Any) -> None:
+        """Add an item."""
+        self.times.append(t_ns)
+        self.values.append(value)
+
+    def newest(self, grid_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return for each time which item was the newest."""
+        newest: NDArray[np.int64] = np.searchsorted(np.array(self.times, np.int64), grid_ns, side="right") - 1
+        return newest
+
+    def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return the newest value at each time; NaN and values outside float32 become 0."""
+        rows = np.array(self.values, np.float64)[self.newest(grid_ns)]
+        with np.errstate(over="ignore"):
+            stored = rows.astype(np.float32)
+        return np.nan_to_num(stored, posinf=0.0, neginf=0.0)
+
+
+class Samples:
+    """The newest EMG samples at each frame: as many as come in one, rounded up."""
+
+    def __init__(self, stream: Stream | None, fps: int) -> None:
+        self.begin_ns = 0
+        self._stream = stream
+        if stream is None:
+            return
+        self._rows = np.concatenate(stream.values)
+        self._ends = np.cumsum([len(chunk) for chunk in stream.values])
+        spent_s = (stream.times[-1] - stream.times[0]) / _S
+        rate_hz = (self._ends[-1] - self._ends[0]) / spent_s if spent_s > 0 else float(fps)
+        self._n = max(1, int(np.ceil(round(rate_hz / fps, 3))))
+        enough = int(np.searchsorted(self._ends, self._n))
+        self.begin_ns = stream.times[min(enough, len(stream.times) - 1)]
+
+    def column(self, grid_ns: NDArray[np.int64]) -> Column | None:
+        """Return the windows at these times; ``None`` without EMG."""
+        if self._stream is None:
+            return None
+        ends = self._ends[self._stream.newest(grid_ns)]
+        windows = self._rows[np.maximum(ends[:, None] - self._n + np.arange(self._n), 0)]
+        return Column(np.nan_to_num(windows), ["sample", "channel"])
+
+
+def closure_numbers(level: int, closure: float | None) -> tuple[float, float]:
+    """Return the numbers of a command to the hand, as :data:`CLOSURE` names them."""
+    return level, max(0.0, (joined_level(level, closure) - 1.0) / 4.0)
+
+
+def touch_numbers(contact: Contact) -> tuple[float, ...]:
+    """Return the numbers of a contact that are observed; NaN for those that its metric does not give."""
+    known = (getattr(contact, name) for name in _MEASURED)
+    return (contact.eda, contact.cci, contact.in_contact, *(np.nan if one is None else one for one in known))
+
+
+def columns_of(
+    streams: dict[str, Stream], grid_ns: NDArray[np.int64], samples: Samples | None = None
+) -> dict[str, Column]:
+    """Return the features of frames at some times, pictures left out.
+
+    Args:
+        streams: Streams by topic; each has begun by the first of the times, but for targets of the arm.
+        grid_ns: The times, nanoseconds.
+        samples: The EMG samples; ``None`` to leave them out.
+    """
+    columns: dict[str, Column] = {}
+    if joints := streams.get("/hand/joints"):
+        columns["observation.state"] = Column(joints.at(grid_ns), list(JOINT_NAMES))
+    contacts = [topic for topic in sorted(streams) if topic.endswith("/contact")]
+    if contacts:
+        by_finger = [streams[topic].at(grid_ns) for topic in contacts]
+        for feature, part, what in (
+            ("observation.touch", slice(0, 3), ("eda", "cci", "in_contact")),
+            ("observation.touch_si", slice(3, None), _MEASURED),
+        ):
+            values = np.concatenate([rows[:, part] for rows in by_finger], axis=1)
+            names = [f"{topic.split('/')[2]}.{name}" for topic in contacts for name in what]
+            if part.start == 0 or any(np.isfinite(_all(streams[topic])[:, part]).any() for topic in contacts):
+                columns[feature] = Column(values, names)
+    images = [
+        topic for topic in sorted(streams) if topic.startswith("/tactile/") and topic.endswith("/image")
+    ]
+    if images:
+        ages_s = [_age_s(streams[topic], grid_ns) for topic in images]
+        columns["observation.image_age"] = Column(
+            np.stack(ages_s, axis=1), [f"{topic.split('/')[2]}.s" for topic in images]
+        )
+    if samples is not None and (window := samples.column(grid_ns)) is not None:
+        columns["observation.emg"] = window
+    if levels := streams.get("/emg/levels"):
+        values = levels.at(grid_ns)
+        names = [*_numbered("ch", values.shape[1] - 1), "fused"]
+        columns["observation.emg_levels"] = Column(values, names)
+    if vest := streams.get("/vest/frame"):
+        values = vest.at(grid_ns)
+        columns["observation.vest"] = Column(values, _numbered("motor", values.shape[1]))
+    arm = streams.get(ARM_MEASURED)
+    if arm is not None:
+        columns["observation.arm"] = Column(arm.at(grid_ns), [f"arm.{name}" for name in PoseNumbers.table])
+    asked: list[Column] = []
+    if hand := streams.get("/hand/frames"):
+        asked.append(Column(hand.at(grid_ns), list(CLOSURE)))
+    if arm is not None:
+        names = [f"arm_target.{name}" for name in PoseNumbers.table]
+        asked.append(Column(_targets(streams.get(ARM_TARGET), arm, grid_ns), names))
+    if asked:
+        values = np.concatenate([column.values for column in asked], axis=1)
+        columns["action"] = Column(values, [name for column in asked for name in column.names])
+    return columns
+
+
+def _targets(target: Stream | None, arm: Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return the arm's target at each frame; before the first target, the arm's pose."""
+    where = arm.at(grid_ns)
+    if target is None or not target.times:
+        return where
+    known = target.newest(grid_ns) >= 0
+    where[known] = target.at(grid_ns[known])
+    return where
+
+
+def _all(stream: Stream) -> NDArray[np.float64]:
+    return np.array(stream.values, np.float64)
+
+
+def _age_s(stream: Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
+    times = np.array(stream.times, np.int64)
+    return ((grid_ns - times[stream.newest(grid_ns)]) / _S).astype(np.float32)
+
+
+def _numbered(name: str, n: int) -> list[str]:
+    return [f"{name}{k}" for k in range(1, n + 1)]

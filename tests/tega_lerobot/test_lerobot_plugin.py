@@ -1,0 +1,215 @@
+"""LeRobot's own programs on emulated devices, with TEGA's robot and teleoperator as LeRobot finds them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import tomlkit
+
+from tega.errors import ConfigError, InvalidValueError
+from tega.recording.opened import open_recording
+from tega_emulators.lab import EmulatedLab, emulated_lab
+
+pytest.importorskip("lerobot.robots", reason="needs the package lerobot")
+
+PLUGIN = Path(__file__).resolve().parents[2] / "plugins" / "lerobot_robot_tega"
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not PLUGIN.is_dir(), reason="not a checkout"),
+    pytest.mark.skipif(sys.platform == "win32", reason="emulated serial devices need Linux or macOS"),
+]
+
+
+class Bench(NamedTuple):
+    """Emulated devices, their settings file, and the environment of a program that uses both and the plug-in."""
+
+    lab: EmulatedLab
+    settings: Path
+    environment: dict[str, str]
+
+    def lerobot(self, program: str, *options: str, teleop: bool = True) -> subprocess.Popen[str]:
+        """Start one of LeRobot's programs, with small pictures."""
+        words = [f"--robot.settings={self.settings}", "--robot.height=80", "--robot.width=60"]
+        words += ["--teleop.type=tega", f"--teleop.settings={self.settings}"] if teleop else []
+        return subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                f"lerobot.scripts.lerobot_{program}",
+                "--robot.type=tega",
+                *words,
+                *options,
+            ],
+            env=self.environment,
+            cwd=self.settings.parent,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    def moves(self, running: subprocess.Popen[str]) -> bool:
+        """Wait until both the hand's and the vest's motors run; return whether that came about."""
+        until_s, seen = time.monotonic() + 300, [False, False]
+        while not all(seen) and running.poll() is None and time.monotonic() < until_s:
+            seen = [seen[0] or not self.lab.limp(), seen[1] or not self.lab.at_rest()]
+            time.sleep(0.05)
+        return all(seen)
+
+    def silent(self) -> bool:
+        """Whether the hand is let go and the vest has been sent zeros."""
+        until_s = time.monotonic() + 10
+        while not self.lab.at_rest() and time.monotonic() < until_s:
+            time.sleep(0.05)
+        return self.lab.limp() and self.lab.at_rest()
+
+    @property
+    def recorded(self) -> Any:
+        """TEGA's own recording of the run."""
+        return open_recording(self.settings.parent / "recorded")
+
+
+def install(site: Path) -> Path:
+    """Return a folder that holds the plug-in as an installer leaves it."""
+    (site / "lerobot_robot_tega").symlink_to(PLUGIN / "src" / "lerobot_robot_tega", target_is_directory=True)
+    info = site / "lerobot_robot_tega-0.1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lerobot_robot_tega\nVersion: 0.1.0\n")
+    return site
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    (tmp_path / "site").mkdir()
+    site = install(tmp_path / "site")
+    with emulated_lab(
+        tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",), camera_hz=30.0
+    ) as lab:
+        lab.go_ahead()
+        settings = tmp_path / "lab.toml"
+        recording = {"dir": str(tmp_path / "recorded"), "stop_free_mib": 0.0}
+        settings.write_text(tomlkit.dumps({**lab.tree, "recording": recording}))
+        path = os.pathsep.join([str(site), *sys.path])
+        offline = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path / "hf"), "OMP_NUM_THREADS": "1"}
+        yield Bench(lab, settings, os.environ | {"PYTHONPATH": path} | offline)
+
+
+def test_lerobot_finds_robot_and_teleoperator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from lerobot.robots import RobotConfig
+    from lerobot.teleoperators import TeleoperatorConfig
+    from lerobot.utils.import_utils import register_third_party_plugins
+
+    monkeypatch.syspath_prepend(install(tmp_path))
+    register_third_party_plugins()
+    assert "tega" in RobotConfig.get_known_choices()
+    assert "tega" in TeleoperatorConfig.get_known_choices()
+
+
+@pytest.mark.filterwarnings("ignore:The video decoding and encoding capabilities of torchvision")
+def test_an_episode_is_recorded_by_lerobot(bench: Bench) -> None:
+    root = bench.settings.parent / "dataset"
+    options = ["--dataset.repo_id=lab/test", f"--dataset.root={root}", "--dataset.push_to_hub=false"]
+    options += ["--dataset.single_task=squeeze", "--dataset.num_episodes=1", "--dataset.episode_time_s=3"]
+    options += ["--dataset.fps=10", "--dataset.vcodec=h264", "--play_sounds=false"]
+    recording = bench.lerobot("record", *options)
+    said, _ = recording.communicate(timeout=300)
+    assert recording.returncode == 0, said
+    assert bench.silent()
+
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    dataset = LeRobotDataset("lab/test", root=root, video_backend="pyav")
+    assert dataset.num_episodes == 1
+    assert len(dataset) >= 20
+    names = dataset.meta.features["observation.state"]["names"]
+    last = dataset[len(dataset) - 1]
+    state = dict(zip(names, last["observation.state"].tolist(), strict=True))
+    contact = bench.recorded["/tactile/thumb/contact"][-1]
+    assert state["thumb.in_contact"] == 1
+    assert state["thumb.force_n"] == pytest.approx(contact.force_n, rel=0.2)
+    assert state["fused"] == 5
+    assert state["motor1"] > 0
+    assert last["observation.images.thumb"].shape == (3, 80, 60)
+    assert dataset.meta.features["action"]["names"] == ["grasp_level", "closure"]
+    assert last["action"].tolist() == [5, 1]
+
+
+@pytest.mark.parametrize("way", ["time", "SIGINT", "SIGTERM"])
+def test_every_end_of_teleoperation_lets_go(bench: Bench, way: str) -> None:
+    time_s = 4 if way == "time" else 200
+    running = bench.lerobot("teleoperate", "--fps=15", f"--teleop_time_s={time_s}")
+    moved = bench.moves(running)
+    if way != "time":
+        running.send_signal(getattr(signal, way))
+    said, _ = running.communicate(timeout=300)
+    assert moved, said
+    assert bench.silent(), said
+    assert running.returncode == {"time": 0, "SIGINT": 0, "SIGTERM": 128 + signal.SIGTERM}[way], said
+    exchanges = bench.recorded["/hand/bus"].to_numpy()
+    assert exchanges["level"].max() == 5
+
+
+def test_an_exception_lets_go_and_closure_is_clipped(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    from tega_lerobot.plugin import TegaRobot, TegaRobotConfig
+
+    config = TegaRobotConfig(
+        settings=bench.settings, height=80, width=60, calibration_dir=bench.settings.parent
+    )
+    sent: list[dict[str, Any]] = []
+
+    def act(robot: TegaRobot) -> None:
+        for closure in (2.0, *[-2.0] * 30, np.nan):
+            robot.get_observation()
+            sent.append(robot.send_action({"grasp_level": 1.0, "closure": closure}))
+            time.sleep(0.05)
+
+    with pytest.raises(InvalidValueError, match="level = nan is out of range"), TegaRobot(config) as robot:
+        act(robot)
+    assert sent == [{"grasp_level": 5, "closure": 1.0}, *[{"grasp_level": 1, "closure": 0.0}] * 30]
+    imposed = bench.recorded["/hand/imposed"].to_numpy()
+    assert 1 in imposed["level"]  # by the program, against muscles that ask for 5
+    assert bench.silent()
+    with pytest.raises(ConnectionError, match="not connected"):
+        robot.get_observation()
+
+
+def test_a_lost_camera_ends_lerobot(bench: Bench) -> None:
+    running = bench.lerobot("teleoperate", "--fps=15", "--teleop_time_s=200")
+    moved = bench.moves(running)
+    bench.lab.sensors["thumb"].kill()
+    said, _ = running.communicate(timeout=300)
+    assert moved, said
+    assert running.returncode == 1
+    assert "/tactile/thumb/image: nothing new for" in said
+    assert bench.silent()
+
+
+def test_settings_that_lerobot_cannot_use_are_refused(tmp_path: Path) -> None:
+    from tega_lerobot.plugin import (
+        TegaRobot,
+        TegaRobotConfig,
+        TegaTeleoperator,
+        TegaTeleoperatorConfig,
+    )
+
+    path = tmp_path / "lab.toml"
+    path.write_text('[session]\npace = "fast"\n[tactile.thumb]\ndriver = "synthetic-touch"\n')
+    where: dict[str, Any] = {"settings": path, "calibration_dir": tmp_path}
+    with pytest.raises(ConfigError, match="needs muscles"):
+        TegaTeleoperator(TegaTeleoperatorConfig(**where))
+    with pytest.raises(ConfigError, match="observe: no feature 'torque'"):
+        TegaRobot(TegaRobotConfig(**where, observe=["torque"]))
+    with pytest.raises(ConfigError, match="LeRobot runs in real time"):
+        TegaRobot(TegaRobotConfig(**where)).connect()
+    with pytest.raises(ConfigError, match=r"missing\.toml"):
+        TegaRobot(TegaRobotConfig(**where | {"settings": tmp_path / "missing.toml"}))
