@@ -118,3 +118,19 @@ def test_a_few_pictures_say_nothing_and_another_size_is_named(tmp_path: Path) ->
     (found,) = look_at_gel(told, "D1", turned)
     assert found.status == "error"
     assert "thumb.npy is 240×320, D1 sends 320×240" in found.finding
+
+
+@pytest.mark.parametrize("hz", [100.0, 120.0])
+def test_bands_of_mains_light_are_measured_with_and_without_a_baseline(tmp_path: Path, hz: float) -> None:
+    gel = Gel(5)
+    rows = np.arange(320)[:, None, None] / 320
+    banded = [
+        np.clip(picture * (1 + 0.01 * np.sin(2 * np.pi * hz * (k / 58 + 0.9 / 58 * rows))), 0, 255).astype(
+            np.uint8
+        )
+        for k, picture in enumerate(pictures(gel))
+    ]
+    for told in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
+        (found,) = (one for one in look_at_gel(told, "D1", banded) if "bands of" in one.finding)
+        assert found.status == "warning"
+        assert found.measured["banding_percent"] == pytest.approx(1.0, abs=0.3)

@@ -32,8 +32,12 @@ pub(crate) struct Contact {
     mass: f64,
     /// Middle of the dent (column, row): of its outline in an even light; NaN without contact.
     centroid_xy: (f64, f64),
+    /// The same in millimetres from the picture's upper left corner, where the sensor's scale was given; else None.
+    centroid_mm: Option<(f64, f64)>,
     /// Root mean square distance of the outlined pixels from their mean place, pixels; NaN without contact.
     spread: f64,
+    /// The same in millimetres, where the sensor's scale was given; else None.
+    spread_mm: Option<f64>,
     /// How sure the contact is, 0 to 1, graded around the threshold.
     strength: f64,
     /// Share of the picture that is outlined, 0 to 1.
@@ -70,8 +74,8 @@ type Light = ([[[f32; LIGHT_TERMS]; 2]; 3], f64, f64);
 #[pyclass(module = "tega._native", frozen)]
 pub(crate) struct TouchTracker {
     tracker: Shared<tega_tactile::TouchTracker>,
-    /// Square millimetres a pixel, where the scale is the sensor's own.
-    mm2_per_px: Option<f64>,
+    /// Millimetres a pixel, where the scale is the sensor's own.
+    mm_per_px: Option<f64>,
 }
 
 impl TouchTracker {
@@ -79,14 +83,18 @@ impl TouchTracker {
         Contact {
             in_contact: t.in_contact,
             eda: t.eda,
-            area_mm2: self.mm2_per_px.map(|mm2| mm2 * f64::from(t.eda)),
+            area_mm2: self.mm_per_px.map(|mm| mm * mm * f64::from(t.eda)),
             cci: t.cci,
             peak: t.peak,
             depth_mm: t.depth_mm,
             force_n: t.force_n,
             mass: t.mass,
             centroid_xy: t.centroid_xy,
+            centroid_mm: self
+                .mm_per_px
+                .map(|mm| (mm * (t.centroid_xy.0 + 0.5), mm * (t.centroid_xy.1 + 0.5))),
             spread: t.spread,
+            spread_mm: self.mm_per_px.map(|mm| mm * t.spread),
             strength: t.strength,
             broad: t.broad,
             difference: t.difference,
@@ -128,12 +136,17 @@ impl TouchTracker {
             rezero,
         };
         let tracker = Shared::new(tega_tactile::TouchTracker::new(view, options)?);
-        Ok(Self { tracker, mm2_per_px: known.then_some(scale * scale) })
+        Ok(Self { tracker, mm_per_px: known.then_some(scale) })
     }
 
     #[getter]
     fn bears_load(&self) -> bool {
         self.tracker.with(|tracker| tracker.bears_load())
+    }
+
+    #[getter]
+    fn banding(&self) -> f64 {
+        self.tracker.with(|tracker| tracker.banding())
     }
 
     fn rezero(&self) -> bool {

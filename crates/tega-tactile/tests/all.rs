@@ -11,4 +11,5 @@ mod fuzz_seeds;
 mod gate;
 mod live;
 mod slopes;
+mod steady;
 mod tracker;

@@ -201,7 +201,7 @@ class TouchTracker:
         noise: The sensor's, from :func:`sensor_noise`, blue, green, red, counts; ``None`` takes that of a DIGIT.
             How much the sensor varies at rest is learned in any case.
         light: The gel's own light, scale and stiffness; ``None`` takes those fitted to one DIGIT. Depth and force
-            are nominal then, and ``area_mm2`` is None.
+            are nominal then, and ``area_mm2``, ``centroid_mm`` and ``spread_mm`` are None.
         order: Order of the colour bytes in all images.
         outline: Area that ``eda`` counts: the dent as an eye marks it, or nearer to the touching area.
         rezero: If true, the rest is measured again a second after a release.
@@ -242,6 +242,11 @@ class TouchTracker:
     def bears_load(self) -> bool:
         """Whether the last frame showed a contact that has not just fallen; passed on to the other fingers."""
         return self._tracker.bears_load
+
+    @property
+    def banding(self) -> float:
+        """Amplitude of the bands that lamps on mains make at rest, as a share of the light; 0 where there are none."""
+        return self._tracker.banding
 
     def rezero(self) -> bool:
         """Take the last picture for that of the untouched gel, however it differs from the baseline.

@@ -158,16 +158,21 @@ impl Colour {
 
     #[inline(always)]
     fn statistic(&self) -> f32 {
-        let [a, b, c] = &self.left;
-        let [energy, square, most] = energy_sums([a, b, c]);
-        let most = most.into_iter().fold(0f32, f32::max);
-        let (mut energy, mut square) = (total(&energy), total(&square));
-        // A pixel that is stuck lies in one cell; no contact does.
-        if most * most > LONE_SHARE * square {
-            (energy, square) = (energy - most, square - most * most);
-        }
-        if energy > f32::MIN_POSITIVE { (square / energy).sqrt() } else { 0.0 }
+        statistic(&self.left)
     }
+}
+
+/// S of pooled cells.
+#[inline(always)]
+pub(super) fn statistic([a, b, c]: &Field) -> f32 {
+    let [energy, square, most] = energy_sums([a, b, c]);
+    let most = most.into_iter().fold(0f32, f32::max);
+    let (mut energy, mut square) = (total(&energy), total(&square));
+    // A pixel that is stuck lies in one cell; no contact does.
+    if most * most > LONE_SHARE * square {
+        (energy, square) = (energy - most, square - most * most);
+    }
+    if energy > f32::MIN_POSITIVE { (square / energy).sqrt() } else { 0.0 }
 }
 
 /// A number's bits as a whole number in the order of [`f32::total_cmp`], and back.

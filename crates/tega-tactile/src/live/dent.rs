@@ -5,10 +5,11 @@
 //! found by itself ([`middle`](super::middle)).
 
 use super::cells::Grid;
-use super::colour::{Field, total};
+use super::colour::{Field, LANES, total};
 use super::depth::Solver;
+use super::filter::{Evidence, MapFilter};
 use super::light::{GelLight, Slopes};
-use super::middle::Middle;
+use super::middle::{Middle, RIM};
 use super::peak::{half_share, peak};
 use super::shape::{Moments, Outliner, outline};
 use crate::frame::Order;
@@ -111,7 +112,28 @@ impl DentReader {
 
     /// Finds the dent in a change of colour in noise units, the light's own change taken out.
     pub fn read(&mut self, white: &Field, grid: &Grid, level: Outline) -> Dent {
-        let [strongest, deepest] = maps(self, white, grid);
+        let peaks = maps(self, white, grid);
+        self.measure(grid, level, peaks)
+    }
+
+    /// The same, its maps averaged with those of earlier pictures by as much as the filter finds right.
+    pub fn read_steady(
+        &mut self,
+        white: &Field,
+        grid: &Grid,
+        level: Outline,
+        filter: &mut MapFilter,
+        evidence: &Evidence<'_>,
+    ) -> Dent {
+        let mut peaks = maps(self, white, grid);
+        let area = counted(&self.dent, level.level());
+        if filter.take([&mut self.change, &mut self.depth_mm], [area, peaks[1]], evidence) {
+            peaks = combined(self);
+        }
+        self.measure(grid, level, peaks)
+    }
+
+    fn measure(&mut self, grid: &Grid, level: Outline, [strongest, deepest]: [f32; 2]) -> Dent {
         let moments = outline(&self.outliner, &self.dent, level.level());
         let maps = [&self.change[..], &self.depth_mm];
         let middle = self.middle.find(maps, [strongest, deepest], level.level());
@@ -145,6 +167,12 @@ impl DentReader {
         let floor = untouched(&self.solver.depth, &self.change, strongest);
         let mm = self.mm_per_cell as f32;
         self.depth_mm.iter_mut().zip(&self.solver.depth).for_each(|(h, d)| *h = ((d - floor) * mm).max(0.0));
+        self.combine(strongest)
+    }
+
+    /// What is outlined, from the maps of change and depth; their peaks, the first of which is known.
+    #[inline(always)]
+    fn combine(&mut self, strongest: f32) -> [f32; 2] {
         // Where no colour changes, what is left of depth is rounding.
         let deepest = if strongest > 0.0 { peak(&self.depth_mm) } else { 0.0 };
         let (per_change, per_depth) = (half_share(strongest), half_share(deepest));
@@ -152,6 +180,12 @@ impl DentReader {
             *dent = e * per_change + h * per_depth;
         }
         [strongest, deepest]
+    }
+
+    #[inline(always)]
+    fn combine_averaged(&mut self) -> [f32; 2] {
+        let strongest = peak(&self.change);
+        self.combine(strongest)
     }
 
     /// Tells every run of pixels of the last dent: (row, first column, last column excluded).
@@ -163,6 +197,33 @@ impl DentReader {
 tega_simd::dispatched! {
     /// See [`DentReader::map`].
     maps = DentReader::map, (reader: &mut DentReader, white: &Field, grid: &Grid) -> [f32; 2]
+}
+
+tega_simd::dispatched! {
+    /// See [`DentReader::combine`].
+    combined = DentReader::combine_averaged, (reader: &mut DentReader) -> [f32; 2]
+}
+
+tega_simd::dispatched! {
+    /// See [`count`].
+    counted = count, (dent: &[f32], level: f32) -> f32
+}
+
+/// Cells over a level, those about it counted by degrees.
+#[inline(always)]
+fn count(dent: &[f32], level: f32) -> f32 {
+    let from = level / RIM - 0.5;
+    let mut sums = [0f32; LANES];
+    let (chunks, rest) = dent.as_chunks::<LANES>();
+    for chunk in chunks {
+        for lane in 0..LANES {
+            sums[lane] += (chunk[lane] * (1.0 / RIM) - from).clamp(0.0, 1.0);
+        }
+    }
+    for (sum, v) in sums.iter_mut().zip(rest) {
+        *sum += (v * (1.0 / RIM) - from).clamp(0.0, 1.0);
+    }
+    total(&sums)
 }
 
 /// Energy of the change a cell, in noise units.

@@ -111,6 +111,11 @@ impl Mains {
         (variance > LEAST * LEAST).then_some((along, variance))
     }
 
+    /// Amplitude of the bands, as a share of the light; 0 where there are none.
+    pub fn amplitude(&self) -> f64 {
+        self.known().map_or(0.0, |(_, variance)| (2.0 * variance).sqrt())
+    }
+
     /// Takes known bands out of a change whose light was taken out; whether there were any.
     pub fn correct(&mut self, white: &mut Field, gel: &Field, noise: [f32; 3], grid: &Grid) -> bool {
         let Some((along, variance)) = self.known() else { return false };

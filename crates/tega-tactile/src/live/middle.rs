@@ -10,7 +10,7 @@ use super::peak::{half_share, peak};
 
 /// Around the outline's level a cell is counted by degrees, over so much of the mean of both maps; half or twice as much moves the middle by a
 /// hundredth of a millimetre.
-const RIM: f32 = 0.1;
+pub(super) const RIM: f32 = 0.1;
 
 /// Takes middles; made once for a sensor. Every buffer has a whole number of lanes.
 #[derive(Debug, Clone, Default)]

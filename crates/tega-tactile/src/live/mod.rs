@@ -3,7 +3,7 @@
 //! 1. Pictures are averaged over some 1,200 cells ([`cells`]).
 //! 2. A change of the light is taken out, and one number says how much of the picture differs ([`colour`]).
 //! 3. Depth comes from shading ([`depth`], [`light`]), and the dent from depth and colour together ([`dent`], [`shape`], [`middle`]); [`law`] has
-//!    what both say of how deep it is.
+//!    what both say of how deep it is. Maps of a contact that scatters are averaged over time ([`filter`]).
 //! 4. [`still`] does this without memory; [`tracker`] knows its sensor's noise, follows drift and stays silent on leftovers.
 //!
 //! Arithmetic runs on integers, or on floats in one fixed order: the result is the same on every processor. Sums over a pixel's bytes take the
@@ -15,6 +15,7 @@ mod course;
 mod dent;
 mod depth;
 mod fading;
+mod filter;
 mod law;
 mod light;
 mod mains;

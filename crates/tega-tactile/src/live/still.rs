@@ -5,6 +5,7 @@ use ndarray::ArrayView3;
 use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average, octet_mean};
 use super::colour::{Colour, Field, LANES, total};
 use super::dent::{DENT_LEVEL, Dent, DentReader, Outline};
+use super::filter::{Evidence, MapFilter};
 use super::light::GelLight;
 use super::noise::{SensorNoise, grid_of, same_size};
 use crate::error::TactileError;
@@ -136,6 +137,12 @@ impl Cells {
     /// The dent of the last change; call [`Self::judge`] before.
     pub fn dent(&mut self, outline: Outline) -> Dent {
         self.reader.read(&self.white, &self.grid, outline)
+    }
+
+    /// The same, averaged over time; `rest` is S at rest.
+    pub fn steady_dent(&mut self, outline: Outline, filter: &mut MapFilter, rest: f64, dt_s: f64) -> Dent {
+        let evidence = Evidence { pooled: self.colour.left(), rest, dt_s };
+        self.reader.read_steady(&self.white, &self.grid, outline, filter, &evidence)
     }
 
     /// Tells every run of pixels of the last dent: (row, first column, last column excluded).

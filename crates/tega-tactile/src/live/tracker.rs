@@ -16,6 +16,7 @@ use super::colour::Field;
 use super::course::{Ends, Held, Now, State, Then, step};
 use super::dent::Dent;
 use super::fading::Fading;
+use super::filter::MapFilter;
 use super::law::Sums;
 use super::mains::{BOTH, Mains};
 use super::still::{Cells, follow, glance, judge, plain};
@@ -74,6 +75,8 @@ pub struct TouchTracker {
     /// What fades in the rest since the last release.
     fading: Fading,
     mains: Mains,
+    /// Averages the maps of a contact that scatters.
+    filter: MapFilter,
     spare: Field,
     /// Frames at rest, and their time, since mains light was last looked for.
     unseen: u32,
@@ -110,6 +113,7 @@ impl TouchTracker {
             leftover: 0.0,
             fading: Fading::default(),
             mains: Mains::default(),
+            filter: MapFilter::default(),
             spare: Field::default(),
             unseen: 0,
             unseen_s: 0.0,
@@ -176,6 +180,7 @@ impl TouchTracker {
             follow(gel, means, 1.0 / super::cells::UNITS_PER_COUNT, 1.0);
         }
         self.fading.clear();
+        self.filter.clear();
         (self.smooth, self.leftover, self.dent) = (None, 0.0, None);
         // One picture has all of a picture's noise: the next ones are averaged with it.
         (self.quiet_frames, self.rest) = (1.0, self.rest.max(REST_PRIOR));
@@ -213,7 +218,7 @@ impl TouchTracker {
         // What a fading leftover explains does not show that rest varies less.
         let rest = if quiet || !fades { now } else { now.max(self.rest) };
         self.advance([before, s], rest, dt_s, threshold, loaded);
-        self.last = self.touch(s, threshold);
+        self.last = self.touch(s, threshold, dt_s);
         self.last
     }
 
@@ -336,19 +341,21 @@ impl TouchTracker {
         }
     }
 
-    fn touch(&mut self, s: f64, threshold: f64) -> Touch {
+    fn touch(&mut self, s: f64, threshold: f64, dt_s: f64) -> Touch {
         let mut touch = Touch { difference: s, threshold, ..Touch::default() };
         self.dent = None;
         // Where the rest has just been taken anew, S is still that against the old one.
         if matches!(self.state, State::Released(_)) || self.smooth.is_none() {
+            self.filter.clear();
             return touch;
         }
         let sure = (s / threshold - STRENGTH_FROM) / (STRENGTH_FULL - STRENGTH_FROM);
         touch.strength = sure.clamp(0.0, 1.0);
         if !matches!(self.state, State::Contact(_)) {
+            self.filter.clear();
             return touch;
         }
-        let dent = self.cells.dent(self.options.outline);
+        let dent = self.cells.steady_dent(self.options.outline, &mut self.filter, self.rest, dt_s);
         let grid = &self.cells.grid;
         let area = dent.moments.area as f64;
         self.dent = Some(dent);
@@ -384,6 +391,11 @@ impl TouchTracker {
     /// Whether the last frame showed a contact that may bear a load: one that has not just fallen.
     pub fn bears_load(&self) -> bool {
         matches!(self.state, State::Contact(Held { fallen: None, .. }))
+    }
+
+    /// Amplitude of the bands that mains light makes at rest, as a share of the light; 0 where there are none.
+    pub fn banding(&self) -> f64 {
+        self.mains.amplitude()
     }
 
     /// The last frame's mask, row by row, and its height and width; nothing without contact.

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 LEAST_PICTURES = 10
 """Fewer pictures say too little about a sensor's noise."""
+MOST_BANDING = 0.005
+"""Bands of mains light from which areas are off by more than 5 %, as a share of the light."""
 
 
 def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
@@ -42,7 +44,7 @@ def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint
         The problems found; empty for none, or with fewer than ten images.
     """
     if case.baseline is None:
-        return _is_dark(case, label, pictures)
+        return [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures)]
     try:
         baseline = read_image(case.baseline, driver=case.driver)
     except TegaError as error:
@@ -53,7 +55,11 @@ def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint
         said = f"the baseline {case.baseline.name} is {width}×{height}, {label} sends {sent[1]}×{sent[0]}"
         why = "size or orientation was another when it was taken"
         return [case.told(label, "error", said, why=why, todo=("take the baseline again",))]
-    return [*_is_dark(case, label, pictures), *_compared(case, label, pictures, baseline, case.baseline)]
+    return [
+        *_is_dark(case, label, pictures),
+        *_has_bands(case, label, pictures),
+        *_compared(case, label, pictures, baseline, case.baseline),
+    ]
 
 
 def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
@@ -66,6 +72,26 @@ def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]
     why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
     return [
         case.told(label, "error", f"{case.driver} {label}: {said}", why=why, measured={"noise_counts": noise})
+    ]
+
+
+def _has_bands(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
+    if len(pictures) < LEAST_PICTURES:
+        return []
+    tracker = TouchTracker(_mean(pictures), noise=sensor_noise(pictures))
+    for picture in pictures:
+        tracker.update(picture)
+    if tracker.banding < MOST_BANDING:
+        return []
+    return [
+        case.told(
+            label,
+            "warning",
+            f"{case.driver} {label}: bands of {100 * tracker.banding:.1f} % of the light move over the picture",
+            why="a lamp on mains flickers at 100 or 120 Hz: the area of a faint touch reads too large or too small",
+            todo=("keep lamps on mains away from the gel, or cover its sides",),
+            measured={"banding_percent": round(100 * tracker.banding, 2)},
+        )
     ]
 
 
