@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from tega.runtime.features import Feature
+from tega.runtime.features import Feature, Verb
 
 FEATURE = Feature(
     summary="ROS 2: recordings as bags, live topics, and commands by DDS.",
     settings={"ros2": "tega_ros2.settings:Ros2Table"},
     check="tega_ros2.settings:check_table",
     part="tega_ros2.part:open_part",
+    verbs={"hand urdf": Verb("tega_ros2.cli:urdf", "Describe the hand with its fingertips as a URDF.")},
     formats={"ros2": "tega_ros2.export_format:FORMAT"},
     streams={"ros2": "tega_ros2.stream:Ros2Stream"},
     extra="ros2",

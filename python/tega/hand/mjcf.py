@@ -33,8 +33,11 @@ PAD_RADIUS_M: Final = 0.012
 PAD_HALF_LENGTH_M: Final = 0.010
 """Half of that straight part."""
 
-# From tega.hand.motion.JointModel: 9.52 rad/s at full duty without load, reached with a time constant of 0.07 s.
-_DAMPING: Final = FULL_DUTY_NM / 9.52
+NO_LOAD_RAD_S: Final = 9.52
+"""Speed of a joint at full duty without load, as of :class:`tega.hand.motion.JointModel`."""
+
+# Reached with a time constant of 0.07 s.
+_DAMPING: Final = FULL_DUTY_NM / NO_LOAD_RAD_S
 _ARMATURE: Final = 0.07 * _DAMPING
 _STOP_MARGIN_RAD: Final = 0.1
 _LINK_RADIUS_M: Final = 0.011

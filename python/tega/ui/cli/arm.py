@@ -5,10 +5,11 @@ from __future__ import annotations
 import click
 
 from tega.ui.cli.forward import forward
+from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import json_option
 
 
-class _Arm(click.Group):
+class _Arm(GuestGroup):
     """The arm's verbs; ``arm HOST``, as it was called before, is ``arm check HOST``."""
 
     def resolve_command(

@@ -10,6 +10,7 @@ import msgspec
 
 from tega.runtime.files.toml_text import toml_value
 from tega.runtime.number_text import number_text
+from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import json_option
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ _sets_option = click.option(
 )
 
 
-@click.group(epilog="Example: tega-teleop config check session.toml")
+@click.group(cls=GuestGroup, epilog="Example: tega-teleop config check session.toml")
 def config() -> None:
     """Show or check a session's settings."""
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.hand_decode import decode
 from tega.ui.cli.options import json_option
 
@@ -67,7 +68,7 @@ def _opened(
         yield stack.enter_context(driver)
 
 
-@click.group(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
+@click.group(cls=GuestGroup, epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
 def hand() -> None:
     """Check the robot hand, teach its closure poses, time its loop, decode its logs."""
 
