@@ -6,7 +6,7 @@ TOOLS := $(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/fig
 ARM64 := aarch64-unknown-linux-gnu
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards letting-go deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured words clean
+.PHONY: help setup build test slow guards letting-go deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured mutants words clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -147,6 +147,13 @@ measured: ## the pictures of what takes hours to measure, and their tables; TEGA
 		target/this-version.raw
 	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
+
+# It needs: pip install 'tools/campaigns[mutants]', cargo install cargo-mutants. It goes on where it was ended.
+mutants: ## change the hot paths in one place at a time; count the changes that no test detects; hours, on one core
+	PYTHONPATH=$(TOOLS) $(BIN)/python -m tega_campaigns.mutants cover
+	PYTHONPATH=$(TOOLS) $(BIN)/python -m tega_campaigns.mutants python --n 200 --seed 1
+	PYTHONPATH=$(TOOLS) $(BIN)/python -m tega_campaigns.mutants rust --n 100 --seed 1
+	PYTHONPATH=$(TOOLS) $(BIN)/python -m tega_campaigns.mutants table
 
 words: ## words of user pages, help, messages and docstrings, counted per 10,000 by the rules of plain English
 	$(BIN)/python tools/words.py

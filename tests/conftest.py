@@ -164,6 +164,30 @@ def _recordings_are_valid(_recordings_watched: list[str]) -> Generator[None]:
     assert not troubles, "\n".join(troubles)
 
 
+@pytest.fixture(autouse=True)
+def _marked_alerts_are_raised(request: pytest.FixtureRequest) -> Generator[None]:
+    """Fail a test that says it raises an alert when no run of it has published one of that name."""
+    wanted = {marker.args[0] for marker in request.node.iter_markers("raises")}
+    if not wanted:
+        yield
+        return
+    from tega.records import Alert
+    from tega.records.bus import Bus
+
+    raised: set[str] = set()
+    publish = Bus.publish
+
+    def note(bus: Bus, record: Any) -> None:
+        if isinstance(record, Alert) and record.said:
+            raised.add(record.name)
+        publish(bus, record)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Bus, "publish", note)
+        yield
+    assert wanted <= raised, f"no run of this test raised {', '.join(sorted(wanted - raised))}"
+
+
 @pytest.fixture(scope="session")
 def _working_folder() -> tuple[Path, set[str]]:
     folder = Path.cwd()

@@ -87,6 +87,7 @@ def test_emg_lost_keeps_the_level_where_the_settings_say_so(tmp_path: Path) -> N
         assert made.limp()
 
 
+@pytest.mark.raises("emg")
 def test_emg_that_comes_back_steers_again(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 500.0}) as made:
 
@@ -109,6 +110,7 @@ def test_emg_that_comes_back_steers_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("signal", "words"), [("rail", "stays at"), ("hum", "mostly 50 Hz mains"), ("flat", "stays at 0")]
 )
+@pytest.mark.raises("votes")
 def test_electrodes_that_are_off_hold_the_level_then_open_the_hand(
     tmp_path: Path, signal: str, words: str
 ) -> None:
@@ -170,6 +172,7 @@ def test_one_electrode_that_is_off_has_no_vote_and_the_others_go_on(tmp_path: Pa
         ("cut", ""),
     ],
 )
+@pytest.mark.raises("thumb")
 def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: str, why: str) -> None:
     with lab(tmp_path, vest=True, fingers=("thumb", "index")) as made:
 
@@ -315,6 +318,7 @@ def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:
         made.until(made.at_rest)
 
 
+@pytest.mark.raises("hand's guard")
 def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, recording={"dir": str(tmp_path / "recorded")}) as made:
 
@@ -340,6 +344,7 @@ def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Pat
     assert any("lets go of the hand was lost" in event.text for event in found.states)
 
 
+@pytest.mark.raises("vest")
 def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
 

@@ -151,6 +151,7 @@ def test_markers_that_came_before_the_end_are_heard_though_the_clocks_are_still_
     assert listening.n_heard == len(heard)
 
 
+@pytest.mark.raises("markers")
 def test_another_process_hears_states_trials_faults_and_pedals_when_they_happened(tmp_path: Path) -> None:
     with (
         Emulator("hid_input", "--device", "pedal-keyboard") as pedal,

@@ -118,6 +118,7 @@ def test_a_part_of_a_film_begins_with_a_picture_that_stands_alone(tmp_path: Path
 
 
 @pytest.mark.slow
+@pytest.mark.raises("scene")
 def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path) -> None:
     """The run goes on meanwhile, and what was filmed before and after can be looked at."""
     said: list[str] = []

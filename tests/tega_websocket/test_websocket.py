@@ -186,6 +186,7 @@ def played(url: str) -> list[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.raises("websocket")
 def test_the_hand_holds_without_commands_and_no_second_client_leads(run: Run) -> None:
     with Peer(run.url) as first, Peer(run.url) as second:
         first.follow(lambda: first.state.get("state") == "active", type="Hand", level=4)

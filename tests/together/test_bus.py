@@ -130,6 +130,7 @@ def test_one_that_fails_behind_a_backlog_is_left_out_too() -> None:
     assert bus.problem() == "table: ValueError: no such column"
 
 
+@pytest.mark.raises("subscribers")
 def test_a_run_whose_onlookers_fail_does_and_records_the_same(tmp_path: Path) -> None:
     bus, seen = Bus(), list[str]()
 

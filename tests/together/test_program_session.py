@@ -16,9 +16,10 @@ from reference.sessions import tree
 from tega.config import SessionConfig, check_tree
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, ShapeError, TegaError
 from tega.haptics import vest_frame
-from tega.loop.program import ProgramSession, session
+from tega.loop.program import ProgramHand, ProgramSession, session
 from tega.recording.opened import open_recording
 from tega.recording.replay import replay_file
+from tega.runtime.clock import ManualClock
 from tega_emulators.lab import emulated_lab
 
 
@@ -148,6 +149,16 @@ def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, way: str, pace:
     assert silent(tmp_path)
     assert s.summary["ended"] == "stopped"
     assert not s._thread.is_alive()
+
+
+def test_a_program_s_levels_reach_from_1_to_5_and_lapse() -> None:
+    clock = ManualClock()
+    hand = ProgramHand(clock, driver="allegro")
+    for level in (1, 1.5, 5):
+        hand.level(level, for_s=0.2)
+        assert hand.asked() == level
+    clock.sleep_until(clock.now_ns() + 300_000_000)
+    assert hand.asked() is None
 
 
 def test_what_is_out_of_range_is_refused_and_sends_nothing(tmp_path: Path) -> None:

@@ -217,4 +217,22 @@ mod tests {
         assert!((peak - 0.5 * (1.0 - (-0.35f32).exp())).abs() < 1e-6);
         assert!(one.iter().zip(&two).all(|(a, b)| (a - b).abs() < 1e-6));
     }
+    #[test]
+    fn a_sum_has_each_cell_where_its_parts_have_it() {
+        let window = Window { rows: [3, 5], cols: [8, 16] };
+        let cells: Vec<f32> = (0u16..((ROWS + 2) * STRIDE + CACHE_LINE) as u16).map(f32::from).collect();
+        let quick = Relief { cells: &cells, stride: STRIDE, window };
+        let lag: Vec<f32> = (0..ROWS * COLS).map(|i| if i % 2 == 0 { 0.25 } else { 0.5 }).collect();
+        for quick in [Some(quick), None] {
+            let mut out = vec![0.0; cells.len()];
+            add(&mut out, quick, &lag, window);
+            let sum = Relief { cells: &out, stride: STRIDE, window };
+            for (r, c) in (0..ROWS).flat_map(|r| (0..COLS).map(move |c| (r, c))) {
+                let inside = (3..5).contains(&r) && (8..16).contains(&c);
+                let height = quick.map_or(0.0, |quick| quick.row(r + 1)[c + 1]);
+                let wanted = if inside { lag[r * COLS + c] + height } else { 0.0 };
+                assert_eq!(sum.row(r + 1)[c + 1], wanted, "{r} {c}");
+            }
+        }
+    }
 }

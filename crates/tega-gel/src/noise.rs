@@ -206,3 +206,20 @@ tega_simd::dispatched! {
     /// Writes the still picture as it has drifted by an epoch, counts less 128.
     drifted = Noise::drift, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [i8]) -> ()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_the_root_give_the_correlations() {
+        let rows = cholesky();
+        let product = |a: usize, b: usize| -> f32 { rows[a].iter().zip(rows[b]).map(|(x, y)| x * y).sum() };
+        for channel in 0..3 {
+            assert!((product(channel, channel) - 1.0).abs() < 1e-6);
+        }
+        for (found, wanted) in [product(0, 1), product(0, 2), product(1, 2)].into_iter().zip(CORRELATION) {
+            assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
+        }
+    }
+}

@@ -328,6 +328,17 @@ mod tests {
     }
 
     #[test]
+    fn a_change_is_cut_off_at_the_largest_either_way() {
+        let mut normals = [[0.0f32; LIT_COLS]; 3];
+        normals[2][..3].copy_from_slice(&[1e6, -1e6, 1.0]);
+        let mut out = [0i16; 3];
+        change(&mut out, [&[0.0; 3], &[0.0; 3], &[1.0; 3], &[0.0; 3]], &normals);
+        assert_eq!(out[0], nearest(LARGEST));
+        assert_eq!(out[1], -out[0]);
+        assert!(out[2].abs() < out[0]);
+    }
+
+    #[test]
     fn a_change_that_leaves_a_byte_is_cut_off() {
         let mut out = [0; 64];
         for (still, change, level) in [(100, 255, 255), (-100, 0, 0), (0, 255, 255), (0, 0, 0), (5, 128, 133)]

@@ -43,3 +43,46 @@ pub(crate) fn spline(t: f32) -> [f32; 4] {
 pub(crate) fn nearest(value: f32) -> i16 {
     (value + 12_582_912.0).to_bits() as i32 as i16
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polynomial_has_each_of_its_terms() {
+        let terms = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
+        let (x, y) = (3.0f32, 5.0f32);
+        let powers = [1.0, x, y, x * x, x * y, y * y];
+        for (k, power) in powers.into_iter().enumerate() {
+            let alone = std::array::from_fn(|i| if i == k { terms[k] } else { 0.0 });
+            assert_eq!(polynomial(&alone, x, y), terms[k] * power);
+        }
+        assert_eq!(polynomial(&terms, x, y), terms.iter().zip(powers).map(|(a, b)| a * b).sum::<f32>());
+    }
+
+    #[test]
+    fn the_middle_of_the_picture_is_the_origin() {
+        assert_eq!([across(0.0), across(120.0), across(240.0)], [-1.0, 0.0, 1.0]);
+        assert_eq!([along(0.0), along(160.0), along(320.0)], [-1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn weights_of_a_spline_are_one_together_and_mirrored() {
+        for t in [0.0f32, 0.1, 0.5, 0.9, 1.0] {
+            let (weights, mirrored) = (spline(t), spline(1.0 - t));
+            assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+            for (a, b) in weights.iter().zip(mirrored.iter().rev()) {
+                assert!((a - b).abs() < 1e-6 && *a >= 0.0);
+            }
+        }
+        let wanted = [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0];
+        assert!(spline(0.0).into_iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    #[test]
+    fn nearest_is_the_nearest_integer() {
+        for (value, wanted) in [(0.0, 0), (0.4, 0), (0.6, 1), (-0.6, -1), (127.4, 127), (-300.2, -300)] {
+            assert_eq!(nearest(value), wanted);
+        }
+    }
+}

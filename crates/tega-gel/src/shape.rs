@@ -258,3 +258,103 @@ impl Round {
         meets && across + axis[2].abs() * deepest < length
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether a point of the shape's own frame lies in it, made thicker by so much.
+    fn holds(shape: Shape, [x, y, z]: [f64; 3], thicker: f64) -> bool {
+        let round = x.hypot(y);
+        match shape {
+            Shape::Sphere { radius } => round.hypot(z) <= radius + thicker,
+            Shape::Cylinder { radius, half_length } => {
+                round <= radius + thicker && z.abs() <= half_length + thicker
+            }
+            Shape::Capsule { radius, half_length } => {
+                round.hypot((z.abs() - half_length).max(0.0)) <= radius + thicker
+            }
+            Shape::Box { half } => [x, y, z].iter().zip(half).all(|(c, h)| c.abs() <= h + thicker),
+            Shape::Plane => z >= -thicker,
+        }
+    }
+
+    /// Axes turned about z, x and y in turn, as the columns of a pose near the middle of the pad.
+    fn turned(about_x: f64, about_y: f64) -> [[f64; 4]; 3] {
+        let ((s, c), (t, d), (u, e)) = (about_x.sin_cos(), about_y.sin_cos(), 0.7f64.sin_cos());
+        let [x, y, z] = [[d, 0.0, -t], [t * s, c, d * s], [t * c, -s, d * c]];
+        let place = [0.5, -0.25, 7.0];
+        [0, 1, 2].map(|k| [e * x[k] + u * y[k], e * y[k] - u * x[k], z[k], place[k]])
+    }
+
+    #[test]
+    fn the_lowest_point_over_a_point_is_where_the_line_enters_the_body() {
+        const MARGIN: f64 = 0.03;
+        let shapes = [
+            Shape::Sphere { radius: 3.0 },
+            Shape::Cylinder { radius: 1.5, half_length: 4.0 },
+            Shape::Capsule { radius: 1.5, half_length: 4.0 },
+            Shape::Capsule { radius: 2.0, half_length: 60.0 },
+            Shape::Box { half: [1.0, 2.0, 3.0] },
+            Shape::Plane,
+        ];
+        let xs: Vec<f32> = (-15i8..16).map(|k| 0.5 * f32::from(k)).collect();
+        for shape in shapes {
+            for (about_x, about_y) in [(0.3, 0.2), (1.2, -0.4), (1.5, 0.0), (2.9, 0.3), (0.1, 1.4)] {
+                let pose_mm = turned(about_x, about_y);
+                let indenter = Indenter { shape, pose_mm, force_n: 1.0 };
+                let inside = |dx: f64, dy: f64, t: f64, thicker: f64| {
+                    let local =
+                        [0, 1, 2].map(|k| pose_mm[0][k] * dx + pose_mm[1][k] * dy + pose_mm[2][k] * t);
+                    holds(shape, local, thicker)
+                };
+                if shape == Shape::Plane && pose_mm[2][2] > -0.05 {
+                    continue; // it faces away
+                }
+                for y in [-3.0f32, -0.75, 0.5, 4.0] {
+                    let mut out = vec![0.0; xs.len()];
+                    indenter.lowest(&xs, &vec![y; xs.len()], &mut out);
+                    for (x, low) in xs.iter().zip(out) {
+                        let (dx, dy) = (f64::from(*x) - 0.5, f64::from(y) + 0.25);
+                        let enters = if low < CLEAR / 2.0 { f64::MAX } else { -f64::from(low) };
+                        let case = format!("{shape:?} {about_x} {about_y} {dx} {dy} {low}");
+                        assert!(enters == f64::MAX || inside(dx, dy, enters, MARGIN), "{case}");
+                        let before =
+                            (-1000i32..1000).map(|k| 0.02 * f64::from(k)).filter(|t| *t < enters - MARGIN);
+                        let bounded = shape != Shape::Plane;
+                        assert!(
+                            !bounded || !before.into_iter().any(|t| inside(dx, dy, t, -MARGIN)),
+                            "{case}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_bar_that_covers_a_row_is_met_between_its_ends_at_every_corner() {
+        let (xs, ys) = ([-1.5f32, 1.0], [-0.75f32, 0.5]);
+        let mut covers = 0;
+        for (about_x, about_y) in [(0.9, 0.2), (1.2, -0.4), (1.5, 0.0), (2.0, 0.3), (0.4, 1.4)] {
+            let p = turned(about_x, about_y);
+            let [u, v, axis] = [0, 1, 2].map(|k| [p[0][k] as f32, p[1][k] as f32, p[2][k] as f32]);
+            let round = Round::new([u, v], 4.0);
+            for length in (1u8..60).map(|k| 0.25 * f32::from(k)) {
+                if !round.stays_within(axis, [xs, ys], length) {
+                    continue;
+                }
+                covers += 1;
+                for (dx, dy) in xs.into_iter().flat_map(|x| ys.map(|y| (x, y))) {
+                    let (enter, leave) = round.cut(dx, dy);
+                    let along = axis[0] * dx + axis[1] * dy + axis[2] * enter;
+                    assert!(
+                        enter < leave && along.abs() < length + 1e-4,
+                        "{about_x} {about_y} {length} {along}"
+                    );
+                }
+            }
+        }
+        assert!(covers > 50, "{covers}");
+    }
+}

@@ -115,6 +115,8 @@ fn a_dent_is_found_where_it_is() {
         let ratio = (f64::from(metrics.eda) / std::f64::consts::PI).sqrt() / radius;
         assert!((1.0..2.1).contains(&ratio), "{ratio}");
         assert_eq!(metrics.eda as usize, ones(&mask));
+        // What counts begins under the dent's own height.
+        assert!(0.0 < metrics.threshold && metrics.threshold < metrics.peak, "{metrics:?}");
     }
 }
 

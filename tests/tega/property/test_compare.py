@@ -11,19 +11,17 @@ from hypothesis import strategies as st
 from tega.recording.replay.compare import Compared, Comparison
 
 _VALUES = st.sampled_from([0.0, 1.0, math.nan])
-# Time, how much later it was known, and the value.
-_ROWS = st.lists(st.tuples(st.integers(0, 30), st.integers(0, 4), _VALUES), max_size=25)
+# Time and value; how much later what has a time is known on both sides.
+_ROWS = st.lists(st.tuples(st.integers(0, 30), _VALUES), max_size=25)
+_LATE = st.lists(st.integers(0, 4), min_size=31, max_size=31)
 
 Rows = list[tuple[int, int, float]]
 
 
-def in_order(rows: Rows) -> Rows:
-    """Return rows by time, each known no earlier than the one before."""
-    known, ordered = 0, []
-    for t_ns, late_ns, value in sorted(rows, key=lambda row: row[0]):
-        known = max(known, t_ns + late_ns)
-        ordered.append((t_ns, known, value))
-    return ordered
+def in_order(rows: list[tuple[int, float]], late_ns: list[int]) -> Rows:
+    """Return rows by time, with the ticks at which they are known, which rise with the times."""
+    known_ns = [max(t + late_ns[t] for t in range(k + 1)) for k in range(31)]
+    return [(t_ns, known_ns[t_ns], value) for t_ns, value in sorted(rows, key=lambda row: row[0])]
 
 
 def compared(recorded: Rows, replayed: Rows, settled: list[int], cut_ns: int | None) -> Comparison:
@@ -39,21 +37,27 @@ def compared(recorded: Rows, replayed: Rows, settled: list[int], cut_ns: int | N
     return found.result(cut_ns)
 
 
-@given(_ROWS, _ROWS, st.lists(st.integers(0, 39)), st.none() | st.integers(20, 30))
+@given(_ROWS, _ROWS, _LATE, st.lists(st.integers(0, 39)), st.none() | st.integers(20, 30))
 def test_settling_early_finds_what_settling_once_finds(
-    recorded: Rows, replayed: Rows, settled: list[int], cut_ns: int | None
+    recorded: list[tuple[int, float]],
+    replayed: list[tuple[int, float]],
+    late_ns: list[int],
+    settled: list[int],
+    cut_ns: int | None,
 ) -> None:
-    ours, theirs = in_order(recorded), in_order(replayed)
+    ours, theirs = in_order(recorded, late_ns), in_order(replayed, late_ns)
     if cut_ns is not None:  # the recording was cut there
         ours = [row for row in ours if row[1] < cut_ns]
         settled = [tick for tick in settled if tick <= cut_ns]
     assert compared(ours, theirs, settled, cut_ns) == compared(ours, theirs, [], cut_ns)
 
 
-@given(_ROWS)
-def test_a_stream_is_the_same_as_itself_and_is_not_kept(rows: Rows) -> None:
+@given(_ROWS, _LATE)
+def test_a_stream_is_the_same_as_itself_and_is_not_kept(
+    rows: list[tuple[int, float]], late_ns: list[int]
+) -> None:
     found = Compared("stream", lambda value: {"value": value})
-    for t_ns, known_ns, value in in_order(rows):
+    for t_ns, known_ns, value in in_order(rows, late_ns):
         found.recorded(value, t_ns, known_ns)
         found.replayed(value, t_ns, known_ns)
         found.settle(t_ns)
@@ -63,9 +67,11 @@ def test_a_stream_is_the_same_as_itself_and_is_not_kept(rows: Rows) -> None:
     assert (result.recorded, result.replayed, result.differ) == (len(rows), len(rows), 0)
 
 
-@given(_ROWS, st.data())
-def test_a_changed_value_is_one_difference(rows: Rows, data: st.DataObject) -> None:
-    ours = in_order(rows)
+@given(_ROWS, _LATE, st.data())
+def test_a_changed_value_is_one_difference(
+    rows: list[tuple[int, float]], late_ns: list[int], data: st.DataObject
+) -> None:
+    ours = in_order(rows, late_ns)
     theirs = list(ours)
     k = data.draw(st.integers(0, len(ours) - 1)) if ours else None
     if k is not None:

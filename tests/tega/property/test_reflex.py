@@ -90,6 +90,7 @@ def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(
         name="x", most_levels=most, rise_levels_per_s=rise, fall_levels_per_s=fall, authority=1.0
     )
     bench, before, dt_s = Bench(reflex, bounds), 0.0, TICK_NS / 1e9
+    additions: list[float] = []
     for own, wish, authority, active, touching in ticks:
         reflex.now = wish
         bench.moment = ReflexMoment(authority, active, None)
@@ -109,6 +110,9 @@ def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(
             assert touching
             assert authority * most >= added - 1e-12
         before = added
+        additions.append(added)
+    assert bench.arc.n_added == sum(one > 0 for one in additions)
+    assert bench.arc.most_added == max(additions)
 
 
 @given(ticks=TICKS)

@@ -116,6 +116,7 @@ def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
     drive: list[Any], limit: int, heat: float, dose_s: float
 ) -> None:
     budget = MotorBudget(limit=limit, heat_share=heat, dose_s=dose_s)
+    assert {one.shape for one in (budget.heat, budget.dose_s, budget.carried_s)} == {(40,)}
     t_s = 0.0
     for wait_s, wanted in [(wait_s, wanted) for wait_s, wanted, n in drive for _ in range(n)]:
         t_s += wait_s

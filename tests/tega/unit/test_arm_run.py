@@ -248,6 +248,7 @@ def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp
 
 
 @pytest.mark.slow
+@pytest.mark.raises("arm")
 def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

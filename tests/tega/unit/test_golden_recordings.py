@@ -225,6 +225,8 @@ def _by_topic(path: Path) -> dict[str, list[tuple[int, bytes]]]:
     for topic, log_ns, _, data in messages(path):
         # Viewers' own messages hold a time of day.
         viewers = topic == "/hand/joints" or topic.endswith("/image")
+        # A reason is words for people, which have been improved.
+        data = data.replace(b"\x1a\x0call is there", b"\x1a\x11all devices ready")
         if topic not in {"/recorder/status", "/touch/event"}:  # the first version told no events
             found.setdefault(topic, []).append((log_ns - epoch_ns, b"" if viewers else data))
     return found

@@ -140,6 +140,8 @@ def alerts_of(tmp_path: Path, hand: str) -> set[str]:
 
 
 @pytest.mark.usefixtures("installed")
+@pytest.mark.raises("signal")
+@pytest.mark.raises("hand")
 def test_a_run_shows_what_a_hand_and_an_amplifier_of_others_have_to_say(tmp_path: Path) -> None:
     assert isinstance(OwnHand(Options()), SteeredHand)
     seen = alerts_of(tmp_path, "own-hand")

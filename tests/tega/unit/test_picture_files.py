@@ -34,7 +34,11 @@ def gel(noise: int = 0, *, depth: float = 0.0) -> np.ndarray[Any, np.dtype[np.ui
     return picture
 
 
-@given(st.lists(st.floats(1.0e9, 1.99e9).map(lambda t: round(t, 6)), min_size=2, max_size=30, unique=True))
+# Whole seconds alone may be numbers that count.
+_TIMES = st.floats(1.0e9, 1.99e9).map(lambda t: round(t, 6)).filter(lambda t: t % 1 > 0)
+
+
+@given(st.lists(_TIMES, min_size=2, max_size=30, unique=True))
 def test_names_by_time_time_come_in_the_order_of_their_times(times: list[float]) -> None:
     files = [Path(f"{t}.png") for t in times]
     found = [float(path.stem) for path in sorted_names(files)]

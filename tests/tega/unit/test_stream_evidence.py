@@ -233,7 +233,7 @@ def test_contradictions_are_kept_after_they_are_over() -> None:
 def test_the_page_lists_the_evidence_of_every_live_driver() -> None:
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
-        for line in PAGE.read_text(encoding="utf-8").partition("## What to do")[0].splitlines()
+        for line in PAGE.read_text(encoding="utf-8").partition("## Actions")[0].splitlines()
         if line.startswith("| `")
     ]
     listed = {row[0].strip("`"): dict(zip(EVIDENCE, row[1:], strict=True)) for row in rows}

@@ -135,6 +135,31 @@ fn silence_switches_off_after_30_ms_and_is_survived() {
 }
 
 #[test]
+fn thirty_milliseconds_without_positions_are_borne_and_not_one_more() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(600);
+    assert_eq!(bench.t_ms % bench.hand.every_ms, 0); // a set has just come
+    bench.hand.mute = true;
+    bench.run(30);
+    assert_eq!(bench.link.phase(), Phase::Running);
+    bench.run(1);
+    assert_eq!(bench.link.phase(), Phase::Silent);
+}
+
+#[test]
+fn after_a_fault_the_motors_are_switched_off_quickly_at_first_and_then_now_and_then() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(600);
+    bench.hand.joint_c = 85;
+    bench.sent.clear();
+    bench.run(3000);
+    assert_ne!(bench.fault(), "");
+    let off: Vec<i64> = bench.sent.iter().filter(|(_, frame)| frame.id() == 0x104).map(|(t, _)| *t).collect();
+    let waits: Vec<i64> = off.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert_eq!(waits[..4], [5, 5, 100, 100]);
+}
+
+#[test]
 fn a_hand_that_stays_away_is_given_up_after_five_attempts() {
     let mut bench = Bench::new(Hand::default());
     bench.run(500);

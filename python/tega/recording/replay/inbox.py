@@ -7,7 +7,7 @@ from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from tega.loop.inbox.stream import NEVER_NS
+from tega.loop.inbox.stream import NEVER_NS, LiveStream
 from tega.loop.pacing import Pacer
 from tega.records import Contact, Intent, Skip
 from tega.runtime.clock import ManualClock
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 Taken = TypeVar("Taken", Contact, Intent)
 
 _SETTLE_NS = 1_000_000_000
+# More than come in one tick after the longest standstill.
+_MOST = 1 << 20
 
 
 class RecordedPacer(Pacer):
@@ -26,6 +28,9 @@ class RecordedPacer(Pacer):
     Args:
         feed: The recording; it is read as far as each deadline needs it.
         settle: Called about every second with the tick.
+
+    Attributes:
+        fills: Functions that put the run's input into its streams, called with every tick.
     """
 
     def __init__(self, feed: RecordFeed, settle: Callable[[int], None]) -> None:
@@ -35,6 +40,7 @@ class RecordedPacer(Pacer):
         self._turns_ns: list[int] = []
         self._settled_ns = 0
         self.tick_ns = -1
+        self.fills: list[Callable[[int], None]] = []
         feed.bus.subscribe(Skip, lambda skip: self._skipped.add(skip.t_ns), vital=True)
         feed.bus.subscribe(Contact, self._note_turn, vital=True)
         feed.bus.subscribe(Intent, self._note_turn, vital=True)
@@ -53,8 +59,8 @@ class RecordedPacer(Pacer):
     def wait(self, t_ns: int) -> bool:
         """Go to a deadline; return whether its tick was carried out."""
         self._feed.read_until(t_ns)
-        self._reach(t_ns)
         self.n_waits += 1
+        self._reach(t_ns)
         if t_ns - self._settled_ns > _SETTLE_NS:
             self._settled_ns = t_ns
             self._settle(t_ns)
@@ -67,6 +73,11 @@ class RecordedPacer(Pacer):
         self.tick_ns = t_ns
         while self._turns_ns and self._turns_ns[0] <= t_ns:
             heappop(self._turns_ns)
+        end = self._feed.end
+        # The last look of a set time is before its end, and takes in what came until then.
+        last = end is not None and end.ended == "duration" and t_ns >= end.end_ns
+        for fill in self.fills:
+            fill(NEVER_NS if last else t_ns)
 
     def over(self) -> bool:
         """Return whether the run was over."""
@@ -76,55 +87,34 @@ class RecordedPacer(Pacer):
         return self.n_waits >= end.n_waits and not self._turns_ns
 
 
-class TakenStream(Generic[Taken]):
-    """A stream with each item at the tick at which the run received it.
+class TakenItems(Generic[Taken]):
+    """Puts each item of a recorded stream into a live one at the tick at which the run received it.
 
     If every source had ended, the stream ends with the last tick of the run.
 
     Args:
         feed: The recording.
-        pacer: Says when the run was over.
+        pacer: Ticks of the run.
         item: Returns what a recorded item is now; ``None`` for one that is left out.
 
     Attributes:
-        rows: Recorded items that are not taken yet.
+        stream: The loop's input.
+        rows: Recorded items that are not put in yet.
     """
 
     def __init__(self, feed: RecordFeed, pacer: RecordedPacer, item: Callable[[Taken], Taken | None]) -> None:
-        self._pacer = pacer
+        self._feed, self._pacer = feed, pacer
         self._item: Callable[[Taken], Taken | None] = item
-        end = feed.end
-        # The last look of a set time is before its end.
-        self._latest_ns = end.end_ns - 1 if end is not None and end.ended == "duration" else NEVER_NS
-        self._ends = end is not None and end.ended == "complete"
-        self.end_ns = 0 if end is None else end.end_ns
         self.rows: deque[Taken] = deque()
+        self.stream: LiveStream[Taken] = LiveStream(capacity=_MOST)
+        pacer.fills.append(self.fill)
 
-    @property
-    def due_ns(self) -> int:
-        """Time of the next item; 0 where none is read yet."""
-        if self.rows:
-            return min(self.rows[0].taken_ns, self._latest_ns)
-        return NEVER_NS if self.ended else 0
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing will come any more."""
-        return self._ends and not self.rows and self._pacer.over()
-
-    def next_until(self, t_ns: int) -> Taken | None:
-        """Return the next item known at a time, or ``None``."""
-        while self.rows and self.due_ns <= t_ns:
+    def fill(self, t_ns: int) -> None:
+        """Put in the items taken up to a tick."""
+        while self.rows and self.rows[0].taken_ns <= t_ns:
             item = self._item(self.rows.popleft())
             if item is not None:
-                self.end_ns = max(self.end_ns, item.t_ns)
-                return item
-        return None
-
-    def drain(self) -> None:
-        """Pass over the items that the loop did not take."""
-        while self.rows:
-            self._item(self.rows.popleft())
-
-    def close(self) -> None:
-        """Discard nothing: the rest is passed over by :meth:`drain`."""
+                self.stream.put(item)
+        end = self._feed.end
+        if end is not None and end.ended == "complete" and not self.rows and self._pacer.over():
+            self.stream.end(end.end_ns)

@@ -19,6 +19,7 @@ import numpy as np
 from tega.haptics import MotorLevels
 from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_output import HandOutput
+from tega.loop.inbox.stream import NEVER_NS
 from tega.loop.loop import DualLoop
 from tega.loop.moment import Moment, Moments
 from tega.loop.motor_tests import lit_frame
@@ -30,7 +31,7 @@ from tega.recording.replay.compare import Comparison
 from tega.recording.replay.comparing import Comparing
 from tega.recording.replay.exchanges import compare_exchanges
 from tega.recording.replay.feed import RecordFeed, newest
-from tega.recording.replay.inbox import RecordedPacer, TakenStream
+from tega.recording.replay.inbox import RecordedPacer, TakenItems
 from tega.recording.replay.measured import Measured
 from tega.recording.replay.picture_errors import PictureError, PictureErrors
 from tega.recording.replay.reflex import RecordedGuard, recorded_arc
@@ -145,21 +146,20 @@ def _run(feed: RecordFeed, measured: Measured, comparing: Comparing, errors: Pic
     with_emg = "emg" in head.sources
     if head.facts["observed"] == "true":
         bus.subscribe(Moment, lambda _moment: None)
-    contacts: dict[str, TakenStream[Contact]] = {
-        finger: TakenStream(feed, pacer, partial(_contact, measured, errors, feed))
+    contacts: dict[str, TakenItems[Contact]] = {
+        finger: TakenItems(feed, pacer, partial(_contact, measured, errors, feed))
         for finger in head.baselines
     }
-    levels = TakenStream(feed, pacer, partial(_intent, measured)) if with_emg else None
+    levels: TakenItems[Intent] = TakenItems(feed, pacer, partial(_intent, measured))
     feed.bus.subscribe(Contact, lambda contact: contacts[contact.finger].rows.append(contact), vital=True)
-    if levels is not None:
-        feed.bus.subscribe(Intent, levels.rows.append, vital=True)
+    feed.bus.subscribe(Intent, levels.rows.append, vital=True)
     touch = touch_loop(config, measured.calibration, list(head.baselines))
     looks = newest(feed, HandLook)
     loop = DualLoop(
         pacer=pacer,
         touch=touch,
-        contacts=contacts,
-        levels=levels,
+        contacts={finger: items.stream for finger, items in contacts.items()},
+        levels=levels.stream if with_emg else None,
         hand=HandOutput(
             hand,
             bus=bus,
@@ -184,8 +184,8 @@ def _run(feed: RecordFeed, measured: Measured, comparing: Comparing, errors: Pic
     feed.read_until(0)
     report = loop.run(duration_ns=duration_ns, stop=pacer.over, endless=feed.holds(ArmTurn))
     feed.read_rest()
-    for stream in contacts.values():
-        stream.drain()
+    for items in contacts.values():
+        items.fill(NEVER_NS)
     return report.end_ns
 
 
