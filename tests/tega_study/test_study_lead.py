@@ -506,7 +506,7 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     for trial, planned in zip(trials, plan.of("p01"), strict=True):
         where = folder / "recordings" / "p01" / f"{planned.id}-a1"
         told = read_recorded(next(where.glob("*.mcap"))).head.config.stages.mapping.name
-        assert told == ("pulses" if trial.condition == "event-gated" else None)
+        assert told == ("pulses" if trial.condition == "event-gated" else "equal-steps")
         facts = json.loads((where / "trial.json").read_text())
         strongest = touched = 0.0
         first_ns = None

@@ -79,3 +79,12 @@ def test_a_changed_value_is_one_difference(
     result = compared(ours, theirs, list(range(0, 40, 3)), None)
     assert result.differ == (k is not None)
     assert (result.fields == {"value": 1}) == (k is not None)
+
+
+def test_a_last_frame_that_is_stamped_before_others_is_paired() -> None:
+    found = Compared("stream", lambda value: {"value": value})
+    for t_ns in (10, 15, 20):  # the recording is read in the order of the times
+        found.recorded(0.0, t_ns)
+    for t_ns in (10, 20, 15):
+        found.replayed(0.0, t_ns)
+    assert found.result().differ == 0

@@ -63,7 +63,8 @@ class _Row(NamedTuple):
 class Compared:
     """Compares a stream's records with those of its replay as they come.
 
-    Both sides give their records in the order of their times; numbers are equal when every bit is (every NaN is equal
+    Both sides give their records nearly in the order of their times: the last frame of a run is stamped with the run's
+    end, which may be before that of its last tick. Numbers are equal when every bit is (every NaN is equal
     to any other).
 
     Args:
@@ -91,27 +92,23 @@ class Compared:
     def recorded(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
         """Take a record of the recording, with its time and the tick at which it was known."""
         self.n_recorded, self.last_recorded_ns = self.n_recorded + 1, t_ns
-        self._recorded.append(_Row(t_ns, known_ns or t_ns, record))
+        _put(self._recorded, _Row(t_ns, known_ns or t_ns, record))
 
     def replayed(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
         """Take a record of the replay."""
         self.n_replayed += not self._shared
-        self._replayed.append(_Row(t_ns, known_ns or t_ns, record))
+        _put(self._replayed, _Row(t_ns, known_ns or t_ns, record))
 
     def settle(self, until_ns: int) -> None:
         """Compare what can be: both sides are complete up to a tick."""
         ours, theirs = self._recorded, self._replayed
         while ours or theirs:
-            if ours and theirs:
-                a, b = ours[0].t_ns, theirs[0].t_ns
-                if a == b:
-                    self._pair(a, ours.popleft().record, theirs.popleft().record)
-                    continue
-                first = ours if a < b else theirs
-            else:
-                first = ours or theirs
-                if first[0].known_ns >= until_ns:
-                    return
+            if ours and theirs and ours[0].t_ns == theirs[0].t_ns:
+                self._pair(ours[0].t_ns, ours.popleft().record, theirs.popleft().record)
+                continue
+            first = ours if not theirs or (ours and ours[0].t_ns < theirs[0].t_ns) else theirs
+            if first[0].known_ns >= until_ns:
+                return
             row = first.popleft()
             if first is ours:
                 self._note(row.t_ns, self._values(row.record), _ABSENT)
@@ -146,6 +143,14 @@ class Compared:
             if len(self._first) < _KEPT:
                 texts = (str(side.get(name, "absent")) for side in (ours, theirs))
                 self._first.append(Difference(t_ns / 1e9, name, *texts))
+
+
+def _put(rows: deque[_Row], row: _Row) -> None:
+    """Put a row behind those of its time and before."""
+    place = len(rows)
+    while place and rows[place - 1].t_ns > row.t_ns:
+        place -= 1
+    rows.insert(place, row)
 
 
 def _same(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
