@@ -164,13 +164,12 @@ def _recordings_are_valid(_recordings_watched: list[str]) -> Generator[None]:
     assert not troubles, "\n".join(troubles)
 
 
-@pytest.fixture(autouse=True)
-def _marked_alerts_are_raised(request: pytest.FixtureRequest) -> Generator[None]:
-    """Fail a test that says it raises an alert when no run of it has published one of that name."""
-    wanted = {marker.args[0] for marker in request.node.iter_markers("raises")}
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Fail a test that is marked to raise an alert if no run in it has published one of that name."""
+    wanted = {marker.args[0] for marker in item.iter_markers("raises")}
     if not wanted:
-        yield
-        return
+        return (yield)
     from tega.records import Alert
     from tega.records.bus import Bus
 
@@ -184,8 +183,9 @@ def _marked_alerts_are_raised(request: pytest.FixtureRequest) -> Generator[None]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Bus, "publish", note)
-        yield
+        result = yield
     assert wanted <= raised, f"no run of this test raised {', '.join(sorted(wanted - raised))}"
+    return result
 
 
 @pytest.fixture(scope="session")

@@ -217,6 +217,7 @@ def test_a_peer_receives_what_the_run_publishes_with_ros_s_names_types_hashes_an
         assert {one["t_ns"] for one in contacts} <= times
 
 
+@pytest.mark.raises("ros2")
 def test_a_peer_closes_the_hand_and_a_silent_or_departed_one_lets_it_hold(peer: Peer) -> None:
     with Run(settings()) as run:
         until(lambda: "no publisher leads" in run.reason())
@@ -258,6 +259,7 @@ BAD = [
 ]
 
 
+@pytest.mark.raises("ros2 commands")
 def test_a_target_that_cannot_be_used_is_refused_with_the_reason_and_moves_nothing(peer: Peer) -> None:
     with Run(settings()) as run:
         peer.close_hand(0.25)

@@ -232,7 +232,7 @@ def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
             filmed(
                 settings(tmp_path / "session", {"name": "front", "source": source}),
                 tmp_path,
-                stop=lambda: next(asked, None) is None,
+                controls=Controls(stop=lambda: next(asked, None) is None),
             )
     assert not _children("tega_scene.camera_program")
 

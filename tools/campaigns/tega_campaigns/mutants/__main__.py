@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
@@ -11,8 +10,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from tega.runtime.child_process import python_environment
 from tega_campaigns.mutants.drawn import python_mutants, rust_mutants
-from tega_campaigns.mutants.tried import Covered, kept, progress, try_named, try_python, try_rust
+from tega_campaigns.mutants.tried import (
+    Covered,
+    beside_python,
+    kept,
+    progress,
+    try_named,
+    try_python,
+    try_rust,
+)
 
 _SETTINGS: Final = """[run]
 parallel = True
@@ -33,14 +41,14 @@ def cover(project: Path, folder: Path) -> None:
     packages = sorted({file.parent for file in (project / "tests").rglob("test_*.py")})
     for package in packages:
         name = "-".join(package.relative_to(project).parts)
-        env = os.environ | {
+        env = beside_python() | {
             "COVERAGE_PROCESS_START": str(settings),
             "HYPOTHESIS_PROFILE": "ci",
             "TEGA_TOOK": str(folder / f"took-{name}.json"),
         }
         command = ["coverage", "run", f"--rcfile={settings}", "-m", "pytest", "-n0", "-q"]
         more = ["-p", "tega_campaigns.mutants.covered", str(package)]
-        subprocess.run([sys.executable, "-m", *command, *more], cwd=project, env=env, check=False)
+        subprocess.run([*command, *more], cwd=project, env=python_environment(env), check=False)
     found = Coverage(data_file=str(folder / "covered"), config_file=False)
     found.combine()
     found.save()
@@ -61,7 +69,7 @@ def table(folder: Path) -> str:
 
     rows = ["| language | tried | killed | share | 95 % interval |", "|---|---|---|---|---|"]
     left: list[str] = []
-    for language in ("python", "rust"):
+    for language in ("rust", "python"):
         trials = [one for one in kept(folder, language) if one.outcome != "unviable"]
         if not trials:
             continue

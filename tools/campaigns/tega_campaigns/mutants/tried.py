@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+import sysconfig
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import msgspec
 
+from tega.runtime.child_process import python_environment
 from tega_campaigns.mutants.drawn import Mutant
 
 if TYPE_CHECKING:
@@ -157,21 +159,26 @@ def _within(tests: Sequence[str], took_s: dict[str, float], budget_s: float) -> 
     return chosen
 
 
+def beside_python() -> dict[str, str]:
+    """Return this program's environment, with the programs beside this Python found first."""
+    return os.environ | {"PATH": os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])}
+
+
 def first_failure(tree: Path, tests: Sequence[str], took_s: dict[str, float]) -> str:
     """Return the first test that fails, with its error; ``""`` if all pass."""
     if not tests:
         return ""
     slowest_s = max(took_s[name] for name in tests)
     total_s = sum(took_s[name] for name in tests)
-    command = [sys.executable, "-m", "pytest", "-n0", "-x", "-q", "-p", "no:cacheprovider", "-rf", "--tb=no"]
+    command = ["pytest", "-n0", "-x", "-q", "-p", "no:cacheprovider", "-rf", "--tb=no"]
     command += ["--timeout", str(round(max(_LEAST_S, _SLACK * slowest_s))), *tests]
     folders = [tree / "python", *(tree / "tools" / name for name in ("emulators", "campaigns", "figures"))]
-    env = os.environ | {"HYPOTHESIS_PROFILE": "ci", "PYTHONPATH": os.pathsep.join(map(str, folders))}
+    env = beside_python() | {"HYPOTHESIS_PROFILE": "ci", "PYTHONPATH": os.pathsep.join(map(str, folders))}
     try:
         done = subprocess.run(
             command,
             cwd=tree,
-            env=env,
+            env=python_environment(env),
             capture_output=True,
             text=True,
             timeout=2 * _LEAST_S + _SLACK * total_s,
