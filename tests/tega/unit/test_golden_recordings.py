@@ -226,7 +226,7 @@ def _by_topic(path: Path) -> dict[str, list[tuple[int, bytes]]]:
         # Viewers' own messages hold a time of day.
         viewers = topic == "/hand/joints" or topic.endswith("/image")
         # A reason is words for people, which have been improved.
-        data = data.replace(b"\x1a\x0call is there", b"\x1a\x11all devices ready")
+        today = data.replace(b"\x1a\x0call is there", b"\x1a\x11all devices ready")
         if topic not in {"/recorder/status", "/touch/event"}:  # the first version told no events
-            found.setdefault(topic, []).append((log_ns - epoch_ns, b"" if viewers else data))
+            found.setdefault(topic, []).append((log_ns - epoch_ns, b"" if viewers else today))
     return found
