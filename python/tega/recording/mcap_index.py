@@ -5,7 +5,7 @@ A finished file has an index at its end. An unfinished one has none: it is passe
 
 from __future__ import annotations
 
-import sys
+import math
 from array import array
 from collections import defaultdict
 from heapq import heappop, heappush
@@ -79,6 +79,13 @@ class IndexedReader(McapReader):
         self.from_ns = min((chunk.from_ns for chunk in self._chunks), default=0)
         self.until_ns = max((chunk.until_ns for chunk in self._chunks), default=0)
 
+    def holds(self, topic: str) -> bool:
+        """Return whether there is any message of a topic; no list of them is read."""
+        if self._passed:
+            return topic in self._passed
+        ids = {number for number, channel in self._channels.items() if channel.topic == topic}
+        return any(ids & chunk.lists.keys() for chunk in self._chunks)
+
     def places(self, topic: str, *, from_ns: int, to_ns: int) -> NDArray[Any]:
         """Return the places of a topic's messages in a span of log time, of :data:`PLACE`, in the file's order.
 
@@ -124,16 +131,16 @@ class IndexedReader(McapReader):
         earliest_ns = [*accumulate((chunk.from_ns for chunk in reversed(chunks)), min)]
         waiting: list[tuple[int, int, Any]] = []
         numbers, mib = count(), self.path.stat().st_size // MIB
-        for chunk, next_ns in zip(chunks, [*earliest_ns[-2::-1], sys.maxsize], strict=False):
+        for chunk, next_ns in zip(chunks, [*earliest_ns[-2::-1], math.inf], strict=False):
             self.progress(self.path.name, chunk.begins // MIB, mib)
-            safe_ns = next_ns
+            safe_ns: float = next_ns
             try:
                 for record in self._records_of(chunk.begins):
                     heappush(waiting, (record.log_time, next(numbers), record))
             except TegaError:
                 raise
             except Exception as error:  # whatever damage makes the reader say: all before it is good
-                self.cut, safe_ns = type(error).__name__, sys.maxsize
+                self.cut, safe_ns = type(error).__name__, math.inf
             while waiting and waiting[0][0] < safe_ns:
                 try:
                     message = self._wanted_message(heappop(waiting)[2], wanted)

@@ -134,6 +134,8 @@ class Compared:
             self._note(t_ns, self._values(ours), self._values(theirs))
 
     def _note(self, t_ns: int, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
+        if ours == theirs:
+            return
         names = [name for name in {**ours, **theirs} if not _same(name, ours, theirs)]
         if not names:
             return

@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 
 # When things were done is no result.
 _WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})
-# A stage beside the connected ones may have been so late.
+# Differences are settled so much later than the tick; stages beside the connected ones may have been later still.
 _LATE_NS = 10_000_000_000
+_BESIDE_LATE_NS = 60_000_000_000
 
 Values = Callable[[Any], dict[str, Any]]
 
@@ -83,18 +84,20 @@ class Comparing:
         for compared in (*self._pixels.values(), *self._streams.values()):
             compared.settle(t_ns - _LATE_NS)
         for compared in self._beside.values():
-            compared.settle(t_ns - 6 * _LATE_NS)
+            compared.settle(t_ns - _BESIDE_LATE_NS)
 
     def results(self) -> Iterator[Comparison]:
         """Return the comparison of every stream, once both have ended."""
         if self._feed.head.lossless:
             yield from (compared.result() for compared in self._pixels.values())
-        cut_ns = self._feed.last_tick_ns if self._feed.end is None else None
+        cut = self._feed.end is None
         for topic, compared in self._streams.items():
             if topic in self._always or compared.n_recorded or compared.n_replayed:
                 # Samples may have been recorded later than what was made of them.
-                last_ns = compared.last_recorded_ns + 1 if topic == Adaptation.topic else cut_ns
-                yield compared.result(cut_ns and last_ns)
+                last_ns = (
+                    compared.last_recorded_ns + 1 if topic == Adaptation.topic else self._feed.last_tick_ns
+                )
+                yield compared.result(last_ns if cut else None)
         for topic, compared in self._beside.items():
             result = compared.result()
             if result.recorded and self._measurable(topic, result.replayed):
@@ -124,6 +127,11 @@ class Comparing:
             if (known_ns := _known_ns(record)) >= from_ns:
                 streams[record.where].replayed(record, record.t_ns, known_ns)
 
+        self._subscribe(kind, recorded, replayed)
+
+    def _subscribe(
+        self, kind: type[Record], recorded: Callable[[Any], None], replayed: Callable[[Any], None]
+    ) -> None:
         self._feed.bus.subscribe(kind, recorded, vital=True)
         self._bus.subscribe(kind, replayed, name="replay", vital=True)
 
@@ -170,8 +178,7 @@ class Comparing:
 
         kinds: tuple[type[Record], ...] = (BesideContact, BesideIntent)
         for kind in kinds:
-            self._feed.bus.subscribe(kind, recorded, vital=True)
-            self._bus.subscribe(kind, replayed, name="replay", vital=True)
+            self._subscribe(kind, recorded, replayed)
 
     def _measurable(self, topic: str, n_shared: int) -> bool:
         """Return whether a stage's output can be computed again: of lossless pictures, with all that it remembers."""

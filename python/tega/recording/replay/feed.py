@@ -73,7 +73,7 @@ class RecordFeed:
         path: The file.
         frame: Given every picture and its ``tega.Frame`` message, which has the checksum of the pixels as taken.
         chunk: Given the EMG samples as they came.
-        other: Given every message that is no record of :data:`KINDS`; without it those are not decoded.
+        other: Given every message whose type no replay reads; without it those are not decoded.
         pictures_wanted: Asked whether ``frame`` is to be given pictures; else they are not decoded.
         progress: Called as the file is read.
 
@@ -131,17 +131,14 @@ class RecordFeed:
         return decode_ahead(chain(early, self.reader.in_order(wanted)))
 
     def _read_end(self) -> End | None:
-        places = self._places(End)
+        places = self.reader.places(End.topic, from_ns=0, to_ns=self.reader.until_ns + 1)
         message = self.reader.message(End.topic, places[-1]) if len(places) else None
         record = None if message is None else record_of(message)
         return record if isinstance(record, End) else None
 
-    def _places(self, kind: type[Record]) -> Any:
-        return self.reader.places(kind.topic, from_ns=0, to_ns=self.reader.until_ns + 1)
-
     def holds(self, kind: type[Record]) -> bool:
         """Return whether there is any record of a type with a fixed topic, in the lead-in or later."""
-        return kind in self._early or len(self._places(kind)) > 0
+        return kind in self._early or self.reader.holds(kind.topic)
 
     @property
     def end(self) -> End | None:

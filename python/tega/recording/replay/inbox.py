@@ -30,7 +30,7 @@ class RecordedPacer(Pacer):
         settle: Called about every second with the tick.
 
     Attributes:
-        fills: Functions that put the run's input into its streams, called with every tick.
+        fills: Functions that put the run's input into its streams, called with a tick that has any, and at the end.
     """
 
     def __init__(self, feed: RecordFeed, settle: Callable[[int], None]) -> None:
@@ -71,13 +71,16 @@ class RecordedPacer(Pacer):
 
     def _reach(self, t_ns: int) -> None:
         self.tick_ns = t_ns
-        while self._turns_ns and self._turns_ns[0] <= t_ns:
-            heappop(self._turns_ns)
+        turns, any_due = self._turns_ns, False
+        while turns and turns[0] <= t_ns:
+            heappop(turns)
+            any_due = True
         end = self._feed.end
         # The last look of a set time is before its end, and takes in what came until then.
         last = end is not None and end.ended == "duration" and t_ns >= end.end_ns
-        for fill in self.fills:
-            fill(NEVER_NS if last else t_ns)
+        if any_due or last or self.over():
+            for fill in self.fills:
+                fill(NEVER_NS if last else t_ns)
 
     def over(self) -> bool:
         """Return whether the run was over."""

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import msgspec
 
 from tega.hand import joined_level
-from tega.recording.mcap_reader import Message, Progress
+from tega.recording.mcap_reader import Message
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.head import Head
 from tega.recording.replay.players import Player, players
-from tega.records import Contact, End, HandCommand, HandLook, Imposed, Intent, Record, VestFrame
+from tega.records import Contact, End, HandLook, Imposed, Record
 from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
@@ -30,9 +30,8 @@ class Recorded(msgspec.Struct):
         head: Facts that are known before the first message.
         contacts: Contacts by finger, in order.
         records: Records of each type, in order, those of the lead-in first; see :meth:`of`.
-        dropped: Number of records lost, by topic.
         complete: Whether the file was finished, or else recovered or cut.
-        n_frames: Number of pictures, by finger.
+        last_tick_ns: Newest tick of any record.
         n_early: Number of contacts of the lead-in, by finger.
         reader: Passes over the file again; ``None`` of a run that is in no file.
         players: Players of features, which have noted their messages.
@@ -41,9 +40,8 @@ class Recorded(msgspec.Struct):
     head: Head
     contacts: dict[str, list[Contact]]
     records: dict[type[Record], list[Any]] = {}
-    dropped: dict[str, int] = {}
     complete: bool = False
-    n_frames: dict[str, int] = {}
+    last_tick_ns: int = 0
     n_early: dict[str, int] = {}
     reader: IndexedReader | None = None
     players: list[Player] = []
@@ -67,14 +65,6 @@ class Recorded(msgspec.Struct):
         """Levels that were set against the muscles: time, level (0 for no longer)."""
         return [(one.t_ns, joined_level(one.level, one.closure)) for one in self.of(Imposed)]
 
-    @property
-    def last_tick_ns(self) -> int:
-        """The newest tick of any record."""
-        ticks = [contact.taken_ns for contacts in self.contacts.values() for contact in contacts[-1:]]
-        ticks += [intent.taken_ns for intent in self.of(Intent)[-1:]]
-        ticks += [row.t_ns for rows in (self.of(VestFrame), self.of(HandCommand)) for row in rows[-1:]]
-        return max(ticks, default=0)
-
 
 @tells_damage
 def read_recorded(
@@ -84,7 +74,6 @@ def read_recorded(
     frame: Callable[[str, TactileFrame, Any], None] = lambda _finger, _frame, _told: None,
     chunk: Callable[[EmgChunk], None] = lambda _chunk: None,
     pictures_wanted: Callable[[Head], bool] = lambda _head: True,
-    progress: Progress | None = None,
 ) -> Recorded:
     """Read a recording.
 
@@ -94,8 +83,7 @@ def read_recorded(
         frame: Given every picture, one at a time (all together they do not fit into memory), and its ``tega.Frame``
             message: the checksum that its pixels had when they were taken, and whether another finger was loaded.
         chunk: Given the EMG samples as they came.
-        pictures_wanted: Asked after ``begin`` whether ``frame`` is to be given them; else they are passed over.
-        progress: Called as the file is read.
+        pictures_wanted: Asked whether ``frame`` is to be given them; else they are passed over.
 
     Raises:
         RecordingError: The file is no recording of a session, or is cut off before its head.
@@ -108,9 +96,7 @@ def read_recorded(
             for player in recorded.players:
                 player.note(message)
 
-    feed = RecordFeed(
-        path, frame=frame, chunk=chunk, other=other, pictures_wanted=pictures_wanted, progress=progress
-    )
+    feed = RecordFeed(path, frame=frame, chunk=chunk, other=other, pictures_wanted=pictures_wanted)
     head = feed.head
     recorded = Recorded(
         head, {finger: [] for finger in head.baselines}, reader=feed.reader, players=players()
@@ -129,5 +115,5 @@ def read_recorded(
         finger: sum(contact.taken_ns < head.from_ns for contact in contacts)
         for finger, contacts in recorded.contacts.items()
     }
-    recorded.complete, recorded.dropped, recorded.n_frames = feed.complete, feed.lost, feed.n_frames
+    recorded.complete, recorded.last_tick_ns = feed.complete, feed.last_tick_ns
     return recorded
