@@ -12,7 +12,7 @@ from lerobot.robots import Robot, RobotConfig
 from tega.errors import ConfigError
 from tega.hand import split_level
 from tega_lerobot.live import OBSERVED, emg_channel_count, feature_names
-from tega_lerobot.plugin.seat import PATIENCE_S, Seat
+from tega_lerobot.plugin.seat import Seat, Seated
 from tega_lerobot.streams import CLOSURE, closure_numbers
 
 
@@ -40,7 +40,7 @@ class TegaRobotConfig(RobotConfig):
     width: int = 240
 
 
-class TegaRobot(Robot):
+class TegaRobot(Seated, Robot):
     """Robot ``tega``. An action is a closure, 0 (open) to 1 (closed); it passes TEGA's guard and limits.
 
     Args:
@@ -78,40 +78,13 @@ class TegaRobot(Robot):
         shape = (self.config.height, self.config.width, 3)
         return {**numbers, **dict.fromkeys(self._fingers, shape)}
 
-    @property
-    def action_features(self) -> dict[str, Any]:
-        """The closure, and the grasp level nearest to it."""
-        return dict.fromkeys(CLOSURE, float)
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether it is connected."""
-        return self._seat.taken
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Whether it is calibrated; the settings name the calibration."""
-        return True
-
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
         """Begin the session, and wait for a value of everything that is observed.
 
         Raises:
             TegaError: The session cannot begin, or something observed is missing.
         """
-        self._seat.take()
-        try:
-            _, live = self._seat.run
-            live.wait(self._names, self._fingers, patience_s=PATIENCE_S)
-        except BaseException:
-            self._seat.leave()
-            raise
-
-    def calibrate(self) -> None:
-        """Do nothing: ``tega-teleop calibrate`` calibrates."""
-
-    def configure(self) -> None:
-        """Do nothing: the settings file configures."""
+        self._begin(self._names, self._fingers)
 
     def get_observation(self) -> dict[str, Any]:
         """Return the newest numbers, and the newest pictures as uint8 (height, width, 3): red, green, blue."""
@@ -135,7 +108,3 @@ class TegaRobot(Robot):
         level = 1 + 4 * float(np.clip(float(action["closure"]), 0, 1))
         session.hand.level(level)
         return dict(zip(CLOSURE, closure_numbers(*split_level(level)), strict=True))
-
-    def disconnect(self) -> None:
-        """End the session, unless a teleoperator still uses it: the vest gets zeros, and the hand is let go."""
-        self._seat.leave()

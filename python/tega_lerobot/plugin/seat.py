@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -11,9 +12,10 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 from tega.errors import ConfigError
 from tega.loop.program import ProgramSession, session
 from tega_lerobot.live import Live
+from tega_lerobot.streams import CLOSURE
 
 PATIENCE_S: Final = 60.0
-"""How long a device of LeRobot waits until everything is there."""
+"""How long a device of LeRobot waits for its first values."""
 
 
 class _Run:
@@ -95,3 +97,44 @@ class Seat:
             if _RUNS.get(run.key) is run:
                 del _RUNS[run.key]
             run.session.__exit__(None, None, None)
+
+
+class Seated:
+    """What robot and teleoperator have in common: a seat, and TEGA's own calibration and settings."""
+
+    _seat: Seat
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """The closure, and the grasp level nearest to it."""
+        return dict.fromkeys(CLOSURE, float)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it is connected."""
+        return self._seat.taken
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether it is calibrated; the settings name the calibration."""
+        return True
+
+    def calibrate(self) -> None:
+        """Do nothing: ``tega-teleop calibrate`` calibrates."""
+
+    def configure(self) -> None:
+        """Do nothing: the settings file configures."""
+
+    def disconnect(self) -> None:
+        """End the session, unless another device still uses it: the vest gets zeros, and the hand is let go."""
+        self._seat.leave()
+
+    def _begin(self, wanted: Mapping[str, Sequence[str] | None], fingers: Sequence[str]) -> None:
+        """Begin the session, and wait for the features and pictures."""
+        self._seat.take()
+        try:
+            _, live = self._seat.run
+            live.wait(wanted, fingers, patience_s=PATIENCE_S)
+        except BaseException:
+            self._seat.leave()
+            raise

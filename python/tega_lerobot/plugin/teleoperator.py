@@ -9,7 +9,7 @@ from typing import Any
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
 from tega.errors import ConfigError
-from tega_lerobot.plugin.seat import PATIENCE_S, Seat
+from tega_lerobot.plugin.seat import Seat, Seated
 from tega_lerobot.streams import CLOSURE
 
 
@@ -29,7 +29,7 @@ class TegaTeleoperatorConfig(TeleoperatorConfig):
     person: str | None = None
 
 
-class TegaTeleoperator(Teleoperator):
+class TegaTeleoperator(Seated, Teleoperator):
     """Teleoperator ``tega``.
 
     Args:
@@ -50,24 +50,9 @@ class TegaTeleoperator(Teleoperator):
         self.config = config
 
     @property
-    def action_features(self) -> dict[str, Any]:
-        """The closure, and the grasp level nearest to it."""
-        return dict.fromkeys(CLOSURE, float)
-
-    @property
     def feedback_features(self) -> dict[str, Any]:
         """None: the session shows touch on the vest by itself."""
         return {}
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether it is connected."""
-        return self._seat.taken
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Whether it is calibrated; the settings name the calibration."""
-        return True
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
         """Begin the session, and wait for the first intent.
@@ -75,19 +60,7 @@ class TegaTeleoperator(Teleoperator):
         Raises:
             TegaError: The session cannot begin, or no intent comes.
         """
-        self._seat.take()
-        try:
-            _, live = self._seat.run
-            live.wait({"observation.emg_levels": None}, (), patience_s=PATIENCE_S)
-        except BaseException:
-            self._seat.leave()
-            raise
-
-    def calibrate(self) -> None:
-        """Do nothing: ``tega-teleop calibrate`` calibrates."""
-
-    def configure(self) -> None:
-        """Do nothing: the settings file configures."""
+        self._begin({"observation.emg_levels": None}, ())
 
     def get_action(self) -> dict[str, Any]:
         """Return the closure that the muscles ask for now, and the grasp level nearest to it.
@@ -100,7 +73,3 @@ class TegaTeleoperator(Teleoperator):
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Do nothing: the session shows touch on the vest by itself."""
-
-    def disconnect(self) -> None:
-        """End the session, unless a robot still uses it."""
-        self._seat.leave()
