@@ -104,7 +104,7 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
 def test_its_check_speaks_in_doctor_and_its_table_is_checked(installed: Path, tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text(LAB.format(firm_from=3))
     said = tega(installed, tmp_path, "doctor", "lab.toml", code=3)
-    assert "no grip is ever firm" in said
+    assert "no grip is ever firm" in " ".join(said.split())  # doctor breaks lines
     (tmp_path / "lab.toml").write_text(LAB.format(firm_from=5))
     assert "lab.toml:10: grip.firm_from = 5" in tega(
         installed, tmp_path, "config", "check", "lab.toml", code=1
