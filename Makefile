@@ -32,15 +32,15 @@ slow: ## what waits in true time: emulated devices, sessions, kills, soaks; then
 guards: ## tests have to fail without the guard they show; all of them into tests/hazards/guards-seen.md (THIRD=today: a third)
 	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
 
-letting-go: ## every signal to each process of a program and to several at once, into docs/evidence/letting-go.md
+letting-go: ## every signal to each process of a program and to several at once, into docs/evidence/faults.md
 	PYTHONPATH=tests $(BIN)/python -m hazards.letting_go_page
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/*/property
 
-stress: ## the properties at the ends of the number range, and docs/stress.md from what they found
-	PYTHONPATH=tests $(BIN)/python tests/tega/property/stress_page.py docs/stress.md
+stress: ## the properties at the ends of the number range, into docs/evidence/installing.md
+	PYTHONPATH=tests $(BIN)/python tests/tega/property/stress_page.py docs/evidence/installing.md
 
 lint: ## formatting, clippy, ruff, mypy, layers, stub against extension
 	cargo fmt --all --check
@@ -75,7 +75,7 @@ bench: ## run time against error, then the kernels without Python
 	$(BIN)/tega-teleop bench
 	cd benches && cargo bench --quiet
 
-figures: ## measure on an idle machine, and write benches/results.json and docs/performance.md
+figures: ## measure on an idle machine, and write benches/results.json and docs/evidence/pareto.md
 	$(BIN)/python benches/figures.py
 
 counts: ## instruction counts against the committed ones (needs valgrind; UPDATE=1 rewrites them)
@@ -117,34 +117,18 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 
 # A browser draws page, report and terminal. Without a graphics card that takes ten minutes. The report's pictures are of
 # 72 trials; the figures of the pages on evidence are of 600, which take an hour and more.
-shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration, site
+shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration
 	$(BIN)/python -m tega_figures.page_shots docs/images
-	$(BIN)/python -m tega_figures.camera_shots docs/images
 	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate-emg.webp
-	$(BIN)/python -m tega_figures.fitts_shots docs/images
-	$(BIN)/python -m tega_figures.stream_shots docs/images/stream-rerun.webp
 	$(BIN)/tega-teleop study simulate --operators 4 --trials 3 --seed 1 --out target/study
 	$(BIN)/python -m tega_figures.report_shots target/study/report.html docs/images
-	$(MAKE) site
-	$(BIN)/python -m tega_figures.site_shots target/site docs/images
 
 measured: ## the pictures of what takes hours to measure, and their tables; TEGA_DATA names the shared recordings
 	$(BIN)/python -m tega_figures.check_arm docs/images
 	$(BIN)/python -m tega_figures.check_touch docs/images
 	$(BIN)/python -m tega_figures.world.check --pictures docs/images
 	$(BIN)/python -m tega_figures.felt.compare --people 16 --picture docs/images/mappings.png
-	$(BIN)/python -m tega_figures.simulated_skill target/people.jsonl docs/images/emg-skill.png
-	$(BIN)/python tools/figures/decoder_pareto.py docs/images/emg-decoders-pareto.png
-	$(BIN)/python -m tega_figures.touch_peers.pareto docs/images/touch-pareto.svg
 	$(BIN)/python -m tega_figures.pareto.page
-	$(BIN)/python -m tega_figures.skipped
-	$(BIN)/tega-teleop bench loop --seconds 16 --record --json > target/loop-idle.json
-	$(BIN)/tega-teleop bench loop --seconds 16 --record --busy 2 --json > target/loop-busy.json
-	$(BIN)/python -m tega_figures.late_ticks docs/images/late-ticks.png target/loop-idle.json target/loop-busy.json
-	$(BIN)/tega-teleop bench loop --seconds 22 --record & sleep 11; py-spy record --pid $$! --gil --threads --rate 200 \
-		--duration 10 --format raw --output target/this-version.raw; wait
-	$(BIN)/python -m tega_figures.lock_profile docs/images/lock-profile.png benches/hand-in-a-thread,-version-2aceae8a.raw \
-		target/this-version.raw
 	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
 

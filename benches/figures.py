@@ -1,7 +1,7 @@
-"""Measure run times and instruction counts, and write the tables of docs/performance.md: `make figures`.
+"""Measure run times and instruction counts, and write the tables of docs/evidence/pareto.md: `make figures`.
 
-The tables are made from `results.json` and `counts.toml`, which are committed beside this file; `--tables` makes them
-anew without measuring, and a test holds the page to them. Numba asks for an older NumPy, so times are measured in an
+The tables are made from `results.json`, which is committed beside this file; `--tables` makes them again
+without measuring, and a test holds the page to them. Numba asks for an older NumPy, so times are measured in an
 environment of their own, `target/figures`. Measure on a machine that does nothing else.
 """
 
@@ -20,8 +20,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 PROJECT = HERE.parent
 RESULTS = HERE / "results.json"
-COUNTS = HERE / "counts.toml"
-PAGE = PROJECT / "docs" / "performance.md"
+PAGE = PROJECT / "docs" / "evidence" / "pareto.md"
 PICTURE = PROJECT / "docs" / "images" / "pareto.png"
 
 FLOOR, NUMPY_FLOOR = "both images read once", "both images read once, NumPy"
@@ -146,16 +145,6 @@ def sizes(results: dict[str, Any]) -> str:
     return table(["ns a pixel", *(f"{height}×{width}" for height, width in found)], lines)
 
 
-def batches(results: dict[str, Any]) -> str:
-    """Compare many frames in one call with a call a frame."""
-    lines = [
-        [r["reading"], str(r["n_frames"]), f"{r['one_by_one']['median_us']:.0f}", f"{r['at_once']['median_us']:.0f}",
-         f"{r['to_one_by_one']:.2f}"]
-        for r in results["batches"]
-    ]  # fmt: skip
-    return table(["", "frames", "one by one, µs", "at once, µs", "at once over one by one"], lines)
-
-
 def emg(results: dict[str, Any]) -> str:
     """Compare the low-passes."""
     of = {(r["case"], r["variant"]): r for r in results["emg"]}
@@ -181,37 +170,14 @@ def tick(results: dict[str, Any]) -> str:
     return table(["touch", "fingers in contact", *results["tick"][0]["stages_us"], "in all"], lines)
 
 
-def skips(results: dict[str, Any]) -> str:
-    """Show what the skips save of a tick."""
-    lines = [
-        [
-            f"`{r['reading']}`",
-            str(r["n_in_contact"]),
-            *(f"{saved:.0f}".replace("-", "−") for saved in r["saved_us"].values()),
-        ]
-        for r in results["tick"]
-    ]
-    return table(["touch", "fingers in contact", *results["tick"][0]["saved_us"]], lines)
-
-
-def counts(committed: dict[str, Any]) -> str:
-    """Show the instructions of one call."""
-    lines = [
-        [name, *(f"{paths[path]:,}" if path in paths else "" for path in ("avx2", "baseline"))]
-        for name, paths in committed["counts"].items()
-    ]
-    made = f"With {committed['compiler']} on {committed['machine']}:"
-    return f"{made}\n\n{table(['kernel', 'AVX2', 'baseline'], lines)}"
-
-
-def page(text: str, results: dict[str, Any], committed: dict[str, Any]) -> str:
+def page(text: str, results: dict[str, Any]) -> str:
     """Return the page with every generated part made anew.
 
     Raises:
         SystemExit: The page has a part that nothing makes, or lacks one.
     """
-    makers = {f.__name__: f for f in (machine, headline, contact, sizes, batches, emg, tick, skips)}
-    parts = {name: make(results) for name, make in makers.items()} | {"counts": counts(committed)}
+    makers = {f.__name__: f for f in (machine, headline, contact, sizes, emg, tick)}
+    parts = {name: make(results) for name, make in makers.items()}
     found = re.findall(r"<!-- made: (\w+) -->", text)
     if sorted(found) != sorted(parts):
         raise SystemExit(f"{PAGE.name} has the parts {found}, and {list(parts)} are made")
@@ -226,8 +192,7 @@ def page(text: str, results: dict[str, Any], committed: dict[str, Any]) -> str:
 def made() -> str:
     """Return the page as it is to be."""
     results = json.loads(RESULTS.read_text(encoding="utf-8"))
-    committed = tomllib.loads(COUNTS.read_text(encoding="utf-8"))
-    return page(PAGE.read_text(encoding="utf-8"), results, committed)
+    return page(PAGE.read_text(encoding="utf-8"), results)
 
 
 def main() -> None:

@@ -16,7 +16,18 @@ from lift_player import lift_page
 from reference_pages import commands_page, drivers_page, public_modules, settings_page, stages_page
 
 MOVED = {
-    **{name: f"evidence/{name}" for name in ("emg-decoders", "loop", "sim-touch")},
+    **{
+        name: f"evidence/{name}"
+        for name in ("emg-decoders", "faults", "loop", "safety", "sim-touch", "touch-live")
+    },
+    "detect": "evidence/scene",
+    "faults-streams": "evidence/faults",
+    "performance": "evidence/pareto",
+    "soak": "evidence/faults",
+    "stress": "evidence/installing",
+    "evidence/files": "evidence/recording",
+    "evidence/letting-go": "evidence/faults",
+    "evidence/mutants": "evidence/installing",
     "sim-operator": "evidence/sim",
     "sim-world": "evidence/sim",
     "skips": "evidence/pareto",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 PROJECT = Path(__file__).resolve().parents[2]
-PAGE = PROJECT / "docs" / "safety.md"
+PAGE = PROJECT / "docs" / "evidence" / "safety.md"
 
 # Their tests move the clock themselves, or read the emulated devices' stamps.
 CLOCKS = (

@@ -1,6 +1,6 @@
 """Signals and lost terminals, to one process of a program and to several at once, and the time until the hand is limp.
 
-``make letting-go`` tries every cell on emulated devices and writes docs/evidence/letting-go.md. A cell starts the
+``make letting-go`` tries every cell on emulated devices and writes docs/evidence/faults.md. A cell starts the
 command itself, waits until the emulated hand pushes, makes the fault, and takes the hand's own stamps of zero torque
 and SERVO OFF.
 """

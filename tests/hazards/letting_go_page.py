@@ -1,4 +1,4 @@
-"""Try every cell of the table of letting go, and write docs/evidence/letting-go.md: ``make letting-go``."""
+"""Try every cell of the table of letting go, and write it into docs/evidence/faults.md: ``make letting-go``."""
 
 from __future__ import annotations
 
@@ -12,32 +12,13 @@ from typing import Final
 
 import pytest
 
-from hazards.letting_go import CELLS, EVENTS, STOP_S, Cell, Seen, expected, try_cell
+from hazards.letting_go import CELLS, EVENTS, Cell, Seen, expected, try_cell
 from hazards.programs import SUBJECTS
+from tega_campaigns.report import put_table, table
 
 ROOT: Final = Path(__file__).parents[2]
-PAGE: Final = ROOT / "docs/evidence/letting-go.md"
-_HEAD: Final = f"""# Signals and lost terminals
-
-`make letting-go` writes this page. Each cell starts the command on emulated devices and waits until the emulated hand
-pushes. The fault then goes to the processes named in the row, all at once. The cell is the time from the fault until
-the hand had zero torque and SERVO OFF, by the emulated hand's own stamps; n = 1. The same cells are tests
-(`tests/hazards/test_letting_go.py`), with the bounds of the [hazard table](../safety.md#what-can-go-wrong).
-
-- **goes on**: the hand is steered as before. A guard that is killed or stopped is replaced; the run holds until then.
-- **switch**: the hand still pushes, and no program is left that could let go. Use the hand's emergency switch.
-- *TERM, HUP*: the second signal follows 20 ms after the first.
-- *STOP {STOP_S:g} s*: the processes are stopped and go on {STOP_S:g} s later. Where all of them are stopped, as in a
-  computer that sleeps, the hand is let go when they go on, and no torque comes before that.
-- *closed terminal*: the command has the terminal itself. *dropped SSH*: a shell has it, and the command is its job.
-- *end of the scope*: SIGTERM and then SIGHUP to every process of the command and its shell, as systemd sends them at a
-  log-out, `loginctl terminate-session`, `systemctl stop` or a shutdown. A script sends them: no systemd ran.
-
-The operator's station has no hand: its column is the time until the robot's station opens the fingers (it holds for
-2 s first). `calibrate` opens no hand: its column is the time until the vest's motors rest. `hand show` and
-`hand teach` leave the motors off.
-
-"""
+PAGE: Final = ROOT / "docs/evidence/faults.md"
+_NAME: Final = "letting go"
 _NAMES: Final = {"main": "the command", "run": "the command", "all": "all three"}
 
 
@@ -50,10 +31,13 @@ def _text(cell: Cell, seen: Seen) -> str:
 
 
 def read_page() -> dict[Cell, str]:
-    """Return the text of each cell of the page."""
-    if not PAGE.is_file():
-        return {}
-    rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    """Return the text of each cell of the page's table."""
+    text = (
+        PAGE.read_text(encoding="utf-8")
+        .split(f"<!-- {_NAME}: begin -->")[1]
+        .split(f"<!-- {_NAME}: end -->")[0]
+    )
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
     texts = [text.strip() for row in rows[1:] for text in row.strip("|").split("|")[2:]]
     cells = [Cell(*row, event) for row in _rows() for event in EVENTS]
     return dict(zip(cells, texts, strict=True)) if len(cells) == len(texts) else {}
@@ -64,17 +48,14 @@ def _rows() -> list[tuple[str, str]]:
 
 
 def page(seen: Mapping[Cell, Seen]) -> str:
-    """Return the page's text: of the cells that were not tried, what it was before."""
-    before = read_page()
-    lines = [f"| command | processes | {' | '.join(EVENTS)} |", "|---" * (2 + len(EVENTS)) + "|"]
+    """Return the page's table; a cell that was not tried keeps its text."""
+    before, rows = read_page(), list[tuple[str, ...]]()
     for subject, targets in _rows():
         cells = [Cell(subject, targets, event) for event in EVENTS]
         name = _NAMES.get(targets, targets.replace("run", "command"))
-        texts = " | ".join(
-            _text(cell, seen[cell]) if cell in seen else before.get(cell, "–") for cell in cells
-        )
-        lines.append(f"| `{SUBJECTS[subject].command}` | {name} | {texts} |")
-    return _HEAD + "\n".join(lines) + "\n"
+        texts = (_text(cell, seen[cell]) if cell in seen else before.get(cell, "–") for cell in cells)
+        rows.append((f"`{SUBJECTS[subject].command}`", name, *texts))
+    return table(("command", "processes", *EVENTS), rows)
 
 
 def problem(cell: Cell, seen: Seen) -> str:
@@ -114,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with ThreadPoolExecutor(asked.jobs) as pool:
         tried = zip(chosen, pool.map(_try, chosen), strict=True)
         seen = {cell: outcome for cell, outcome in tried if outcome is not None}
-    PAGE.write_text(page(seen), encoding="utf-8")
+    put_table(PAGE, page(seen), name=_NAME)
     wrong = [cell for cell in chosen if cell not in seen or problem(cell, seen[cell])]
     _say(f"{len(chosen) - len(wrong)} of {len(chosen)} cells are as expected")
     return 1 if wrong else 0

@@ -1,6 +1,6 @@
 """Each signal to each process, and each lost terminal: the hand is let go in the time of the hazard table.
 
-``make letting-go`` writes the same cells with their times to docs/evidence/letting-go.md.
+``make letting-go`` writes the same cells with their times to docs/evidence/faults.md.
 """
 
 from __future__ import annotations

@@ -218,7 +218,7 @@ _HEAD: Final = """# Guards taken out
 `make guards` takes one guard after another out of a copy of the program, or makes its time ten times as long, and runs
 the test or the soak that shows it. The test has to pass with the guard and to fail without it. A test that does not end
 is no proof. That command writes this file: each line has the commit that it was seen at. The
-[hazard table](../../docs/safety.md#what-can-go-wrong) says what each guard is for.
+[hazard table](../../docs/evidence/safety.md#what-can-go-wrong) says what each guard is for.
 
 """
 _COLUMNS: Final = "| without it | guard in | what then fails | seen | commit |\n|---|---|---|---|---|\n"

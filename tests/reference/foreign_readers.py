@@ -50,16 +50,13 @@ from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
 from tega.safety import dose_file
 from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
-from tega_figures import skill_people as people
 from tega_figures.audit import read_marks
 from tega_figures.audit.truth import read_forces
 from tega_link.keys import _authority, expiry, make_keys
-from tega_practice.fitts import FittsCondition, FittsScore
 from tega_scene.layout import example_layout, load_layout, save_layout
 from tega_scene.lens import Lens, load_lens, save_lens
 from tega_scene.pictures import read_pictures, read_times
 from tega_scene.record import export_camera, record_cameras
-from tega_sim.operator import load_parameters
 from tega_sim.plan import TrialResult
 from tega_sim.score import TrialEvent
 from tega_sim.trials import read_results
@@ -278,7 +275,6 @@ def _wav(folder: Path) -> bytes:
 
 
 _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
-_ASKED = (("bars",), ("none",), 1)
 
 
 def _onset_log() -> bytes:
@@ -286,20 +282,6 @@ def _onset_log() -> bytes:
         made=_MADE, driver="vest", device="v", layout="x40", motor=2, percent=60, on_s=0.5, bursts_s=(0.8,)
     )
     return msgspec.json.encode(log)
-
-
-def _people() -> bytes:
-    hit = FittsCondition(distance=0.25, width=0.1, id_bits=1.8, completed=1, movements=1)
-    score = FittsScore(
-        throughput_bits_s=1.0, completion=1.0, path_efficiency=0.9, overshoots=0.0, movement_time_s=1.2,
-        movements=1, conditions=(hit,),
-    )  # fmt: skip
-    digest, scores = load_parameters().digest, {"bars": {"none": score}}
-    kept = [
-        people.PersonSkill(person=k, parameters=digest, asked=_ASKED, scores=scores, refused={})
-        for k in (1, 2)
-    ]
-    return b"".join(msgspec.json.encode(one) + b"\n" for one in kept)
 
 
 def _results() -> bytes:
@@ -435,7 +417,6 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
         _read_unfinished,
     ),
     "dose of a day": ("vest-dose.json", lambda _: _DOSE, dose_file._read),
-    "simulated people": ("people.jsonl", lambda _: _people(), lambda p: people._read(p, _ASKED)),
     "simulated trials": ("results.jsonl", lambda _: _results(), read_results),
     "log of bursts": ("bursts.json", lambda _: _onset_log(), read_log),
     "sound": ("a.wav", _wav, read_wav),

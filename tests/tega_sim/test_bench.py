@@ -265,32 +265,9 @@ def test_the_time_of_a_simulated_lift_adds_up():
         "untouched fingertips are not rendered",
         "their known frames are not measured",
     ]
-    (yardstick,) = report["yardstick"]
-    assert yardstick["object"] == "bag"
-    assert 0 < yardstick["alone_ms"] < yardstick["whole_ms"]
     # What was timed is left as it was.
     assert World.advance_to is advance_to
     cli_bench._print_simulation(msgspec.convert(report, simulation.SimReport))
-
-
-def test_the_yardstick_steps_the_frozen_scene_as_the_lift_did():
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega_figures.bench.yardstick import alone_s, noted_steps
-    from tega_sim.world import World
-
-    with noted_steps() as noted:
-        world = World("bag")
-        for k in range(1, 21):
-            world.set_torques(np.full(16, 0.01 * k))
-            world.advance_to(0.006 * k)
-    (lift,) = noted
-    assert sum(s for _, _, s in lift.steps) == pytest.approx(world.t_s)
-    assert [told[7] for told, _, _ in lift.steps] == pytest.approx([0.01 * k for k in range(1, 21)])
-    assert alone_s(lift) > 0
-    with pytest.raises(FileNotFoundError):
-        alone_s(lift._replace(object="no such object"))
-    with pytest.raises(RuntimeError, match="other joints"):
-        alone_s(lift._replace(began=(lift.began[0][:-1], *lift.began[1:])))
 
 
 def test_the_page_s_figures_are_those_of_the_committed_results():
@@ -306,10 +283,9 @@ def test_the_page_s_figures_are_those_of_the_committed_results():
 def test_a_page_with_a_part_that_nothing_makes_is_refused():
     figures = _module_of_benches("figures")
     results = json.loads(figures.RESULTS.read_text(encoding="utf-8"))
-    committed = tomllib.loads(figures.COUNTS.read_text(encoding="utf-8"))
     text = figures.PAGE.read_text(encoding="utf-8").replace("made: tick ", "made: tock ")
     with pytest.raises(SystemExit, match="tock"):
-        figures.page(text, results, committed)
+        figures.page(text, results)
 
 
 def test_a_bare_clock_in_a_process_of_its_own_tells_how_late_each_tick_was():

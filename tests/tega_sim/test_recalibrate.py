@@ -20,14 +20,69 @@ from tega.config.calibration.records import EmgRecord
 from tega.config.choose import block_s
 from tega.config.person import driver_settings
 from tega.devices.registry import driver_class
+from tega.runtime.files.signals import read_signals
+from tega.runtime.files.tables.table import Reading
 from tega.setup.calibration.steps_emg import chain_of
 from tega.stages.learned import LearnedDecoder, fit
 from tega.stages.learned.compare import Log, shifted_electrode, two_halves
+from tega.stages.learned.judge import DecoderFigures, judge
 from tega_emulators.process import Emulator
-from tega_figures.recalibrated_shift import judged_closure, squeeze, ten_seconds
 from tega_sim.operator import ForearmEmg, calibrate, draw_person
 
 pytestmark = pytest.mark.slow
+HALF_BLOCKS = 50
+"""Five seconds."""
+
+
+class TenSeconds(NamedTuple):
+    """Samples of a recalibration.
+
+    Attributes:
+        rest: float64 (n, channels), of the weakest blocks in the order of time.
+        effort: Likewise of the strongest.
+    """
+
+    rest: NDArray[np.float64]
+    effort: NDArray[np.float64]
+
+
+def squeeze(folder: Path, name: str) -> Log:
+    """Return EMG of channels 3, 6 and 8 beside a force.
+
+    Args:
+        folder: Of the shared recordings.
+        name: One of the recordings.
+    """
+    file = folder / "emg" / "my_thesis" / f"recording_force_{name}.mat"
+    emg = read_signals(file, Reading(channels=(3, 6, 8))).samples
+    force = read_signals(file, Reading(channels=(1,), variable="Force")).samples
+    n = min(len(emg), len(force))
+    return Log(name, emg[:n], force[:n, 0], 200.0)
+
+
+def ten_seconds(learn: Log, today: NDArray[np.float64]) -> TenSeconds:
+    """Return five seconds of the weakest and five of the strongest force.
+
+    Args:
+        learn: Says when the force was so.
+        today: The samples to take, (n, channels), of the same times.
+    """
+    tau = learn.tau
+    n = len(learn.target) // tau
+    order = np.argsort(learn.target[: n * tau].reshape(n, tau).mean(axis=1))
+    cut = today[: n * tau].reshape(n, tau, -1)
+    weak, strong = (cut[np.sort(some)] for some in (order[:HALF_BLOCKS], order[-HALF_BLOCKS:]))
+    return TenSeconds(weak.reshape(-1, cut.shape[2]), strong.reshape(-1, cut.shape[2]))
+
+
+def judged_closure(decoder: LearnedDecoder, log: Log) -> DecoderFigures:
+    """Return how well a decoder's closure, from its start, follows a log's target."""
+    decoder.restart()
+    closure = decoder.process(log.samples)
+    tau, full = decoder.model.tau, decoder.model.full
+    wanted = (log.target[: len(closure) * tau].reshape(-1, tau).mean(axis=1) / full).clip(0, 1)
+    return judge(closure, decoder.levels, wanted, tau / log.rate_hz)
+
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data"))

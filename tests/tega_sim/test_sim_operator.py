@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from reference.plant import Grasp, grasp
 from tega.errors import ConfigError, InvalidValueError
-from tega_figures.information.plant import Grasp, grasp
 from tega_sim.operator import (
     Operator,
     PersonNumbers,

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from tega_figures.information.agent import IdealAgent
-from tega_figures.information.compare import MARGIN, OUTCOMES, null, paired, person_outcomes
-from tega_figures.information.plant import Grasp, grasp, told_frame
+from reference.plant import Grasp, grasp, told_frame
 from tega_sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
 from tega_sim.operator.panels import ConfirmedClosure
 from tega_sim.operator.settled import JudgingEyes, SettledGrip
 from tega_sim.operator.vision import Kind, SeenEvent
-from tega_sim.plan import TrialResult
 
 SECOND = Rules(version=2)
 
@@ -127,14 +122,6 @@ def test_what_a_command_has_not_changed_yet_is_not_answered() -> None:
     assert [answered("deformation", at) for at in (4.9, 5.2, 5.7)] == [False, False, True]
 
 
-def test_on_walls_that_give_the_third_version_slips_less_than_the_second() -> None:
-    slips = {
-        version: person_outcomes("off", [0, 1], version=version, giving=True, n_trials=2)[:, 0].sum()
-        for version in (2, 3)
-    }
-    assert slips[3] < slips[2]
-
-
 def test_a_wall_gives_before_it_is_harmed() -> None:
     hard, giving = Grasp(2.4, 3.6), Grasp(2.4, 3.6, gives_from=1.5)
     assert hard.narrower_m(3.5) == 0.0
@@ -146,57 +133,3 @@ def test_a_wall_gives_before_it_is_harmed() -> None:
 def test_the_first_version_is_the_default() -> None:
     assert Rules().version == 1
     assert not isinstance(Operator(typical_person(), seed=1)._closure(), ConfirmedClosure)
-
-
-def test_who_is_told_the_closure_lifts_what_the_agent_can_lift() -> None:
-    agent = IdealAgent(draw_person(2), seed=2, told="closure")
-    outcomes = [grasp(agent, None, item=Grasp(2.4, 3.6), trial=trial) for trial in range(3)]
-    assert all(outcome.highest_m > 0.2 for outcome in outcomes)
-    assert sum(outcome.slips for outcome in outcomes) <= 3
-    assert not any(outcome.dropped for outcome in outcomes)
-
-
-def test_a_null_needs_the_whole_interval_within_the_margin() -> None:
-    rng = np.random.default_rng(1)
-    off = rng.random((40, len(OUTCOMES)))
-    assert null(paired(off, off))
-    assert not null(paired(off + 2 * max(MARGIN.values()), off))
-    assert not null(paired(off + rng.standard_normal(off.shape), off))
-    shifted = paired(off + 0.5, off)["cost"]
-    assert math.isclose(shifted.mean, 0.5)
-
-
-def lifted(seed: int, condition: str, slips: int, *, rules: int = 2) -> TrialResult:
-    return TrialResult(
-        object="bag",
-        condition=condition,  # type: ignore[arg-type]
-        seed=seed,
-        rules=rules,  # type: ignore[arg-type]
-        success=True,
-        slips=slips,
-        deformations=0,
-        drops=0,
-        duration_s=12.0,
-        peak_force_n=3.0,
-        lift_off_s=4.0,
-        lifted_s=6.0,
-        slid_m=0.0,
-        deformation_m=0.0,
-        mean_level=2.5,
-        events=(),
-        simulated_s=12.0,
-    )
-
-
-@pytest.mark.deep
-def test_the_truth_does_no_harm_by_the_second_version_and_does_by_the_first() -> None:
-    """The first version is the control that shows that the test can say no. Development seeds, not fresh people."""
-    seeds = range(20)
-    cost = {
-        version: paired(
-            person_outcomes("truth", seeds, version=version), person_outcomes("off", seeds, version=version)
-        )["cost"]
-        for version in (1, 2)
-    }
-    assert cost[2].high < MARGIN["cost"]
-    assert cost[1].low > MARGIN["cost"]

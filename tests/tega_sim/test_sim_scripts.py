@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.plant import grasp
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
 from tega.runtime.keys import split_keys
-from tega_figures.information.plant import grasp
 from tega_sim.operator import SHAMS, KeyboardOperator, Keys, ScriptedOperator, sham_vest
 from tega_sim.operator.scripted import Step
 from tega_sim.seams import Percept, WorldTruth

@@ -10,7 +10,7 @@ import pytest
 from hazards.guards import GUARDS, LATE, Guard
 from hazards.without import place, read_page
 
-PAGE = Path(__file__).parents[2] / "docs/safety.md"
+PAGE = Path(__file__).parents[2] / "docs/evidence/safety.md"
 
 
 @pytest.mark.parametrize("guard", [*GUARDS, *LATE], ids=lambda guard: guard.what)

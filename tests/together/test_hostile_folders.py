@@ -28,7 +28,6 @@ from tega.runtime.files.whole_file import new_file, write_whole
 from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
 from tega_bench.vest_latency.log import read_wav
-from tega_figures.skill_people import people_at_test
 from tega_study.coupling import read_course
 from tega_study.episodes.journal import EPISODES, EpisodeJournal
 from tega_study.hand_rows import read_hand
@@ -208,8 +207,6 @@ def test_json_that_is_deep_or_no_text_is_an_error_of_its_file(deep: bytes, tmp_p
     odd.write_bytes(deep)
     with pytest.raises(CalibrationError, match="the vibration dose"):
         KeptDose(odd, MotorBudget())
-    with pytest.raises(RecordingError, match="no simulated people"):
-        people_at_test([1], ["bars"], ["none"], movements=1, workers=1, out=odd)
     home = CalibrationFolder(tmp_path / "calibrations")
     home.keep_unfinished("p01", Unfinished(started=datetime.now(UTC)))
     unfinished = home.person("p01") / "unfinished.json"

@@ -15,9 +15,6 @@ from tega_campaigns.kills import Kill, kill_table
 from tega_campaigns.report import put_table, table
 from tega_campaigns.runner import CampaignCase, report_cases, run_cases, until
 from tega_campaigns.standstill import Standstills
-from tega_campaigns.station_faults import FAULTS
-from tega_campaigns.station_faults.page import station_table
-from tega_campaigns.station_faults.trials import StationOutcome
 from tega_campaigns.supervisor import SaidLine, Supervisor
 
 KILL = Kill(
@@ -98,30 +95,12 @@ def test_what_a_station_became_is_told_with_what_it_was_before(tmp_path: Path) -
         assert not station.well()
 
 
-def test_the_table_of_stations_says_where_a_fault_did_not_go_as_it_should(tmp_path: Path) -> None:
-    found = StationOutcome(
-        hand=[(0.0, "active"), (0.1, "hold"), (2.1, "idle")],
-        arm=[(0.0, "following")],
-        silent_s=0.1,
-        no_data_s=0.5,
-        seen_s=0.1,
-        over_s=None,
-        refused_s=2.0,
-        used=3,
-        stale=1,
-        oldest_ms=120.0,
-        said=[],
-        as_wished=False,
-    )
+def test_a_table_goes_between_the_marks_of_its_name(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("a\n<!-- x: begin -->\nold\n<!-- x: end -->\nz\n", encoding="utf-8")
-    put_table(page, station_table([(FAULTS[0], found)]), name="x")
-    assert page.read_text(encoding="utf-8").startswith("a\n<!-- x: begin -->\n\n| fault")
-    assert page.read_text(encoding="utf-8").endswith("|\n\n<!-- x: end -->\nz\n")
-    row = station_table([(FAULTS[0], found)]).splitlines()[2]
-    assert "**did not**" in row
-    assert "keeps its level 0.10 s, opens 2.10 s | follows | silent 0.10 s" in row
-    assert "the other is refused 2.00 s after it began" in row
+    put_table(page, table(("fault", "seen"), [("cut | slow", "0.10 s")]), name="x")
+    wanted = "| fault | seen |\n|---|---|\n| cut \\| slow | 0.10 s |\n"
+    assert page.read_text(encoding="utf-8") == f"a\n<!-- x: begin -->\n\n{wanted}\n<!-- x: end -->\nz\n"
 
 
 def test_the_table_of_kills_has_the_columns_of_the_page() -> None:

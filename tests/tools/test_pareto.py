@@ -6,7 +6,6 @@ from itertools import combinations
 
 import pytest
 
-from tega_figures import skipped
 from tega_figures.pareto.drawing import Choice, PricedVariant, drawn, front, table
 from tega_figures.pareto.page import PAGE, SUBJECTS, kept, page
 
@@ -41,8 +40,6 @@ def test_a_table_marks_the_default_and_leaves_out_what_was_not_measured() -> Non
 def test_the_pages_say_what_is_committed() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert page(text, kept()) == text, "python -m tega_figures.pareto.page --tables"
-    text = skipped.PAGE.read_text(encoding="utf-8")
-    assert skipped.page(text) == text, "python -m tega_figures.skipped --tables"
 
 
 @pytest.mark.parametrize("name", SUBJECTS)

@@ -1,8 +1,8 @@
 """Keep the vest's dose on a person's skin in the last 24 hours, over all runs, in a file beside the calibration.
 
-The dose is a day's (see docs/safety.md), so a second run of the day begins where the first one ended. The heat of the
-motors is kept with it and cools down meanwhile, or a quick restart would give a hot motor another half a minute of
-full drive. Times are the machine's time of day: between two runs there is no other clock.
+The dose is a day's (see docs/evidence/safety.md), so a second run of the day begins where the first one ended. The heat
+of the motors is kept with it and cools down meanwhile, or a quick restart would give a hot motor another half a minute
+of full drive. Times are the machine's time of day: between two runs there is no other clock.
 """
 
 from __future__ import annotations

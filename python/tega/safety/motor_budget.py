@@ -7,7 +7,8 @@ For a motor at share d of full drive (0 to 1):
 - dose: D = ∫ d² dt, in seconds of full drive. Above 80 % of the budget B the motor's ceiling sinks in proportion to
   the remaining budget, and is 0 at B: d ≤ (B - D)/(0.2 B).
 
-Neither can be passed, whatever is asked for. The numbers' origin is in docs/safety.md; none was measured on a vest.
+Neither can be passed, whatever is asked for. The numbers' origin is in docs/evidence/safety.md; none was measured on a
+vest.
 """
 
 from __future__ import annotations

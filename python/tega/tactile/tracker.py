@@ -2,7 +2,7 @@
 
 :class:`TouchTracker` learns its sensor's appearance and variation at rest, follows slow drift, detects light, broad
 and soft contacts by the whole area that they change, and ignores the imprint that a released contact leaves in the
-gel. ``docs/touch-live.md`` describes the method and its accuracy.
+gel. ``docs/evidence/touch-live.md`` describes the method and its accuracy.
 """
 
 from __future__ import annotations

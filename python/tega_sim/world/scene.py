@@ -25,7 +25,7 @@ _TURN_RAD: Final = 1.0
 
 
 class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Settings of the physics solver. The defaults are chosen by ``python -m tega_figures.world.check``.
+    """Settings of the physics solver. The defaults were chosen by run time against error (docs/evidence/sim.md).
 
     Attributes:
         timestep_s: One step, seconds; that of the hand's cycle.

@@ -1,4 +1,4 @@
-"""Write the page of numerical stress from the properties: ``python tests/tega/property/stress_page.py docs/stress.md``.
+"""Write the table of numerical stress from the properties: ``python tests/tega/property/stress_page.py PAGE``.
 
 All of them have to pass, the runs over a hundred million samples too; it takes some minutes.
 """
@@ -11,20 +11,22 @@ from pathlib import Path
 
 import pytest
 
+from tega_campaigns.report import put_table
+
 HERE = Path(__file__).resolve().parent
 
 
 def main() -> int:
-    """Run every property of the extremes and write the page that the command line names."""
+    """Run every property of the extremes and write the table into the page that the command line names."""
     (page_file,) = map(Path, sys.argv[1:])
     # The same examples each time, so that the page changes only where a kernel does.
     os.environ["HYPOTHESIS_PROFILE"] = "ci"
     files = sorted(str(file) for file in HERE.glob("test_extremes_*.py"))
     if failed := pytest.main(["-n0", "-q", *files]):
         return int(failed)
-    from reference.extremes import page  # as the properties, now run, found it
+    from reference.extremes import extremes_table  # as the properties, now run, found it
 
-    page_file.write_text(page(), encoding="utf-8", newline="\n")
+    put_table(page_file, extremes_table(), name="extremes")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The figures that docs/touch-live.md gives for recordings without a baseline or a circle of their own."""
+"""The figures that docs/evidence/touch-live.md gives for recordings without a baseline or a circle of their own."""
 
 from pathlib import Path
 

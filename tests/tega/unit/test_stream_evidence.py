@@ -21,7 +21,7 @@ from tega.runtime.lsl_clock import ClockCorrection
 from tega.runtime.stamp_check import StampCheck
 
 LIVE = ("tactile", "emg", "hand", "tracker")
-PAGE = Path(__file__).parents[3] / "docs" / "faults-streams.md"
+PAGE = Path(__file__).parents[3] / "docs" / "evidence" / "faults.md"
 
 
 def fed(counters: list[int], *, room: int = 12, same: bool = False) -> tuple[PacketOrder, list[int]]:
@@ -231,9 +231,10 @@ def test_contradictions_are_kept_after_they_are_over() -> None:
 
 
 def test_the_page_lists_the_evidence_of_every_live_driver() -> None:
+    text = PAGE.read_text(encoding="utf-8").partition("## Evidence")[2].partition("### Actions")[0]
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
-        for line in PAGE.read_text(encoding="utf-8").partition("## Actions")[0].splitlines()
+        for line in text.splitlines()
         if line.startswith("| `")
     ]
     listed = {row[0].strip("`"): dict(zip(EVIDENCE, row[1:], strict=True)) for row in rows}

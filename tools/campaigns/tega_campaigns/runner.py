@@ -79,11 +79,12 @@ def run_cases(
                 break
 
 
-def campaign_parser(module: str, description: str) -> argparse.ArgumentParser:
-    """Return a command line that ``--json`` is an option of."""
+def campaign_parser(module: str, description: str, *, table: bool = True) -> argparse.ArgumentParser:
+    """Return a command line that ``--json`` is an option of, and ``--markdown`` if a page has a table of it."""
     parser = argparse.ArgumentParser(prog=f"python -m tega_campaigns.{module}", description=description)
     parser.add_argument("--json", action="store_true", help="print one object a case")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page, or its tables, there")
+    if table:
+        parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page's table there")
     return parser
 
 

@@ -1,7 +1,7 @@
 """What the touch reading is worth, as tables: ``python -m tega_figures.check_touch_live``.
 
-Prints the tables of ``docs/touch-live.md``: simulated presses with two plain peers on the same frames, what the
-memory loses to slow presses, depth and force after three known presses, the demo's three lifts, and recorded touch.
+Prints the tables of ``docs/evidence/touch-live.md``: simulated presses with two plain peers on the same frames, what
+the memory loses to slow presses, depth and force after three known presses, the demo's three lifts, and recorded touch.
 Seeds of simulated units come from the hash of the commit. Recordings are looked for in the folder that ``TEGA_DATA``
 names; without them their table is left out.
 Needs the extra ``lab``.
@@ -215,7 +215,7 @@ def commit() -> str:
 )
 @click.option("--seed-text", help="What the units' seeds are the hash of; without it the commit's own hash.")
 def main(units: int, only: str | None, people: int, seed_text: str | None) -> None:
-    """Print the tables of docs/touch-live.md: the worst over the units; a star says that some unit has no value.
+    """Print the tables of docs/evidence/touch-live.md: the worst over the units; a star: a unit has no value.
 
     Recordings are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
     """

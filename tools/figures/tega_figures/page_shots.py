@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["lift", "main"]
 
 OBJECTS: Final = ("bottle", "container", "bag")
-STILLS: Final = {"view-bag": ("bag", (1440, 810)), "view-phone": ("bottle", (390, 844))}
+STILLS: Final = {"view-phone": ("bottle", (390, 844))}
 """What is lifted, and the size of the window, by the name of a picture with the object held up."""
 
 ANIMATION: Final = "view-lift"

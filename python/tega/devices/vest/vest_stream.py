@@ -64,7 +64,7 @@ class VestOptions(Options, frozen=True):
         limit: The highest intensity that is ever sent, percent.
         most_hz: The greatest rate of frames; one that comes sooner waits for its turn, and a newer one takes its place.
         heat_share: Maximum warming of a motor, as a share of its warming under permanent full drive.
-        dose_s: Seconds of full drive that a motor may give in all; see docs/safety.md.
+        dose_s: Seconds of full drive that a motor may give in all; see docs/evidence/safety.md.
         open_timeout_s: How long opening may take.
     """
 

@@ -15,7 +15,7 @@ __all__ = ["BAND", "ContactLabels"]
 BAND = 0.05
 """A share is called high from 0.55 of its maximum on, and stays so down to 0.45.
 
-Wider than EDA's largest jump between two frames of a steady press, 4 % (docs/touch-live.md).
+Wider than EDA's largest jump between two frames of a steady press, 4 % (docs/evidence/touch-live.md).
 """
 
 

@@ -1,8 +1,8 @@
 """What every driver does when something breaks, and in what time, tried on its emulator.
 
-``python -m tega_campaigns.faults --markdown docs/faults.md`` writes the page of the docs; ``--only cyton --only
-pedal`` tries some drivers, ``--json`` prints what a program can read. All of it takes about eight minutes, and
-needs Linux.
+``python -m tega_campaigns.faults --markdown docs/evidence/faults.md`` writes the table of the docs; ``--only
+cyton --only pedal`` tries some drivers, ``--json`` prints what a program can read. All of it
+takes about eight minutes, and needs Linux.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""Tries every driver with every fault and writes the page."""
+"""Tries every driver with every fault and writes the table of the docs."""
 
 from __future__ import annotations
 
 import sys
 
-from tega_campaigns.faults.page import page
+from tega_campaigns.faults.page import glance
 from tega_campaigns.faults.trials import all_trials
+from tega_campaigns.report import put_table
 from tega_campaigns.runner import CampaignCase, campaign_parser, report_cases
 
 __all__ = ["main"]
@@ -18,8 +19,8 @@ def main() -> int:
     parser.add_argument("--fault", action="append", default=[], metavar="FAULT", help="repeatable")
     given = parser.parse_args()
     if given.markdown is not None and (given.only or given.fault):
-        parser.error("--markdown writes the whole page: it goes without --only and --fault")
-    trials, cannot = all_trials()
+        parser.error("--markdown writes the whole table: it goes without --only and --fault")
+    trials, _ = all_trials()
     chosen = [
         trial
         for trial in trials
@@ -29,8 +30,7 @@ def main() -> int:
     cases = [CampaignCase({"driver": t.driver, "fault": t.fault, "what": t.what}, t.run) for t in chosen]
     done = report_cases(cases, as_json=given.json)
     if given.markdown is not None:
-        text = page(list(zip(chosen, done, strict=True)), cannot)
-        given.markdown.write_text(text, encoding="utf-8", newline="\n")
+        put_table(given.markdown, glance(list(zip(chosen, done, strict=True))), name="drivers")
     return 0
 
 

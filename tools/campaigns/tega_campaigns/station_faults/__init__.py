@@ -1,9 +1,8 @@
 """What two stations do when the link, a machine or a person between them fails, and in what time.
 
-``python -m tega_campaigns.station_faults --markdown docs/evidence/loop.md`` writes both tables of the docs in
-one run of about six minutes, ``--only`` tries some. Both stations run on this machine. It needs Linux; faults of the
-wire, where packets are lost and change places between network namespaces, need root besides and are left out without
-it.
+``python -m tega_campaigns.station_faults`` tries all in about six minutes, ``--only`` some. Both stations run on this
+machine. It needs Linux; faults of the wire, where packets are lost and change places between network namespaces, need
+root besides and are left out without it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tries two stations with every fault and writes the tables."""
+"""Tries two stations with every fault and prints each outcome."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from functools import partial
 
 from tega.errors import DeviceUnavailableError
 from tega_campaigns.lossy_wire import LossyWire
-from tega_campaigns.report import put_table
 from tega_campaigns.runner import CampaignCase, campaign_parser, report_cases
 from tega_campaigns.station_faults.faults import FAULTS, WIRE_FAULTS
-from tega_campaigns.station_faults.page import station_table
 from tega_campaigns.station_faults.setups import Setups
 from tega_campaigns.station_faults.trials import try_fault
 
@@ -23,18 +21,17 @@ def main() -> int:
         "station_faults",
         "Break the link between two stations, or one of them, and see what hand, arm and vest do. "
         "Faults of the wire need root, and are left out without it.",
+        table=False,
     )
     parser.add_argument(
         "--only", action="append", default=[], metavar="WORDS", help="of a fault's name; repeatable"
     )
     given = parser.parse_args()
-    if given.markdown is not None and given.only:
-        parser.error("--markdown writes whole tables: it goes without --only")
     faults = [*FAULTS, *WIRE_FAULTS]
     if given.only:
         faults = [fault for fault in faults if any(words in fault.name for words in given.only)]
     if any(fault.wire for fault in faults) and (why := _no_wire()):
-        sys.stderr.write(f"faults of the wire are left out, and so is their table: {why}\n")
+        sys.stderr.write(f"faults of the wire are left out: {why}\n")
         faults = [fault for fault in faults if not fault.wire]
     # Faults of one setup after another, so that stations are started as seldom as can be.
     setups = [(fault.wire, fault.keys, fault.net) for fault in faults]
@@ -45,11 +42,6 @@ def main() -> int:
             for fault in in_order
         ]
         found = report_cases(cases, as_json=given.json)
-    done = {fault.name: outcome for fault, outcome in zip(in_order, found, strict=True)}
-    if given.markdown is not None:
-        for wire, name in ((False, "faults of the stations"), (True, "faults of the wire")):
-            if rows := [(fault, done[fault.name]) for fault in faults if fault.wire == wire]:
-                put_table(given.markdown, station_table(rows), name=name)
     return 0 if all(outcome.as_wished for outcome in found) else 1
 
 

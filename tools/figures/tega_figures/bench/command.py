@@ -100,7 +100,6 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
       method, machine, repeats
       rows   [{object, part: whole|grasping, simulated_s, real_time_factor, wall_factor, stages_ms: {stage: ...}}]
       skips  [{object, skip, saved_ms, share}]
-      yardstick  [{object, alone_ms, whole_ms, ratio}]: MuJoCo alone, and the whole lift over it
     All times are milliseconds of processor time per simulated second.
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
@@ -380,12 +379,6 @@ def _print_simulation(report: SimReport) -> None:
         table.add_column(name, justify="right")
     for skip in report.skips:
         table.add_row(skip.object, skip.skip, f"{skip.saved_ms:.1f}", f"{skip.share:.0%}")
-    out.print(table)
-    table = Table(title="beside MuJoCo alone, ms per simulated second", title_justify="left", box=SIMPLE)
-    for name in ("object", "MuJoCo alone", "whole", "ratio"):
-        table.add_column(name, justify="left" if name == "object" else "right")
-    for one in report.yardstick:
-        table.add_row(one.object, f"{one.alone_ms:.1f}", f"{one.whole_ms:.1f}", f"{one.ratio:.2f}")
     out.print(table)
     out.print(report.method, style="dim")
 

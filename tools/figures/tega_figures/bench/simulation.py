@@ -15,16 +15,14 @@ from typing import Any, Literal
 import msgspec
 
 from tega_figures.bench.machine import Machine, describe_machine
-from tega_figures.bench.yardstick import NotedSteps, alone_s, noted_steps
 
-__all__ = ["SimReport", "SimRow", "SkipRow", "YardstickRow", "bench_simulation"]
+__all__ = ["SimReport", "SimRow", "SkipRow", "bench_simulation"]
 
 METHOD = (
     "Scripted lifts of every object, median over repeats; one process, one thread. Stages and the first factor are by "
     "processor time, which other work on the machine disturbs least; the second factor is by the wall clock. Factors "
     "are of runs whose stages are not timed, as that costs time itself. The building of the scene and the calibration "
-    "are left out. Grasping: while the object is touched. Yardstick: after each untimed lift MuJoCo steps the scene of "
-    "version 0.2.0 alone, as often and with the same torques; processor time of both."
+    "are left out. Grasping: while the object is touched."
 )
 REST = "loop and the rest"
 
@@ -71,22 +69,6 @@ class SkipRow(msgspec.Struct, frozen=True, kw_only=True):
     share: float
 
 
-class YardstickRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What a whole lift costs beside MuJoCo alone stepping the frozen scene (:mod:`tega_figures.bench.yardstick`).
-
-    Attributes:
-        object: The object lifted.
-        alone_ms: MuJoCo alone, milliseconds of processor time per simulated second.
-        whole_ms: The whole lift, likewise.
-        ratio: The second over the first, median over repeats.
-    """
-
-    object: str
-    alone_ms: float
-    whole_ms: float
-    ratio: float
-
-
 class SimReport(msgspec.Struct, frozen=True, kw_only=True):
     """Where the time goes.
 
@@ -96,7 +78,6 @@ class SimReport(msgspec.Struct, frozen=True, kw_only=True):
         repeats: How often each lift was run.
         rows: Objects and parts.
         skips: What is left out.
-        yardstick: The whole beside MuJoCo alone.
     """
 
     method: str
@@ -104,7 +85,6 @@ class SimReport(msgspec.Struct, frozen=True, kw_only=True):
     repeats: int
     rows: list[SimRow]
     skips: list[SkipRow]
-    yardstick: list[YardstickRow]
 
 
 class _StageSeconds:
@@ -173,13 +153,9 @@ def bench_simulation(
         for name in objects
     ]
     lab_of(1, preset)
-    noted: dict[str, NotedSteps] = {}
     for plan in plans:
-        with noted_steps() as lifts:
-            run_trial(plan)
-        noted[plan.object] = lifts[-1]
+        run_trial(plan)
     watches: dict[tuple[str, _Way], list[_StageSeconds]] = {}
-    alone: dict[str, list[float]] = {}
     done, total = 0, len(WAYS) * repeats * len(plans)
     for number in range(repeats):
         for plan in plans:
@@ -187,23 +163,19 @@ def bench_simulation(
                 with _watched(stages=way != "plain") as watch:
                     run_trial(plan, skip_untouched=way != "all rendered")
                 watches.setdefault((plan.object, way), []).append(watch)
-                if way == "plain":
-                    alone.setdefault(plan.object, []).append(alone_s(noted[plan.object]))
                 done += 1
                 progress("lifts", done, total)
-    rows, skips, yardstick = [], [], []
+    rows, skips = [], []
     for name in objects:
         plain, timed, rendered = (watches[name, way] for way in WAYS)
         rows += [_row(name, part, timed, plain) for part in PARTS]
         skips += _skips(_row(name, "whole", timed, plain), _row(name, "whole", rendered, rendered))
-        yardstick.append(_beside_alone(name, plain, alone[name]))
     return SimReport(
         method=METHOD,
         machine=describe_machine(),
         repeats=repeats,
         rows=rows,
         skips=skips,
-        yardstick=yardstick,
     )
 
 
@@ -285,18 +257,6 @@ def _row(name: str, part: Part, timed: Sequence[_StageSeconds], plain: Sequence[
         real_time_factor=simulated_s / busy_s if busy_s else 0.0,
         wall_factor=simulated_s / wall_s if wall_s else 0.0,
         stages_ms={stage: statistics.median(spent) for stage, spent in sorted(stages.items())},
-    )
-
-
-def _beside_alone(name: str, plain: Sequence[_StageSeconds], alone: Sequence[float]) -> YardstickRow:
-    """Hold each whole lift to MuJoCo alone, measured right after it."""
-    simulated_s = sum(plain[0].simulated.values())
-    whole_s = [sum(watch.busy.values()) for watch in plain]
-    return YardstickRow(
-        object=name,
-        alone_ms=1e3 * statistics.median(alone) / simulated_s,
-        whole_ms=1e3 * statistics.median(whole_s) / simulated_s,
-        ratio=statistics.median(whole / one for whole, one in zip(whole_s, alone, strict=True)),
     )
 
 

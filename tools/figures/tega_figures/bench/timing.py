@@ -1,6 +1,6 @@
 """Timing by turns: every variant in every round, so that what slows the machine down slows all of them.
 
-A benchmark runner that finishes one variant before the next cannot take turns; ``docs/performance.md`` says what
+A benchmark runner that finishes one variant before the next cannot take turns; ``docs/evidence/pareto.md`` says what
 that does to a ratio.
 """
 

@@ -1,6 +1,6 @@
-"""Write the tables of ``docs/evidence/files.md``.
+"""Write the tables of files of other programs in ``docs/evidence/recording.md``.
 
-``TEGA_CASES=FOLDER python -m tega_figures.cases docs/evidence/files.md`` takes two minutes and 3 GB of disk. FOLDER
+``TEGA_CASES=FOLDER python -m tega_figures.cases docs/evidence/recording.md`` takes two minutes and 3 GB of disk. FOLDER
 holds a folder for each case, and the reference signal that each EMG file was written from.
 """
 
@@ -22,45 +22,35 @@ from tega_figures.cases.emg import EMG_CASES, emg_outcome
 from tega_figures.cases.memory import memory_rows
 from tega_figures.cases.others import baseline_outcomes, boris_outcomes, config_outcomes, video_outcomes
 
-_OTHERS: tuple[tuple[str, str, str, Callable[[Path, Path], list[str]]], ...] = (
-    (
-        "17-boris",
-        "annotations of BORIS",
-        "state events as points, times outside the trial taken",
-        boris_outcomes,
-    ),
-    ("19-config", "settings files", "8 refused without the next step", config_outcomes),
-    (
-        "26-baseline-of-other-order",
-        "baseline in RGB, or turned",
-        "3 read: all pixels in contact",
-        baseline_outcomes,
-    ),
-    ("27-video", "AV1, H.264, variable frame rate", "1 read, 1 empty, 1 at other times", video_outcomes),
+_OTHERS: tuple[tuple[str, str, Callable[[Path, Path], list[str]]], ...] = (
+    ("17-boris", "annotations of BORIS", boris_outcomes),
+    ("19-config", "settings files", config_outcomes),
+    ("26-baseline-of-other-order", "baseline in RGB, or turned", baseline_outcomes),
+    ("27-video", "AV1, H.264, variable frame rate", video_outcomes),
 )
 
 
-def _outcomes(folder: Path, scratch: Path) -> Iterator[tuple[str, str, list[str]]]:
+def _outcomes(folder: Path, scratch: Path) -> Iterator[tuple[str, list[str]]]:
     reference = np.load(folder / "00-reference" / "plain.npy")
     for case in EMG_CASES:
         files = [path for path in sorted((folder / case.folder).iterdir()) if path.suffix not in {"", ".py"}]
-        yield case.kind, case.before, [emg_outcome(case, path, reference) for path in files]
-    for name, kind, before, outcomes in _OTHERS:
+        yield case.kind, [emg_outcome(case, path, reference) for path in files]
+    for name, kind, outcomes in _OTHERS:
         (scratch / name).mkdir()
-        yield kind, before, outcomes(folder / name, scratch / name)
+        yield kind, outcomes(folder / name, scratch / name)
 
 
 def case_rows(folder: Path, scratch: Path) -> Iterator[str]:
     """Yield the lines of the table of cases."""
-    yield "| case | files | before | now |"
-    yield "|---|---|---|---|"
+    yield "| case | files | outcome |"
+    yield "|---|---|---|"
     total: Counter[str] = Counter()
-    for kind, before, outcomes in _outcomes(folder, scratch):
+    for kind, outcomes in _outcomes(folder, scratch):
         counts = Counter(sorted(outcomes))
         total += counts
-        yield f"| {kind} | {len(outcomes)} | {before} | {', '.join(f'{n} {name}' for name, n in counts.items())} |"
+        yield f"| {kind} | {len(outcomes)} | {', '.join(f'{n} {name}' for name, n in counts.items())} |"
     right = total["read"] + total["refused"]
-    yield f"| all | {total.total()} | | **{right} of {total.total()} as they should be** |"
+    yield f"| all | {total.total()} | **{right} of {total.total()} as they should be** |"
 
 
 def format_rows() -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Measure the order of the EMG low-pass, the length of a block, and latency against smoothing.
+"""Measure the length of an EMG block, and latency against smoothing.
 
 The input is made: band-limited Gaussian noise whose amplitude follows a known drive, the usual model of surface EMG.
 The truth is the drive itself.
@@ -16,13 +16,11 @@ from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima
 from tega_figures.bench.timing import take_turns, timing
 from tega_figures.pareto.drawing import Choice, PricedVariant
 
-__all__ = ["emg_block", "emg_order", "latency_and_smoothing"]
+__all__ = ["emg_block", "latency_and_smoothing"]
 
 RATE_HZ: Final = 1000
 CHANNELS: Final = 3
 CUTOFF_HZ, ORDER, BLOCK_S = 50.0, 4, 0.1
-# Of a block as a serial amplifier gives it.
-ROWS: Final = 10
 MADE = (
     "The input is made: four minutes of three channels at 1 kHz, Gaussian noise of 20 to 350 Hz "
     "whose amplitude follows a drive "
@@ -79,58 +77,6 @@ def _ripple(envelope: Array, drive: Array, delay_ms: float) -> float:
     drive = np.concatenate([np.full(late, drive[0]), drive[: len(drive) - late]])
     envelope = envelope * (envelope @ drive) / (envelope @ envelope)
     return float(np.sqrt(np.mean((envelope - drive) ** 2)) / drive.mean())
-
-
-def emg_order(*, budget_s: float) -> Choice:
-    """Measure the low-pass at each order."""
-    made = effort()
-    block = np.ascontiguousarray(made.emg[:ROWS])
-    orders = range(1, 9)
-    filters = {order: ButterworthLowpass(RATE_HZ, CUTOFF_HZ, order, CHANNELS) for order in orders}
-    turns = take_turns(
-        {str(order): partial(f.process, block) for order, f in filters.items()}, budget_s=budget_s
-    )
-    variants = []
-    for order in orders:
-        envelope = ButterworthLowpass(RATE_HZ, CUTOFF_HZ, order, CHANNELS).process(made.emg)[:, 0]
-        delay = _step_delay_ms(order, CUTOFF_HZ)
-        variants.append(
-            PricedVariant(
-                name=f"order {order}",
-                cost=timing(turns[str(order)]).median_us,
-                error=100 * _ripple(envelope, made.drive, delay),
-                beside={
-                    "delay, ms": delay,
-                    "gain at 150 Hz": _gain(order, 150.0),
-                },
-                default=order == ORDER,
-            )
-        )
-    return Choice(
-        title="EMG: order of the low-pass",
-        setting="`order` of `tega.emg.GraspIntent`",
-        cost="µs for 10 rows of 3 channels",
-        error="ripple, % of the drive",
-        how=(
-            f"{MADE} The low-pass is that of 50 Hz. Ripple is how far the envelope lies from the "
-            "drive, as late as the "
-            "envelope."
-        ),
-        why=(
-            "4 is what the equations print. From order 2 on ripple hardly moves, since a cutoff of "
-            "50 Hz passes most of it: the mean of a "
-            "block takes it out afterwards. What an order costs is delay, two milliseconds each, and "
-            "not time."
-        ),
-        variants=variants,
-    )
-
-
-def _gain(order: int, hz: float) -> float:
-    n = 4 * RATE_HZ
-    tone = np.sin(2 * np.pi * hz * np.arange(n) / RATE_HZ)[:, np.newaxis]
-    out = ButterworthLowpass(RATE_HZ, CUTOFF_HZ, order, 1).process(tone)[n // 2 :, 0]
-    return float(np.sqrt(2) * out.std())
 
 
 def emg_block(*, budget_s: float) -> Choice:
@@ -238,7 +184,7 @@ def latency_and_smoothing(*, budget_s: float) -> Choice:  # noqa: ARG001  # noth
         how=(
             f"{MADE} Each variant is a low-pass of order 4, alone or with the mean of a block behind "
             "it; a block stands until the next one "
-            "is whole. Ripple is as above, one channel."
+            "is whole. Ripple is how far the envelope lies from the drive, as late as the envelope; one channel."
         ),
         why=(
             "50 Hz are printed, with a block. A low-pass of 5 Hz alone is a little better in both, "

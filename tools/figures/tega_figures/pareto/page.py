@@ -19,8 +19,7 @@ import msgspec
 from tega_figures.bench.machine import describe_machine
 from tega_figures.bench.timing import single_threaded
 from tega_figures.pareto.drawing import Choice, drawn, table
-from tega_figures.pareto.emg_filter import emg_block, emg_order, latency_and_smoothing
-from tega_figures.pareto.gel_grid import gel_grid
+from tega_figures.pareto.emg_filter import emg_block, latency_and_smoothing
 from tega_figures.pareto.jpeg import jpeg_quality
 from tega_figures.pareto.reading import touch_reading
 
@@ -30,11 +29,9 @@ PAGE: Final = PROJECT / "docs" / "evidence" / "pareto.md"
 PICTURES: Final = PROJECT / "docs" / "images"
 SUBJECTS: Final[dict[str, tuple[str, Callable[..., Choice]]]] = {
     "touch-reading": ("pareto-touch-reading.svg", touch_reading),
-    "emg-order": ("pareto-emg-order.svg", emg_order),
     "emg-block": ("pareto-emg-block.svg", emg_block),
     "latency-and-smoothing": ("pareto-latency-and-smoothing.svg", latency_and_smoothing),
     "jpeg-quality": ("pareto-jpeg-quality.svg", jpeg_quality),
-    "gel-grid": ("pareto-gel-grid.svg", gel_grid),
 }
 """Subjects by name: the picture, and what measures."""
 

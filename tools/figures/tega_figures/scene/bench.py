@@ -182,12 +182,6 @@ class RenderedTrial:
         """Return a body's true pose (3, 4) in the world's axes, which are the table's."""
         return world_pose(self._trial, body, t_s)
 
-    def seen_at(self, body: str, at_m: NDArray[np.float64], t_s: float) -> tuple[float, float]:
-        """Return where a point of a body is seen, pixels."""
-        pose = self.pose(body, t_s)
-        x, y = self._lens.pixels((pose[:, :3] @ at_m + pose[:, 3])[None])[0].tolist()
-        return x, y
-
     def pictures(self) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         """Return times and pictures."""
         trial = self._trial

@@ -5,8 +5,8 @@
     TEGA_DATA=/path/to/recordings python -m tega_figures.touch_peers
     python -m tega_figures.touch_peers --tables
 
-The first builds the reading of before the tracker into ``target/peers``, reads all sets, and writes
-``benches/touch_peers.json`` and the page; the second makes the page's tables from that file again.
+The first reads all sets and writes ``benches/touch_peers.json`` and the page; the second makes
+the page's tables from that file again.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ import click
 import numpy as np
 
 from tega_figures.touch_peers.force import force_errors
-from tega_figures.touch_peers.other_build import PROJECT, Child, built, last_commit_before_the_tracker
-from tega_figures.touch_peers.readings import MOG2, makers, pytouch_area
+from tega_figures.touch_peers.readings import MOG2, PROJECT, makers, pytouch_area
 from tega_figures.touch_peers.sets import SETS, Figure
 
 RESULTS: Final = PROJECT / "benches" / "touch_peers.json"
@@ -40,30 +39,26 @@ def _score(figures: list[Figure]) -> float:
 
 def measure(folder: Path) -> dict[str, Any]:
     """Read every set with every reading."""
-    child = Child(built("before-the-tracker", commit=last_commit_before_the_tracker()), "old-reading")
     pytouch, said = pytouch_area()
-    readings = makers(child, pytouch)
+    readings = makers(pytouch)
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     ways: dict[str, str] = {}
-    try:
-        for name, judge in SETS.items():
-            click.echo(name, err=True)
-            found = {}
-            for reading, make in readings.items():
-                found[reading] = list(judge(folder, make))
-                click.echo(f"  {reading}", err=True)
-            best = max((r for r in found if r.startswith(MOG2)), key=lambda r: _score(found[r]))
-            ways[name] = best.removeprefix(f"{MOG2}, ")
-            kept = {r: f for r, f in found.items() if not r.startswith(MOG2)} | {MOG2: found[best]}
-            for reading, figures in kept.items():
-                for f in figures:
-                    row = rows.setdefault(
-                        (f.set, f.what),
-                        {"set": f.set, "what": f.what, "n": f.n, "wanted": f.wanted, "values": {}},
-                    )
-                    row["values"][reading] = None if np.isnan(f.value) else round(f.value, 4)
-    finally:
-        child.close()
+    for name, judge in SETS.items():
+        click.echo(name, err=True)
+        found = {}
+        for reading, make in readings.items():
+            found[reading] = list(judge(folder, make))
+            click.echo(f"  {reading}", err=True)
+        best = max((r for r in found if r.startswith(MOG2)), key=lambda r: _score(found[r]))
+        ways[name] = best.removeprefix(f"{MOG2}, ")
+        kept = {r: f for r, f in found.items() if not r.startswith(MOG2)} | {MOG2: found[best]}
+        for reading, figures in kept.items():
+            for f in figures:
+                row = rows.setdefault(
+                    (f.set, f.what),
+                    {"set": f.set, "what": f.what, "n": f.n, "wanted": f.wanted, "values": {}},
+                )
+                row["values"][reading] = None if np.isnan(f.value) else round(f.value, 4)
     commit = subprocess.run(
         ["git", "-C", str(PROJECT), "rev-parse", "--short", "HEAD"],
         check=True,

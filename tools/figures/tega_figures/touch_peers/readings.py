@@ -1,4 +1,4 @@
-"""Touch readings that are compared: the tracker, the stateless ``live``, the reading before it, and others' ways."""
+"""Touch readings that are compared: the tracker, the stateless ``live``, and others' ways."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import cv2
@@ -16,10 +17,21 @@ from numpy.typing import NDArray
 
 from tega.tactile import contact_mask, read_contact
 from tega.tactile.tracker import TouchTracker, TrackedContact, sensor_noise
-from tega_figures.touch_peers.other_build import PLACE, Child
 
-__all__ = ["MOG2", "THRESHOLD", "Image", "Makes", "PeerReading", "Reading", "Unit", "makers", "pytouch_area"]
+__all__ = [
+    "MOG2",
+    "PROJECT",
+    "THRESHOLD",
+    "Image",
+    "Makes",
+    "PeerReading",
+    "Reading",
+    "Unit",
+    "makers",
+    "pytouch_area",
+]
 
+PROJECT: Final = Path(__file__).resolve().parents[4]
 # Threads of its own do not help on pictures of this size.
 cv2.setNumThreads(1)
 Image = NDArray[np.uint8]
@@ -145,26 +157,12 @@ SEES_ALL: Final[list[Makes]] = [_WAYS[name] for name in _WAYS if not name.endswi
 """Readings that learn from every frame, so that none may be left out."""
 
 
-def old(child: Child) -> Makes:
-    """Return the ``live`` reading of before the tracker, which another process computes."""
-
-    def make(unit: Unit) -> Reading:
-        baseline = unit.baseline
-
-        def read(frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
-            return PeerReading(*child(frame, baseline))
-
-        return read
-
-    return make
-
-
 def pytouch_area() -> tuple[Makes | None, str]:
     """Return PyTouch's contact area and a line that says how it came here, or ``None`` and why it did not.
 
     The package as a whole cannot be installed: it asks for pytorch3d, which has no wheel. Its area needs OpenCV alone.
     """
-    site = PLACE / "pytouch"
+    site = PROJECT / "target" / "peers" / "pytouch"
     file = site / "pytouch" / "tasks" / "contact_area.py"
     if not file.is_file():
         pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site)]
@@ -203,11 +201,9 @@ def pytouch_area() -> tuple[Makes | None, str]:
     return make, said
 
 
-def makers(child: Child | None, pytouch: Makes | None) -> dict[str, Makes]:
+def makers(pytouch: Makes | None) -> dict[str, Makes]:
     """Return every reading by its name; those of background subtraction have a name each."""
     named: dict[str, Makes] = {"live tracker": tracker, "live, one picture": stateless}
-    if child is not None:
-        named["live before the tracker"] = old(child)
     named[THRESHOLD] = threshold
     if pytouch is not None:
         named["PyTouch area"] = pytouch

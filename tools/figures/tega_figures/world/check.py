@@ -1,7 +1,7 @@
-"""``python -m tega_figures.world.check``: is the simulated world right, and what does accuracy cost?
+"""``python -m tega_figures.world.check``: is the simulated world right?
 
-Prints slip forces against their closed form, what levels and properties do, whether a repeat has the same bits, what
-stays bounded in a long hold, and run time against error of the physics' settings; ``--pictures`` draws them.
+Prints slip forces against their closed form, what levels and properties do, whether a repeat has the same bits, and
+what stays bounded in a long hold; ``--pictures`` draws the three objects held.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from tega_figures.world.effects import effects, levels, slip_forces
 from tega_figures.world.lift import LiftResult, lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
-from tega_figures.world.study import REFERENCE, Error, bounds, compare, stiff_walls
+from tega_figures.world.study import bounds
 from tega_sim.world.objects import OBJECTS
-from tega_sim.world.scene import Physics, physics_for
+from tega_sim.world.scene import Physics
 
 __all__ = ["main"]
 
@@ -25,20 +25,17 @@ __all__ = ["main"]
 @click.option(
     "--long-s", default=600.0, show_default=True, help="Length of the long hold, simulated seconds."
 )
-@click.option("--jobs", default=1, show_default=True, help="Lifts at a time in the comparison of settings.")
 @click.option("--pictures", type=click.Path(path_type=Path), help="Folder to draw into.")
 @click.option(
     "--only",
-    type=click.Choice(["forces", "levels", "effects", "flex", "repeat", "long", "settings", "stiff"]),
+    type=click.Choice(["forces", "levels", "effects", "flex", "repeat", "long"]),
 )
-def main(*, long_s: float, jobs: int, pictures: Path | None, only: str | None) -> None:
+def main(*, long_s: float, pictures: Path | None, only: str | None) -> None:
     """Check the simulated world and print what was found."""
-    lifts: dict[str, list[LiftResult]] = {}
-    errors: dict[str, Error] = {}
     if only in (None, "forces"):
         _forces()
     if only in (None, "levels"):
-        lifts = _levels()
+        _levels()
     if only in (None, "effects"):
         _effects()
     if only in (None, "flex"):
@@ -47,15 +44,10 @@ def main(*, long_s: float, jobs: int, pictures: Path | None, only: str | None) -
         _repeat()
     if only in (None, "long"):
         _long(long_s)
-    if only in (None, "settings"):
-        errors = _settings(jobs)
-    if only in (None, "stiff"):
-        _stiff()
     if pictures is not None:
-        from tega_figures.world.pictures import draw_all
+        from tega_figures.world.pictures import draw_scene
 
-        for path in draw_all(pictures, lifts, errors):
-            click.echo(f"drew {path}")
+        click.echo(f"drew {draw_scene(pictures)}")
 
 
 def _forces() -> None:
@@ -68,14 +60,12 @@ def _forces() -> None:
         )
 
 
-def _levels() -> dict[str, list[LiftResult]]:
+def _levels() -> None:
     click.echo(
         "Lifts at each level: forces on the pads (thumb, index, middle, ring) and on the whole hand, newtons"
     )
-    found = {}
     for name in OBJECTS:
-        found[name] = levels(name)
-        for level, one in enumerate(found[name], start=2):
+        for level, one in enumerate(levels(name), start=2):
             gripped = max((truth for truth in one.trace if truth.t_s <= 4.0), key=lambda truth: truth.t_s)
             pads = " ".join(f"{force:4.1f}" for force in gripped.pad_force_n)
             outcome = "held" if one.held else "LOST"
@@ -84,7 +74,6 @@ def _levels() -> dict[str, list[LiftResult]]:
                 f"  slip {1e3 * one.slip_m:5.1f} mm  narrower by {1e3 * one.narrowing_m:4.1f} mm"
                 f"  stays {1e3 * one.damage_m:3.1f} mm"
             )
-    return found
 
 
 def _effects() -> None:
@@ -141,34 +130,6 @@ def _long(seconds: float) -> None:
             f"  {name:10} deepest overlap {1e3 * found.penetration_m:.2f} mm  kinetic energy at most "
             f"{1e3 * found.kinetic_j:.2f} mJ  sank {1e3 * found.slip_m:.2f} mm ({1e6 * found.slip_m_s:.1f} µm/s)  "
             f"finite {found.finite}  held {found.held}"
-        )
-
-
-def _settings(jobs: int) -> dict[str, Error]:
-    click.echo(
-        f"Run time against error: largest difference over six lifts from {1e3 * REFERENCE.timestep_s:g} ms"
-    )
-    errors = compare(jobs=jobs)
-    for name, error in errors.items():
-        click.echo(
-            f"  {name:44} {error.cpu_us:6.1f} µs/ms  slip {1e3 * error.slip_m:5.2f} mm, "
-            f"{error.slip_count} more or fewer  force "
-            f"{100 * error.force_share:4.1f} %  height {1e3 * error.height_m:5.2f} mm  width "
-            f"{1e3 * error.narrowing_m:4.2f} mm  creep {1e6 * error.creep_m_s:5.0f} µm/s"
-            f"  chatter {1e3 * error.chatter_n:4.0f} mN"
-            f"{'' if error.same_outcomes else '  OTHER OUTCOME'}"
-        )
-    return errors
-
-
-def _stiff() -> None:
-    click.echo(f"A bag of 0.15 kg with stiffer walls: steps against one of {1e3 * REFERENCE.timestep_s:g} ms")
-    for row in stiff_walls():
-        chosen = row.physics == physics_for(row.spec, None)
-        click.echo(
-            f"  {row.spec.stiffness_n_m:7g} N/m  step {1e3 * row.physics.timestep_s:4g} ms"
-            f"  turns {row.turn_rad:4.2f} rad  force {100 * row.force_share:5.1f} %"
-            f"  slip {1e3 * row.slip_m:5.2f} mm{'  chosen' if chosen else ''}"
         )
 
 

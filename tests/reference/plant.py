@@ -10,8 +10,6 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from tega.haptics import MotorLevels, intensity, vest_frame
 from tega_sim.operator import Operator
 from tega_sim.seams import Act, Percept, WorldTruth
@@ -20,8 +18,6 @@ HAND_S = 0.25
 """Lag of the closure behind the muscles, seconds."""
 SLIP_M_S_PER_LEVEL = 0.06
 """Speed of the slide through the grasp for each level that is missing."""
-SLIP_LEVELS = 0.005 / SLIP_M_S_PER_LEVEL
-"""Levels that are missing where a slide counts as a slip."""
 DEFORMED_LEVELS = 0.4
 """Levels over the closure that harms, where narrowing counts as a deformation: 4 % of the width."""
 
@@ -83,22 +79,6 @@ class Grasp(NamedTuple):
         return self.narrower_m(self.harm + DEFORMED_LEVELS)
 
 
-def plant_objects(rng: np.random.Generator, n: int, *, giving: bool = False) -> list[Grasp]:
-    """Draw objects: a need of 1.8 to 4 levels, harm 0.8 to 2 levels above it.
-
-    Args:
-        rng: Draws them.
-        n: How many.
-        giving: Whether their walls give from the first touch on, by 2 to 10 % of the width a level.
-    """
-    need = rng.uniform(1.8, 4.0, n)
-    harm = need + rng.uniform(0.8, 2.0, n)
-    drawn = [Grasp(float(a), float(b)) for a, b in zip(need, harm, strict=True)]
-    if giving:
-        drawn = [one._replace(gives_from=TOUCH, gives=float(rng.uniform(0.02, 0.1))) for one in drawn]
-    return drawn
-
-
 class GraspActor(Protocol):
     """Operator of the plant."""
 
@@ -114,12 +94,6 @@ class GraspActor(Protocol):
 def told_frame(closure: float) -> MotorLevels:
     """Return the frame that tells a closure, by the law of the real vest."""
     percent = intensity(max(closure - TOUCH, 0.0) / 3, 1.0)
-    return vest_frame([percent] * 4, [percent] * 4)
-
-
-def graded_frame(closure: float) -> MotorLevels:
-    """Return the frame that tells a closure in equal steps, still at the open hand and full at the closed one."""
-    percent = min(max(25.0 * (closure - 1.0), 0.0), 100.0)
     return vest_frame([percent] * 4, [percent] * 4)
 
 
