@@ -4,6 +4,8 @@ use ndarray::ArrayView3;
 use tega_error::OutOfRange;
 
 use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average};
+use super::colour::Field;
+use super::mains::Mains;
 use crate::error::TactileError;
 use crate::frame::{MAX_SIDE, Order};
 
@@ -51,8 +53,8 @@ impl SensorNoise {
     }
 
     /// Measures it over frames of an untouched gel: how much each cell varies about its own mean, the median over the cells, so that no cell
-    /// that is stuck or touched decides. What all of the picture does together, and so most of a drift, is taken out first. A video that was
-    /// compressed repeats its noise from frame to frame and changes it slowly; that counts as well.
+    /// that is stuck or touched decides. What all of the picture does together, and so most of a drift, is taken out first, and so are
+    /// the bands of mains light. A video that was compressed repeats its noise from frame to frame and changes it slowly; that counts as well.
     ///
     /// # Errors
     /// [`TactileError::TooFewFrames`] for fewer than two, [`TactileError::Channels`], [`TactileError::Size`] or
@@ -62,44 +64,23 @@ impl SensorNoise {
             return Err(TactileError::TooFewFrames { frames: frames.len(), wanted: 2 });
         };
         let grid = grid_of(first)?;
-        let (mut strip, mut now) = (Strip::default(), Planes::default());
-        let mut sums: [Vec<[i64; 2]>; 3] = std::array::from_fn(|_| vec![[0; 2]; grid.cells()]);
-        let mut sorted = Vec::with_capacity(grid.cells());
+        let (mut strip, mut sorted) = (Strip::default(), Vec::with_capacity(grid.cells()));
+        let mut changes: Vec<Planes> = Vec::with_capacity(frames.len());
+        let mut middles = Vec::with_capacity(frames.len());
         for frame in frames {
             same_size(&grid, frame)?;
+            let mut now = Planes::default();
             average(frame.view(), &grid, &mut strip, &mut now);
-            for (sums, means) in sums.iter_mut().zip(&now) {
+            middles.push([0, 1, 2].map(|c| {
                 sorted.clear();
-                sorted.extend_from_slice(means);
-                let middle = *sorted.select_nth_unstable(grid.cells() / 2).1;
-                for ([sum, square], mean) in sums.iter_mut().zip(means) {
-                    let value = i64::from(*mean) - i64::from(middle);
-                    *sum += value;
-                    *square += value * value;
-                }
-            }
+                sorted.extend_from_slice(&now[c]);
+                *sorted.select_nth_unstable(grid.cells() / 2).1
+            }));
+            changes.push(now);
         }
-        let n = frames.len() as i64;
-        // n (n - 1) times the variance, whole numbers; the median of a sum of squares lies under its mean (Wilson and Hilferty).
-        let under = (1.0 - 2.0 / (9.0 * (n - 1) as f64)).powi(3);
-        let scale = f64::from(UNITS_PER_COUNT) * f64::from(UNITS_PER_COUNT) * (n * (n - 1)) as f64;
-        let stored = order.arrange([2, 1, 0]); // which of blue, green, red a byte is
-        let mut bgr = [0.0; 3];
-        for (sums, colour) in sums.iter().zip(stored) {
-            let mut spreads: Vec<i64> = sums.iter().map(|[sum, square]| n * square - sum * sum).collect();
-            spreads.sort_unstable();
-            let middle = spreads.get(spreads.len() / 2).map_or(0.0, |spread| *spread as f64 / under);
-            let kept = spreads.get(..spreads.len() - spreads.len() / LEFT_OUT).unwrap_or_default();
-            let [sum, squares] = kept.iter().fold([0.0; 2], |[sum, squares], spread| {
-                let spread = *spread as f64;
-                [sum + spread, squares + spread * spread]
-            });
-            let weighed = if sum > 0.0 { squares / sum } else { 0.0 };
-            let variance =
-                if frames.len() >= FEWEST && weighed > UNEVEN * middle { weighed } else { middle } / scale;
-            bgr[colour] = within(variance.sqrt() as f32, colour);
-        }
-        Ok(Self { bgr })
+        let banded = Self { bgr: spread(&changes, &middles, order) };
+        Ok(without_bands(&mut changes, &middles, banded.arranged(order), &grid)
+            .map_or(banded, |()| Self { bgr: spread(&changes, &middles, order) }))
     }
 
     /// The noise as the bytes of a pixel lie.
@@ -107,6 +88,81 @@ impl SensorNoise {
         let [b, g, r] = self.bgr;
         order.arrange([r, g, b])
     }
+}
+
+/// Standard deviation of cells about their own means, counts: blue, green, red; `middles` are the frames' medians, which are taken out.
+fn spread(frames: &[Planes], middles: &[[i16; 3]], order: Order) -> [f32; 3] {
+    let n = frames.len() as i64;
+    // n (n - 1) times the variance, whole numbers; the median of a sum of squares lies under its mean (Wilson and Hilferty).
+    let under = (1.0 - 2.0 / (9.0 * (n - 1) as f64)).powi(3);
+    let scale = f64::from(UNITS_PER_COUNT) * f64::from(UNITS_PER_COUNT) * (n * (n - 1)) as f64;
+    let stored = order.arrange([2, 1, 0]); // which of blue, green, red a byte is
+    let mut bgr = [0.0; 3];
+    for (c, colour) in stored.into_iter().enumerate() {
+        let mut sums = vec![[0_i64; 2]; frames.first().map_or(0, |planes| planes[c].len())];
+        for (planes, middle) in frames.iter().zip(middles) {
+            for ([sum, square], mean) in sums.iter_mut().zip(&planes[c]) {
+                let value = i64::from(*mean) - i64::from(middle[c]);
+                *sum += value;
+                *square += value * value;
+            }
+        }
+        let mut spreads: Vec<i64> = sums.iter().map(|[sum, square]| n * square - sum * sum).collect();
+        spreads.sort_unstable();
+        let middle = spreads.get(spreads.len() / 2).map_or(0.0, |spread| *spread as f64 / under);
+        let kept = spreads.get(..spreads.len() - spreads.len() / LEFT_OUT).unwrap_or_default();
+        let [sum, squares] = kept.iter().fold([0.0; 2], |[sum, squares], spread| {
+            let spread = *spread as f64;
+            [sum + spread, squares + spread * spread]
+        });
+        let weighed = if sum > 0.0 { squares / sum } else { 0.0 };
+        let variance =
+            if n as usize >= FEWEST && weighed > UNEVEN * middle { weighed } else { middle } / scale;
+        bgr[colour] = within(variance.sqrt() as f32, colour);
+    }
+    bgr
+}
+
+/// Takes the bands of mains light out of frames, if there are any.
+fn without_bands(frames: &mut [Planes], middles: &[[i16; 3]], noise: [f32; 3], grid: &Grid) -> Option<()> {
+    let share = 1.0 / (frames.len() as f32 * UNITS_PER_COUNT);
+    let gel: Field = std::array::from_fn(|c| {
+        let mut sums = vec![0.0; grid.cells()];
+        for planes in frames.iter() {
+            sums.iter_mut().zip(&planes[c]).for_each(|(sum, mean)| *sum += f32::from(*mean));
+        }
+        sums.iter().map(|sum| sum * share).collect()
+    });
+    let rest = [0, 1, 2].map(|c| middles.iter().map(|m| f32::from(m[c])).sum::<f32>() * share);
+    let mut changes: Vec<Field> = frames
+        .iter()
+        .zip(middles)
+        .map(|(planes, middle)| {
+            std::array::from_fn(|c| {
+                let shift = f32::from(middle[c]) / UNITS_PER_COUNT - rest[c];
+                let cells = planes[c].iter().zip(&gel[c]);
+                cells.map(|(now, gel)| (f32::from(*now) / UNITS_PER_COUNT - gel - shift) / noise[c]).collect()
+            })
+        })
+        .collect();
+    let mut mains = Mains::default();
+    for change in &changes {
+        let variances = mains.measure(change, &gel, noise, grid);
+        mains.learn(variances, 0.0);
+    }
+    for (planes, change) in frames.iter_mut().zip(&mut changes) {
+        let before = change.clone();
+        if !mains.correct(change, &gel, noise, grid) {
+            return None;
+        }
+        for c in 0..3 {
+            for (k, mean) in planes[c].iter_mut().enumerate() {
+                let band = (before[c][k] - change[c][k]) * noise[c] * UNITS_PER_COUNT;
+                *mean = mean.saturating_sub(band.round() as i16);
+            }
+        }
+    }
+    Some(())
 }
 
 fn within(value: f32, colour: usize) -> f32 {
@@ -170,6 +226,24 @@ mod tests {
         // White noise of 8 counts: one count for the mean of 64 pixels.
         for value in SensorNoise::measure(&views, Order::Bgr).unwrap().bgr {
             assert!((value - 1.0).abs() < 0.06, "{value}");
+        }
+    }
+
+    #[test]
+    fn bands_of_mains_light_are_no_noise() {
+        let mut frames = noisy(12, 8.0);
+        let plain: Vec<_> = frames.iter().map(|frame| frame.view()).collect();
+        let still = SensorNoise::measure(&plain, Order::Bgr).unwrap();
+        for (k, frame) in frames.iter_mut().enumerate() {
+            for ((row, _, _), value) in frame.indexed_iter_mut() {
+                let wave = (0.03 * row as f32 + 1.7 * k as f32).sin();
+                *value = (f32::from(*value) * (1.0 + 0.02 * wave)).round() as u8;
+            }
+        }
+        let banded: Vec<_> = frames.iter().map(|frame| frame.view()).collect();
+        let found = SensorNoise::measure(&banded, Order::Bgr).unwrap();
+        for (found, still) in found.bgr.iter().zip(still.bgr) {
+            assert!((found / still - 1.0).abs() < 0.1, "{found} for {still}");
         }
     }
 

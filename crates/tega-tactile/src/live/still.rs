@@ -197,6 +197,16 @@ pub(super) fn plain(cells: &mut Cells) -> f32 {
     plain_of(&mut cells.colour, &cells.white, &cells.grid)
 }
 
+tega_simd::dispatched! {
+    /// See [`Colour::glance`].
+    glance_of = Colour::glance, (colour: &mut Colour, white: &Field, grid: &Grid) -> f32
+}
+
+/// S of the last change as it is now, by the quick fit.
+pub(super) fn glance_again(cells: &mut Cells) -> f32 {
+    glance_of(&mut cells.colour, &cells.white, &cells.grid)
+}
+
 /// Change of cell means to the untouched gel, in noise units.
 #[inline(always)]
 fn whiten(means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) {

@@ -19,7 +19,7 @@ use super::fading::Fading;
 use super::filter::MapFilter;
 use super::law::Sums;
 use super::mains::{BOTH, Mains};
-use super::still::{Cells, follow, glance, judge, plain};
+use super::still::{Cells, follow, glance, glance_again, judge, plain};
 use super::touch::{Touch, TrackerOptions};
 use crate::error::TactileError;
 
@@ -202,15 +202,23 @@ impl TouchTracker {
         let threshold = began + self.leftover;
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
         let still = self.state == State::Quiet;
+        let bands = self.without_bands();
+        if bands.is_some() {
+            now = f64::from(glance_again(&mut self.cells));
+        }
         let quiet = still && now.max(self.smooth.unwrap_or(0.0)) < GLANCE * threshold;
         let fades = self.fading.lasts();
         if quiet || !self.cells.colour.tells() {
             if fades {
                 self.fading.measure(&self.cells);
             }
-            self.bands(still, dt_s);
+            match bands {
+                Some(bands) if still => self.mains.learn(bands, dt_s),
+                Some(_) => {}
+                None => self.bands(still, dt_s),
+            }
         } else {
-            now = self.judged(still.then_some(threshold), dt_s);
+            now = self.judged(still.then_some(threshold), bands, dt_s);
         }
         let before = self.smooth.unwrap_or(now);
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
@@ -222,17 +230,27 @@ impl TouchTracker {
         self.last
     }
 
-    /// S of the last picture without what light, mains and a fading leftover explain of it; `threshold` where nothing touched before.
-    fn judged(&mut self, threshold: Option<f64>, dt_s: f64) -> f64 {
+    /// Takes known bands of mains light out of the last change, before the fit of the light takes a share of them for light;
+    /// returns what was measured of them, or nothing where none are known.
+    fn without_bands(&mut self) -> Option<[f64; 2]> {
+        let (cells, gel) = (&mut self.cells, &self.gel);
+        if self.mains.amplitude() == 0.0 || !cells.colour.tells() {
+            return None;
+        }
+        let noise = cells.noise.arranged(cells.order);
+        let bands = self.mains.measure(&cells.white, gel, noise, &cells.grid);
+        self.mains.correct(&mut cells.white, gel, noise, &cells.grid);
+        Some(bands)
+    }
+
+    /// S of the last picture without what light, mains and a fading leftover explain of it; `threshold` where nothing touched before, `bands` as
+    /// [`Self::without_bands`] measured them.
+    fn judged(&mut self, threshold: Option<f64>, bands: Option<[f64; 2]>, dt_s: f64) -> f64 {
         let (cells, gel) = (&mut self.cells, &self.gel);
         let mut now = f64::from(judge(cells, gel));
         let noise = cells.noise.arranged(cells.order);
-        let bands = threshold.map(|_| self.mains.measure(&cells.white, gel, noise, &cells.grid));
-        if self.mains.correct(&mut cells.white, gel, noise, &cells.grid) {
-            // The fit of the light took a share of the bands for light.
-            plain(cells);
-            now = f64::from(judge(cells, gel));
-        }
+        let bands = threshold
+            .map(|_| bands.unwrap_or_else(|| self.mains.measure(&cells.white, gel, noise, &cells.grid)));
         if self.fading.lasts() {
             self.fading.measure(cells);
             self.fading.explain(&mut cells.white);
