@@ -101,11 +101,7 @@ def odd(source: bytes, rng: random.Random) -> bytes:  # noqa: PLR0912  # one bra
             continue
         values = dict(table.metadata)
         if "table" in kinds and values and rng.random() < 0.5:
-            key = rng.choice(sorted(values))
-            if rng.random() < 0.3:
-                del values[key]
-            else:
-                values[key] = mutated(values[key].encode(), changes(rng)).decode("latin-1")
+            _spoil(values, rng)
         writer.add_metadata(table.name, values)
     ids: dict[int, int] = {}
     for schema, channel, message in messages:
@@ -133,6 +129,15 @@ def odd(source: bytes, rng: random.Random) -> bytes:  # noqa: PLR0912  # one bra
         writer.add_message(ids[channel.id], log_time, content, message.publish_time)
     writer.finish()
     return file.getvalue()
+
+
+def _spoil(values: dict[str, str], rng: random.Random) -> None:
+    """Take a value of a table out, or change it."""
+    key = rng.choice(sorted(values))
+    if rng.random() < 0.3:
+        del values[key]
+    else:
+        values[key] = mutated(values[key].encode(), changes(rng)).decode("latin-1")
 
 
 def _retyped(name: str, data: bytes, rng: random.Random) -> bytes:
