@@ -1,7 +1,11 @@
-"""Generate the site's reference pages, and mark links that leave the docs; called by mkdocs, see mkdocs.yml."""
+"""Generate the site's reference pages and those of the notebooks, and mark links that leave the docs.
+
+Called by mkdocs, see mkdocs.yml.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -10,6 +14,7 @@ from jinja2 import Environment
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
+from nbconvert import MarkdownExporter
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from lift_player import lift_page
@@ -39,6 +44,7 @@ MOVED = {
     "hardware/openxr": "device-tracker",
     "hardware/vest-troubles": "device-vest",
 }
+NOTEBOOKS = Path(__file__).resolve().parents[1] / "examples" / "notebooks"
 ABBREVIATIONS = {"CCI": "contact concentration index", "EDA": "effective deformation area"}
 
 
@@ -59,6 +65,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name, text in pages.items():
         level = InclusionLevel.NOT_IN_NAV if "/python/" in name else InclusionLevel.INCLUDED
         files.append(File.generated(config, name, content=text, inclusion=level))
+    for path in sorted(NOTEBOOKS.glob("*.ipynb")):
+        text, made = MarkdownExporter().from_filename(str(path), resources={"unique_key": path.stem})
+        files.append(File.generated(config, f"notebooks/{path.stem}.md", content=text))
+        for name, picture in made["outputs"].items():
+            files.append(File.generated(config, f"notebooks/{name}", content=picture))
     return files
 
 
@@ -80,6 +91,9 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         path = (here / target.partition("#")[0]).resolve()
         if "://" in target or not target.startswith("..") or path.is_relative_to(docs):
             return match.group()
+        if path.parent == NOTEBOOKS:
+            place = os.path.relpath(docs / "notebooks" / f"{path.stem}.md", here)
+            return f"[{said}]({Path(place).as_posix()})"
         name = path.relative_to(docs.parent).as_posix()
         return f"`{name}`" if said.strip("`") in name else f"{said} (`{name}` in the checkout)"
 

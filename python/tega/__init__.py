@@ -27,7 +27,9 @@ __all__ = [
     "loop",
     "open_recording",
     "plot",
+    "records",
     "session",
+    "stages",
     "tactile",
     "wire",
 ]

@@ -6,6 +6,8 @@ from tega import hand as hand
 from tega import haptics as haptics
 from tega import loop as loop
 from tega import plot as plot
+from tega import records as records
+from tega import stages as stages
 from tega import tactile as tactile
 from tega import wire as wire
 from tega.loop.program import session as session
@@ -23,7 +25,9 @@ __all__ = [
     "loop",
     "open_recording",
     "plot",
+    "records",
     "session",
+    "stages",
     "tactile",
     "wire",
 ]

@@ -22,7 +22,8 @@ from tega import tactile
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
 from tega.haptics.motor_layout import find_layout
-from tega.haptics.torso import HEIGHT, WIDTH, spots
+from tega.haptics.torso import HEIGHT, RADIUS, WIDTH, spots
+from tega.recording.opened import Topic
 from tega.recording.record_columns import column_names
 from tega.records import Intent, VestRecord
 from tega.runtime.lifecycle import require
@@ -67,7 +68,7 @@ def contact(
 
 
 def course(data: Any, *names: str, axes: Axes | None = None) -> Axes:
-    """Draw columns over time.
+    """Draw columns over time, with a legend where there is more than one line.
 
     Args:
         data: A topic of a recording, a data frame, or another mapping of columns.
@@ -79,11 +80,12 @@ def course(data: Any, *names: str, axes: Axes | None = None) -> Axes:
         InvalidValueError: There is no such column.
     """
     axes, table = _axes(axes), _columns(data)
+    origin = f"{data.name} " if isinstance(data, Topic) else ""
     for name in names:
-        axes.plot(_column(table, "t_s"), _column(table, name), label=name)
+        axes.plot(_column(table, "t_s"), _column(table, name), label=f"{origin}{name}")
     axes.set_xlabel("time (s)")
     axes.set_ylabel(names[0] if len(names) == 1 else "")
-    if len(names) > 1:
+    if len(axes.lines) > 1:
         axes.legend()
     return axes
 
@@ -122,9 +124,20 @@ def vest(frame: MotorLevels | VestRecord, *, axes: Axes | None = None) -> Axes:
         InvalidValueError: The layout is not known.
     """
     axes = _axes(axes)
+    collections: Any = require("matplotlib.collections", driver="plot", extra="plot")
     drawn = list(spots(find_layout(frame.layout), list(frame.intensities)))
     faces = np.array([[*_rgb(), spot.percent / 100] for spot in drawn])
-    axes.scatter([s.x for s in drawn], [s.y for s in drawn], s=120, c=faces, edgecolors="grey")
+    motors = collections.EllipseCollection(
+        [2 * RADIUS] * len(drawn),
+        [2 * RADIUS] * len(drawn),
+        [0.0] * len(drawn),
+        units="xy",
+        offsets=[(s.x, s.y) for s in drawn],
+        offset_transform=axes.transData,
+        facecolors=faces,
+        edgecolors="grey",
+    )
+    axes.add_collection(motors)
     for x, name in ((WIDTH / 2, "front"), (1.5 * WIDTH, "back")):
         axes.text(x, 0.1 * HEIGHT, name, ha="center")
     axes.set(xlim=(0, 2 * WIDTH), ylim=(HEIGHT, 0), aspect="equal", title=frame.layout)

@@ -16,6 +16,7 @@ from tega.hand import JOINT_NAMES
 from tega.haptics.motor_layout import find_layout
 from tega.records import (
     ArmMeasured,
+    ArmTarget,
     Contact,
     Intent,
     Joints,
@@ -26,7 +27,9 @@ from tega.records import (
 from tega.records.arm import PoseNumbers
 from tega.runtime.opencv import load_cv2
 from tega_lerobot.streams import (
+    ARM_ACTION,
     ARM_MEASURED,
+    ARM_TARGET,
     CLOSURE,
     Column,
     Stream,
@@ -43,7 +46,7 @@ if TYPE_CHECKING:
 OBSERVED: Final = ("state", "touch", "touch_si", "emg_levels", "vest", "arm")
 """Features that an observation has where the settings name their devices; ``image_age`` besides, on request."""
 
-_KINDS: Final = (ArmMeasured, Contact, Intent, Joints, VestFrame)
+_KINDS: Final = (ArmMeasured, ArmTarget, Contact, Intent, Joints, VestFrame)
 # A picture or an intent of before that is the past: the device is lost, and LeRobot has to end.
 _STALE_S: Final = 1.0
 
@@ -66,9 +69,11 @@ def feature_names(config: SessionConfig, *, emg_channels: int) -> dict[str, list
         Names by feature, as the export writes them: ``observation.state`` and so on, and ``action``.
     """
     layout = find_layout(config.vest.layout or DEFAULT_LAYOUT[config.session.preset])
-    sizes = {"/vest/frame": len(layout.motors), "/hand/frames": len(CLOSURE)}
-    if config.hand.driver is not None or config.emg is not None:
-        sizes["/hand/joints"] = len(JOINT_NAMES)
+    sizes = {"/hand/frames": len(CLOSURE)}
+    if config.tactile.in_use() or config.vest.driver is not None:  # else the loop makes no frames
+        sizes["/vest/frame"] = len(layout.motors)
+        if config.hand.driver is not None or config.emg is not None:
+            sizes["/hand/joints"] = len(JOINT_NAMES)
     if config.emg is not None:
         sizes["/emg/levels"] = emg_channels + 1
     if config.arm is not None:
@@ -115,7 +120,7 @@ class Live:
                 value = record.intensities
             case Joints():
                 value = record.angles_rad
-            case ArmMeasured():
+            case ArmMeasured() | ArmTarget():
                 value = (*record.position, *record.quaternion)
             case _:
                 return
@@ -170,6 +175,18 @@ class Live:
         """
         intent: Intent = _fresh(Intent.topic, self._intent)
         return closure_numbers(intent.level, intent.closure)
+
+    def arm_action(self) -> dict[str, float]:
+        """Return where the arm's end is to go, by name; where the run has no target for it, its own pose.
+
+        Raises:
+            DeviceUnavailableError: The arm reported no pose for a second.
+        """
+        at = _fresh(ARM_MEASURED, self._newest.get(ARM_MEASURED))
+        target = self._newest.get(ARM_TARGET)
+        if target is not None and time.monotonic() - target.at_s <= _STALE_S:
+            at = target.value
+        return dict(zip(ARM_ACTION, map(float, at), strict=True))
 
     def wait(
         self, wanted: Mapping[str, Sequence[str] | None], fingers: Sequence[str], *, patience_s: float

@@ -21,6 +21,8 @@ CLOSURE = ("grasp_level", "closure")
 
 LeRobot 0.4 cannot train a policy on an action of one number.
 """
+ARM_ACTION = tuple(f"arm_target.{name}" for name in PoseNumbers.table)
+"""Numbers of the arm's part of an action: where the arm's end is to go, in the base's axes."""
 
 _S = 1_000_000_000
 # What a contact has in units of length and force, where its metric gives them.
@@ -147,8 +149,7 @@ def columns_of(
     if hand := streams.get("/hand/frames"):
         asked.append(Column(hand.at(grid_ns), list(CLOSURE)))
     if arm is not None:
-        names = [f"arm_target.{name}" for name in PoseNumbers.table]
-        asked.append(Column(_targets(streams.get(ARM_TARGET), arm, grid_ns), names))
+        asked.append(Column(_targets(streams.get(ARM_TARGET), arm, grid_ns), list(ARM_ACTION)))
     if asked:
         values = np.concatenate([column.values for column in asked], axis=1)
         columns["action"] = Column(values, [name for column in asked for name in column.names])

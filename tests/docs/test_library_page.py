@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -82,3 +83,5 @@ def test_the_library_s_names_are_the_reference_s() -> None:
     stub = (Path(tega.__file__).parent / "__init__.pyi").read_text(encoding="utf-8")
     assert set(re.findall(r'^    "(\w+)",$', stub, re.MULTILINE)) == set(tega.__all__)
     assert {"tega.plot", "tega.recording.opened", "tega.loop.program"} <= set(PUBLIC)
+    modules = {name for name in tega.__all__ if isinstance(getattr(tega, name), ModuleType)}
+    assert modules == {name.partition(".")[2] for name in PUBLIC if name.count(".") == 1}

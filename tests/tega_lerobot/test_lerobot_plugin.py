@@ -6,8 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,10 +19,12 @@ import tomlkit
 
 from tega.errors import ConfigError, InvalidValueError
 from tega.recording.opened import open_recording
+from tega.runtime.every import every
 from tega_emulators.lab import EmulatedLab, emulated_lab
 
 pytest.importorskip("lerobot.robots", reason="needs the package lerobot")
 
+_DEAD_MAN, _CLUTCH = 0, 1
 PLUGIN = Path(__file__).resolve().parents[2] / "plugins" / "lerobot_robot_tega"
 
 pytestmark = [
@@ -183,6 +187,108 @@ def test_an_exception_lets_go_and_closure_is_clipped(bench: Bench, monkeypatch: 
         robot.get_observation()
 
 
+class Buttons:
+    """Dead-man and clutch, pressed again and again: a SpaceMouse reports a button only when it changes."""
+
+    def __init__(self, lab: EmulatedLab) -> None:
+        self._lab, self._held, self._lock = lab, [_DEAD_MAN], threading.Lock()
+
+    def again(self) -> None:
+        with self._lock:
+            for button in self._held:
+                self._lab.cap.say(f"press {button}")
+
+    def toggle_clutch(self) -> None:
+        with self._lock:
+            if _CLUTCH in self._held:
+                self._held.remove(_CLUTCH)
+                self._lab.cap.say(f"lift {_CLUTCH}")
+            else:
+                self._held.append(_CLUTCH)
+
+    @property
+    def taken_hold(self) -> bool:
+        return _CLUTCH in self._held
+
+
+class ArmLab(NamedTuple):
+    """Emulated EMG, hand and arm, and the operator's buttons."""
+
+    lab: EmulatedLab
+    buttons: Buttons
+
+
+@pytest.fixture
+def arm_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ArmLab]:
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    with emulated_lab(tmp_path, emg_hz=250.0, hand=True, arm=True) as lab:
+        buttons = Buttons(lab)
+        with every(buttons.again, every_s=0.3):
+            yield ArmLab(lab, buttons)
+
+
+def written(lab: EmulatedLab, folder: Path, **arm: Any) -> dict[str, Any]:
+    """Write a lab's settings with some of the arm changed, and return what names them to LeRobot."""
+    recording = {"dir": str(folder / "recorded"), "stop_free_mib": 0.0}
+    table = {name: value for name, value in (lab.tree["arm"] | arm).items() if value is not None}
+    (folder / "lab.toml").write_text(tomlkit.dumps({**lab.tree, "recording": recording, "arm": table}))
+    return {"settings": folder / "lab.toml", "calibration_dir": folder}
+
+
+def test_an_arm_action_is_limited_and_recorded_and_a_stale_one_rests(arm_lab: ArmLab, tmp_path: Path) -> None:
+    from tega_lerobot.plugin import TegaRobot, TegaRobotConfig
+
+    where = written(arm_lab.lab, tmp_path, tracker=None, mapping={"frame": "base", "absolute": True})
+    names = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+    sent = 0.0
+    with TegaRobot(TegaRobotConfig(**where)) as robot:
+        assert list(robot.action_features)[2:] == [f"arm_target.{name}" for name in names]
+        at = robot.get_observation()
+        pose = {f"arm_target.{name}": at[f"arm.{name}"] for name in names}
+        pose |= {f"arm_target.{name}": 3.0 * at[f"arm.{name}"] for name in names[3:]}  # of no unit length
+        until_s = time.monotonic() + 60
+        while sent < 1.0 or robot.get_observation()["arm.x_m"] < 0.69:  # the box ends at 0.70
+            words = next(robot._seat.run[0]).arm
+            if words.startswith("following"):
+                pose["arm_target.x_m"] = min(pose["arm_target.x_m"] + 0.02, 1.0)  # faster than it may go
+            elif arm_lab.buttons.taken_hold == ("press it again" in words):
+                arm_lab.buttons.toggle_clutch()
+            action = robot.send_action({"closure": 0.5, **pose})
+            assert np.linalg.norm([action[f"arm_target.{name}"] for name in names[3:]]) == pytest.approx(1)
+            sent = action["arm_target.x_m"]
+            assert time.monotonic() < until_s, words
+        while not next(robot._seat.run[0]).arm.startswith(("idle", "stopped")):
+            assert time.monotonic() < until_s
+    recorded = open_recording(tmp_path / "recorded")
+    turns = list(recorded["/arm/turn"])
+    assert max(given.position[0] for turn in turns for given in turn.poses) == pytest.approx(1.0)
+    went = [(row.taken_ns / 1e9, np.array(row.position)) for row in recorded["/arm/target"]]
+    assert max(place[0] for _, place in went) <= 0.70 + 1e-9
+    for (t_s, before), (later_s, later) in pairwise(went):
+        assert np.linalg.norm(later - before) <= 0.25 * (later_s - t_s) + 1e-5
+    assert any("no pose came" in turn.reason for turn in turns[-500:])
+    assert arm_lab.lab.limp()
+
+
+def test_a_teleoperator_gives_the_target_of_the_arm_that_its_tracker_leads(
+    arm_lab: ArmLab, tmp_path: Path
+) -> None:
+    from tega_lerobot.plugin import TegaRobot, TegaRobotConfig, TegaTeleoperator, TegaTeleoperatorConfig
+
+    where = written(arm_lab.lab, tmp_path)
+    with TegaRobot(TegaRobotConfig(**where)) as robot:
+        with TegaTeleoperator(TegaTeleoperatorConfig(**where)) as teleoperator:
+            action = teleoperator.get_action()
+            assert set(action) == set(teleoperator.action_features) == set(robot.action_features)
+            at = robot.get_observation()
+            for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"):
+                assert action[f"arm_target.{name}"] == pytest.approx(at[f"arm.{name}"], abs=0.02)
+            sent = robot.send_action(action | {"arm_target.x_m": 0.9})
+            assert sent["arm_target.x_m"] == pytest.approx(at["arm.x_m"], abs=0.02)
+        with pytest.raises(ConfigError, match="the settings' tracker leads the arm, not LeRobot"):
+            robot.send_action(action)
+
+
 def test_a_lost_camera_ends_lerobot(bench: Bench) -> None:
     running = bench.lerobot("teleoperate", "--fps=15", "--teleop_time_s=200")
     moved = bench.moves(running)
@@ -211,5 +317,10 @@ def test_settings_that_lerobot_cannot_use_are_refused(tmp_path: Path) -> None:
         TegaRobot(TegaRobotConfig(**where, observe=["torque"]))
     with pytest.raises(ConfigError, match="LeRobot runs in real time"):
         TegaRobot(TegaRobotConfig(**where)).connect()
+    arm = '[input.dead_man]\ndriver = "spacemouse"\noptions = { silent_after_ms = 100 }\n'
+    arm += '[arm]\ndriver = "simulated-arm"\n'
+    path.write_text(f'{arm}mapping = {{ frame = "base" }}\n[tactile.thumb]\ndriver = "synthetic-touch"\n')
+    with pytest.raises(ConfigError, match="LeRobot leads the arm to poses, not by motion"):
+        TegaRobot(TegaRobotConfig(**where))
     with pytest.raises(ConfigError, match=r"missing\.toml"):
         TegaRobot(TegaRobotConfig(**where | {"settings": tmp_path / "missing.toml"}))

@@ -185,7 +185,8 @@ class ArmChain:
         self._filter.forget()
         self._hand = self._filter.step(*self._unfiltered)
         # From where it will be at rest: a target that is still braking does not turn round.
-        self._clutch.latch(self._hand, self._follower.resting())
+        absolute = self._s.mapping.absolute
+        self._clutch.latch(self._hand, self._hand if absolute else self._follower.resting())
         self._state, self._reason = "following", "the arm follows the forearm"
         self._engagements += 1
         self._attached, self._was_open = True, False
@@ -213,7 +214,7 @@ class ArmChain:
             assert self._hand is not None
             asked = self._clutch.goal(self._hand)
             goal = self._workspace.inside(asked)
-            if goal is not asked:
+            if goal is not asked and not self._s.mapping.absolute:
                 self._clutch.shed(asked, goal)
         else:
             goal = self._rest or follower.resting()

@@ -60,9 +60,10 @@ class ToBase:
 
     def __init__(self, settings: MappingSettings) -> None:
         s = settings
-        mirrored = s.forearm != s.robot_hand if s.mirror is None else s.mirror
         matrix = turned(-s.yaw_rad) @ FRAMES[s.frame]
-        self.matrix: NDArray[np.float64] = turned(-s.base_yaw_rad) @ (MIRROR @ matrix if mirrored else matrix)
+        self.matrix: NDArray[np.float64] = turned(-s.base_yaw_rad) @ (
+            MIRROR @ matrix if s.mirrored else matrix
+        )
         self._turn = self.matrix * round(float(np.linalg.det(self.matrix)))
 
     def __call__(self, pose: StampedPose) -> Pose:

@@ -57,6 +57,8 @@ class MappingSettings(_ChainStage, frozen=True):
         forearm: Side of the tracked forearm.
         robot_hand: Side of the hand on the robot.
         mirror: Whether motion is mirrored left to right; none means when those two differ.
+        absolute: Whether a pose is where the arm's end is to go, in the base's axes, and not a forearm whose motion
+            counts; for programs that compute such poses.
     """
 
     frame: Literal["base", "openxr", "unity", "ros"] = "openxr"
@@ -68,6 +70,25 @@ class MappingSettings(_ChainStage, frozen=True):
     forearm: Literal["right", "left"] = "right"
     robot_hand: Literal["right", "left"] = "right"
     mirror: bool | None = None
+    absolute: bool = False
+
+    def __post_init__(self) -> None:
+        """Check that absolute poses are taken as they are.
+
+        Raises:
+            InvalidValueError: Another setting would change them.
+        """
+        plain = self.frame in {"base", "ros"} and not (self.yaw_rad or self.base_yaw_rad or self.mirrored)
+        if self.absolute and not (plain and {self.scale, *self.gain_xyz, *self.gain_turn} == {1.0}):
+            raise InvalidValueError(
+                "absolute poses are in the base's axes: frame, yaws, scale, gains or mirror would change them",
+                "set frame = 'base' and leave out the others",
+            )
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether motion is mirrored left to right."""
+        return self.forearm != self.robot_hand if self.mirror is None else self.mirror
 
 
 class FilterSettings(_ChainStage, frozen=True):

@@ -12,6 +12,8 @@ from tega.records.vest import VestRecord
 
 WIDTH, HEIGHT = 120.0, 140.0
 """Size of a face in the drawing."""
+RADIUS = 5.0
+"""Radius of a motor in it."""
 
 
 class Spot(NamedTuple):
@@ -48,7 +50,8 @@ def torso_svg(layout: str, intensities: Sequence[int]) -> str:
             f'text-anchor="middle">{face}</text>'
         )
     drawn += [
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="#0a7e74" fill-opacity="{percent / 100:g}" stroke="#888">'
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{RADIUS:g}" fill="#0a7e74" '
+        f'fill-opacity="{percent / 100:g}" stroke="#888">'
         f"<title>{number}: {percent} %</title></circle>"
         for number, (x, y, percent) in enumerate(spots(find_layout(layout), intensities))
     ]

@@ -247,6 +247,11 @@ def open_arm(
             "arm: nothing leads it: neither arm.tracker nor input.motion is set",
             "set [arm.tracker], or [input.motion] with a SpaceMouse",
         )
+    if c.mapping.absolute and tracker is None:
+        raise ConfigError(
+            "arm.mapping.absolute is for programs, which give places to go to; a forearm's poses are no such places",
+            "take it out, or let a program lead the arm",
+        )
     source: PoseSource
     if tracker is None and c.tracker is not None:
         tracker = driver_class(c.tracker.driver, "tracker")(c.tracker.options)

@@ -1,8 +1,8 @@
-"""Run a session from a Python program, which receives moments and may send to vest and hand.
+"""Run a session from a Python program, which receives moments and may send to vest, hand and arm.
 
 The loop runs in a thread of its own, as ``tega-teleop run`` runs it: with the same limits, guard and watchdogs. The
-program's frames and levels lapse unless it sends new ones. Leaving the ``with`` block, in whatever way, ends the run:
-the vest gets zeros, and the hand is let go.
+program's frames, levels and poses lapse unless it sends new ones. Leaving the ``with`` block, in whatever way, ends the
+run: the vest gets zeros, and the hand is let go.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ from tega.loop.controls import Controls
 from tega.loop.inbox.prepared import Muscles
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
+from tega.loop.lapsing import Lapsing
 from tega.loop.moment import LoopView, Moment
 from tega.loop.motor_tests import MotorTests
 from tega.loop.parts import Part, RunStart
+from tega.loop.program_arm import ProgramArm
 from tega.loop.session import run_session
 from tega.records import Intent, ProgramFrame
 from tega.records.bus import Bus
@@ -42,14 +44,14 @@ from tega.safety.stop import Stop
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from tega.devices.base import Tracker
     from tega.loop.inbox.prepared import Prepared
     from tega.runtime.clock import Clock
     from tega.safety.guard import Guard
 
-__all__ = ["ProgramHand", "ProgramSession", "ProgramVest", "session"]
+__all__ = ["ProgramArm", "ProgramHand", "ProgramSession", "ProgramVest", "session"]
 
 _LOG = logging.getLogger(__name__)
-_LONGEST_S: Final = 10.0
 _LOOK_S: Final = 0.05
 _PATIENCE_S: Final = 10.0
 
@@ -77,29 +79,12 @@ def session(
     return ProgramSession(load_config(path, sets=sets).config, name=path.name)
 
 
-class _Lapsing:
-    """A value that a program sends, for a time of the session's clock."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._sent: tuple[Any, int] = (None, 0)
-
-    def send(self, value: Any, for_s: float) -> None:
-        if not 0 < for_s <= _LONGEST_S:
-            raise InvalidValueError(f"for_s = {for_s} is out of range: above 0 to {_LONGEST_S:g} s")
-        self._sent = value, self._clock.now_ns() + round(for_s * 1e9)
-
-    def now(self) -> Any:
-        value, until_ns = self._sent
-        return value if value is not None and self._clock.now_ns() < until_ns else None
-
-
 class ProgramVest(MotorTests):
     """Vest of a session, as a program sends to it; frames pass the vest's limits and the wearer's daily dose."""
 
     def __init__(self, clock: Clock, *, driver: str | None) -> None:
         super().__init__()
-        self._frame, self._driver = _Lapsing(clock), driver
+        self._frame, self._driver = Lapsing(clock), driver
         self._layout = ""
         self._guard: Guard | None = None
         self._newest: tuple[int, ...] | None = None
@@ -157,7 +142,7 @@ class ProgramHand:
     """Hand of a session, as a program steers it; levels pass the guard and the hand's limits."""
 
     def __init__(self, clock: Clock, *, driver: str | None) -> None:
-        self._level, self._driver = _Lapsing(clock), driver
+        self._level, self._driver = Lapsing(clock), driver
 
     def level(self, level: float, *, for_s: float = 0.5) -> None:
         """Have the hand close to a level in the place of the muscles'.
@@ -207,8 +192,15 @@ class _ProgramPart(Part):
 
     brings_input = endless = True
 
-    def __init__(self, config: SessionConfig, vest: ProgramVest, begun: Callable[[], None]) -> None:
-        self._config, self._vest, self._begun = config, vest, begun
+    def __init__(
+        self, config: SessionConfig, vest: ProgramVest, arm: ProgramArm, begun: Callable[[], None]
+    ) -> None:
+        self._config, self._vest, self._arm, self._begun = config, vest, arm, begun
+
+    @property
+    def tracker(self) -> Tracker | None:
+        tracker: Any = self._arm.tracker
+        return tracker  # type: ignore[no-any-return]
 
     def prepared(self, prepared: Prepared) -> Prepared:
         if prepared.muscles is not None or self._config.hand.driver is None:
@@ -239,6 +231,7 @@ class ProgramSession:
         config: The settings.
         vest: The vest, to send to.
         hand: The hand, to steer.
+        arm: The arm, to lead.
         bus: Bus of the run, whose threads call the subscribers; subscribe before the ``with`` block.
         n_skipped: Moments that the program was too slow for.
         summary: Summary of the run, once it has ended; empty before.
@@ -250,6 +243,7 @@ class ProgramSession:
         self._clock: Clock = ManualClock() if self._waits else SystemClock()
         self.vest = ProgramVest(self._clock, driver=config.vest.driver)
         self.hand = ProgramHand(self._clock, driver=config.hand.driver)
+        self.arm = ProgramArm(self._clock, config)
         self.bus = Bus()
         self.n_skipped = 0
         self.summary: dict[str, Any] = {}
@@ -356,7 +350,7 @@ class ProgramSession:
                 clock=self._clock,
                 bus=bus,
                 controls=Controls(stop=self._stop, level=self.hand.asked, motor_tests=self.vest),
-                parts=[_ProgramPart(self.config, self.vest, self._begin)],
+                parts=[_ProgramPart(self.config, self.vest, self.arm, self._begin)],
                 settings=self._name,
             )
         except KeyboardInterrupt:

@@ -1,10 +1,10 @@
-"""Hand, fingertips and vest as a robot of LeRobot, which observes a session and steers its hand."""
+"""Hand, arm, fingertips and vest as a robot of LeRobot, which observes a session and steers hand and arm."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from lerobot.robots import Robot, RobotConfig
@@ -13,7 +13,10 @@ from tega.errors import ConfigError
 from tega.hand import split_level
 from tega_lerobot.live import OBSERVED, emg_channel_count, feature_names
 from tega_lerobot.plugin.seat import Seat, Seated
-from tega_lerobot.streams import CLOSURE, closure_numbers
+from tega_lerobot.streams import ARM_ACTION, CLOSURE, closure_numbers
+
+# A shorter quaternion has no direction, and is refused.
+_SHORTEST: Final = 0.1
 
 
 @RobotConfig.register_subclass("tega")
@@ -41,13 +44,17 @@ class TegaRobotConfig(RobotConfig):
 
 
 class TegaRobot(Seated, Robot):
-    """Robot ``tega``. An action is a closure, 0 (open) to 1 (closed); it passes TEGA's guard and limits.
+    """Robot ``tega``. An action is a closure, 0 (open) to 1 (closed), and with an arm the pose where its end is to go.
+
+    Both pass TEGA's guard and limits. Where the settings name a tracker, the person's forearm leads the arm, and the
+    teleoperator of the same session gives its target.
 
     Args:
         config: The options.
 
     Raises:
-        ConfigError: The settings are wrong, or ``observe`` names a feature that they do not have.
+        ConfigError: The settings are wrong, ``observe`` names a feature that they do not have, or LeRobot would lead
+            an arm without ``arm.mapping.absolute``.
     """
 
     config_class = TegaRobotConfig
@@ -66,6 +73,11 @@ class TegaRobot(Seated, Robot):
                 f"observe: no feature {unknown[0]!r}", f"choose from {', '.join(sorted(allowed))}"
             )
         wanted = [f"observation.{name}" for name in config.observe]
+        if settings.arm is not None and self._seat.leads_arm and not settings.arm.mapping.absolute:
+            raise ConfigError(
+                "LeRobot leads the arm to poses, not by motion",
+                "set arm.mapping.absolute = true and arm.mapping.frame = 'base', or an arm.tracker",
+            )
         self._names = {name: known[name] for name in wanted if name in known}
         self._fingers = list(settings.tactile.in_use())
         # LeRobot starts threads for pictures by the number of cameras.
@@ -93,18 +105,33 @@ class TegaRobot(Seated, Robot):
         return {**live.numbers(list(self._names)), **pictures}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Have the hand close to a level; without a new action the level lapses after half a second.
+        """Have the hand close to a level, and lead the arm; without a new action both lapse after half a second.
 
         Args:
-            action: ``closure``, clipped to 0 (open) to 1 (closed); the grasp level follows from it.
+            action: ``closure``, clipped to 0 (open) to 1 (closed); the grasp level follows from it. With an arm
+                ``arm_target.x_m`` and so on; its quaternion is brought to unit length.
 
         Returns:
-            The action as it was sent.
+            The action as it was sent; the arm's part is the run's own target where a tracker leads it.
 
         Raises:
-            InvalidValueError: The closure is not a number.
+            ConfigError: A tracker leads the arm, and no teleoperator has joined the session.
+            InvalidValueError: A number is not finite or out of range.
         """
-        session, _ = self._seat.run
+        session, live = self._seat.run
         level = 1 + 4 * float(np.clip(float(action["closure"]), 0, 1))
         session.hand.level(level)
-        return dict(zip(CLOSURE, closure_numbers(*split_level(level)), strict=True))
+        sent = dict(zip(CLOSURE, closure_numbers(*split_level(level)), strict=True))
+        if self._seat.leads_arm:
+            pose = np.array([float(action[name]) for name in ARM_ACTION])
+            pose[3:] /= max(float(np.linalg.norm(pose[3:])), _SHORTEST)
+            session.arm.pose(pose[:3], pose[3:])
+            sent |= dict(zip(ARM_ACTION, pose.tolist(), strict=True))
+        elif self._seat.config.arm is not None:
+            if not self._seat.shared:
+                raise ConfigError(
+                    "the settings' tracker leads the arm, not LeRobot",
+                    "take out arm.tracker and input.motion, or name a teleoperator of the same settings",
+                )
+            sent |= live.arm_action()
+        return sent

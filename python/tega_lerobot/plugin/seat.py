@@ -12,7 +12,7 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 from tega.errors import ConfigError
 from tega.loop.program import ProgramSession, session
 from tega_lerobot.live import Live
-from tega_lerobot.streams import CLOSURE
+from tega_lerobot.streams import ARM_ACTION, CLOSURE
 
 PATIENCE_S: Final = 60.0
 """How long a device of LeRobot waits for its first values."""
@@ -41,18 +41,25 @@ class Seat:
 
     Attributes:
         config: The settings.
+        leads_arm: Whether a device of LeRobot leads the arm, and no tracker.
     """
 
     def __init__(self, settings: Path, sets: list[str], person: str | None) -> None:
         self._key = (settings.resolve(), tuple(sets), person)
         self._make = partial(session, settings, sets=tuple(sets), person=person)
-        self.config = self._make().config
+        made = self._make()
+        self.config, self.leads_arm = made.config, made.arm.led_by_program
         self._run: _Run | None = None
 
     @property
     def taken(self) -> bool:
         """Whether this device is connected."""
         return self._run is not None
+
+    @property
+    def shared(self) -> bool:
+        """Whether another device of LeRobot has joined the same session."""
+        return self._run is not None and self._run.n_users > 1
 
     def take(self) -> None:
         """Join the session of these settings, or begin it.
@@ -106,8 +113,8 @@ class Seated:
 
     @property
     def action_features(self) -> dict[str, Any]:
-        """The closure, and the grasp level nearest to it."""
-        return dict.fromkeys(CLOSURE, float)
+        """The closure, the grasp level nearest to it, and with an arm the pose where its end is to go."""
+        return dict.fromkeys((*CLOSURE, *(() if self._seat.config.arm is None else ARM_ACTION)), float)
 
     @property
     def is_connected(self) -> bool:

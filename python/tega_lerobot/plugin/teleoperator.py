@@ -1,4 +1,4 @@
-"""Muscles as a teleoperator of LeRobot, which gives the closure that they ask for."""
+"""Muscles and forearm as a teleoperator of LeRobot, which gives what they ask of hand and arm."""
 
 from __future__ import annotations
 
@@ -55,21 +55,23 @@ class TegaTeleoperator(Seated, Teleoperator):
         return {}
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
-        """Begin the session, and wait for the first intent.
+        """Begin the session, and wait for the first intent, and with an arm for its pose.
 
         Raises:
             TegaError: The session cannot begin, or no intent comes.
         """
-        self._begin({"observation.emg_levels": None}, ())
+        wanted = ["observation.emg_levels"] + ["observation.arm"] * (self._seat.config.arm is not None)
+        self._begin(dict.fromkeys(wanted), ())
 
     def get_action(self) -> dict[str, Any]:
-        """Return the closure that the muscles ask for now, and the grasp level nearest to it.
+        """Return the closure that the muscles ask for now, the grasp level nearest to it, and the arm's target.
 
         Raises:
-            DeviceUnavailableError: The muscles gave none for a second.
+            DeviceUnavailableError: The muscles gave none for a second, or the arm no pose.
         """
         _, live = self._seat.run
-        return dict(zip(CLOSURE, live.closure_numbers(), strict=True))
+        closure = dict(zip(CLOSURE, live.closure_numbers(), strict=True))
+        return closure if self._seat.config.arm is None else closure | live.arm_action()
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Do nothing: the session shows touch on the vest by itself."""

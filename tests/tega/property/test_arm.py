@@ -287,14 +287,16 @@ tick = st.fixed_dictionaries(
 )
 
 
-@given(
-    limits=limit_sets, ticks=st.lists(tick, min_size=3, max_size=25), scale=st.sampled_from([0.3, 1.0, 1.5])
+mappings = st.one_of(
+    st.sampled_from([0.3, 1.0, 1.5]).map(lambda scale: MappingSettings(frame="base", scale=scale)),
+    st.just(MappingSettings(frame="base", absolute=True)),
 )
+
+
+@given(limits=limit_sets, ticks=st.lists(tick, min_size=3, max_size=25), mapping=mappings)
 @settings(max_examples=30)
-def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, scale) -> None:
-    chain = ArmChain(
-        ArmSettings(limits=limits, mapping=MappingSettings(frame="base", scale=scale), gate=GateSettings())
-    )
+def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, mapping) -> None:
+    chain = ArmChain(ArmSettings(limits=limits, mapping=mapping, gate=GateSettings()))
     obedience = Obedience(limits)
     now_ns, hand, turn, arm = 10_000_000_000, np.zeros(3), so3.IDENTITY, Pose(MIDDLE, FORWARD)
     states = set()
@@ -400,6 +402,42 @@ def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> No
                 )  # a spring sags, and is not followed down
     assert command.engagements == 3
     assert held == 27
+
+
+@given(
+    goals=st.lists(st.tuples(vectors, vectors), min_size=1, max_size=3),
+    dt_ms=st.integers(10, 40),
+    far_m=st.floats(0.1, 0.6),
+)
+@settings(max_examples=10)
+def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_else(
+    goals, dt_ms, far_m
+) -> None:
+    limits = LimitSettings()
+    chain = ArmChain(ArmSettings(mapping=MappingSettings(frame="base", absolute=True), limits=limits))
+    workspace = Workspace(limits)
+    now_ns, hand = 0, Pose(MIDDLE + 0.05 * goals[0][0], FORWARD)
+    measured, pose = StampedPose(0, MIDDLE, FORWARD), StampedPose(0, *hand)
+    for v, w in goals:
+        goal = Pose(MIDDLE + far_m * v, so3.multiply(so3.exp(0.5 * w), FORWARD))
+        for number in range(8000 // dt_ms):
+            now_ns += dt_ms * 1_000_000
+            share = min(1.0, number * dt_ms / 3000)  # no faster than the gate believes
+            place = (1 - share) * hand.position_m + share * goal.position_m
+            turn = so3.multiply(
+                so3.exp(share * so3.between(hand.quaternion_xyzw, goal.quaternion_xyzw)),
+                hand.quaternion_xyzw,
+            )
+            pose = StampedPose(now_ns, place, turn)
+            measured = measured._replace(t_ns=now_ns)
+            command = chain.step(now_ns, [pose], clutch=now_ns > 50_000_000, dead_man=True, measured=measured)
+            if command.target is not None:
+                measured = StampedPose(now_ns, *command.target)
+        hand, inside = goal, workspace.inside(goal)
+        assert command.state == "following"
+        assert command.target is not None
+        np.testing.assert_allclose(command.target.position_m, inside.position_m, atol=1e-3)
+        assert turn_between(command.target.quaternion_xyzw, inside.quaternion_xyzw) < 0.01
 
 
 @given(v=vectors, w=vectors, dt_ms=st.integers(2, 50))

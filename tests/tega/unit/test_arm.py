@@ -17,6 +17,7 @@ from tega.arm import (
     ArmSettings,
     GateSettings,
     LimitSettings,
+    MappingSettings,
     Pose,
     StampedPose,
     WatchdogSettings,
@@ -341,6 +342,19 @@ def test_settings_that_make_no_sense_are_refused() -> None:
         LimitSettings(upright=(0, 0, 0))
     with pytest.raises(InvalidValueError, match="order"):
         WatchdogSettings(hold_ms=500)
+    changes: tuple[dict[str, Any], ...] = (
+        {"frame": "openxr"},
+        {"yaw_rad": 0.1},
+        {"base_yaw_rad": 0.1},
+        {"scale": 0.5},
+        {"gain_xyz": (1.0, 0.0, 1.0)},
+        {"gain_turn": (0.0, 1.0, 1.0)},
+        {"mirror": True},
+        {"forearm": "left"},
+    )
+    for change in changes:
+        with pytest.raises(InvalidValueError, match="absolute poses are in the base's axes"):
+            MappingSettings(**{"frame": "base", "absolute": True, **change})
 
 
 def test_a_hand_of_joints_is_no_forearm() -> None:

@@ -341,6 +341,16 @@ _HELD = "input.dead_man.options.silent_after_ms=1000"
     ("sets", "said"),
     [
         (("input.dead_man.driver=spacemouse", _HELD), "nothing leads it"),
+        (
+            (
+                "input.dead_man.driver=spacemouse",
+                _HELD,
+                "input.motion.driver=spacemouse",
+                "arm.mapping.frame=base",
+                "arm.mapping.absolute=true",
+            ),
+            "absolute is for programs",
+        ),
         ((), "no dead-man switch is set"),
         (("session.pace=fast",), "an arm moves in real time"),
         (

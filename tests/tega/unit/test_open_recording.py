@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 import tega
 from reference.sessions import record
 from tega.errors import MissingExtraError, RecordingError, TegaError
-from tega.recording import mcap_index, mcap_reader
+from tega.recording import mcap_index, mcap_reader, topics
 from tega.recording.column_names import channel_columns
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder
@@ -87,7 +87,9 @@ def test_every_topic_has_columns_and_records(lossless: Path) -> None:
         recording[CONTACT][len(recording[CONTACT])]
 
 
-def test_samples_have_a_row_each_at_the_source_s_rate(lossless: Path) -> None:
+def test_samples_have_a_row_each_at_the_source_s_rate(
+    lossless: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     found = by_the_public_reader(lossless, "/emg/samples")
     table = tega.open_recording(lossless)["/emg/samples"].to_numpy()
     names = [name for name in table.dtype.names or () if name not in {"t_s", "log_s", "index"}]
@@ -95,7 +97,10 @@ def test_samples_have_a_row_each_at_the_source_s_rate(lossless: Path) -> None:
     assert np.array_equal(np.stack([table[name] for name in names], axis=-1), samples)
     assert np.array_equal(table["index"], np.arange(len(samples)))
     assert np.diff(table["t_s"]) == pytest.approx(1e-3)
-    assert tega.open_recording(lossless)["/emg/samples"].units == dict.fromkeys(names, "µV")
+    monkeypatch.setattr(topics, "_MOST_BLOCKS", 3)
+    assert np.array_equal(tega.open_recording(lossless)["/emg/samples"].to_numpy(), table)
+    units = dict.fromkeys(names, "µV") | {"t_s": "s", "log_s": "s"}
+    assert tega.open_recording(lossless)["/emg/samples"].units == units
 
 
 def test_pictures_are_decoded_one_by_one(lossless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -383,3 +388,13 @@ def test_a_channel_s_name_is_its_column_unless_it_is_repeated_or_taken() -> None
     assert channel_columns(("flexor", "extensor"), 2) == ["flexor", "extensor"]
     assert channel_columns(("index", "flexor", "flexor"), 3, ("index",)) == ["ch1", "ch2", "ch3"]
     assert channel_columns(("flexor",), 2) == ["ch1", "ch2"]
+
+
+def test_an_index_that_is_no_number_is_refused_with_the_way_to_what_was_meant(lossless: Path) -> None:
+    topic = tega.open_recording(lossless)["/tactile/thumb/contact"]
+    indices: tuple[Any, ...] = ("force_n", slice(1.0, 2.0), slice(None, 0.5), 3.0)
+    for index in indices:
+        with pytest.raises(RecordingError, match=r"messages are numbered.*recording\[10.0:20.0\]\[topic\]"):
+            topic[index]
+    assert topic.units["t_s"] == topic.units["log_s"] == "s"
+    assert tega.open_recording(lossless)["/emg/samples"].units["t_s"] == "s"

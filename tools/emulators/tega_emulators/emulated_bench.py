@@ -139,11 +139,11 @@ class EmulatedBench:
         file.write_text(text, encoding="utf-8")
         if self.operator is not None:
             self.operator.write_hidapi(folder / "hidapi")
-        # Where a rehearsal's participant reaches them.
-        (folder / "moves.json").write_text(f'{{"port": {self.moves.port}}}\n', encoding="utf-8")
         config = load_config(file, environ={}).config
         for finger, section in config.tactile.in_use().items():
             self._keep_baseline(finger, section.options, file.parent / baselines[finger])
+        # Where a rehearsal's participant reaches them; a press before now would be in the untouched picture.
+        (folder / "moves.json").write_text(f'{{"port": {self.moves.port}}}\n', encoding="utf-8")
         if config.emg is None:
             return
         amplifier = driver_class(config.emg.driver, "emg")(config.emg.options)
