@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.devices.fingertip.video_nodes import camera_place
-from tega.devices.jpeg_stream import at_own_size
+from tega.devices.jpeg_stream import MOST_SPOILED, keep_own_size, read_picture
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
@@ -68,7 +68,7 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
                 f"scene camera {source}: asked for {size[0]}×{size[1]}, it gives {given[0]}×{given[1]}",
                 f"write --size {given[0]}x{given[1]}, or one that it has",
             )
-    return at_own_size(cv2, capture) if source.startswith(ADDRESSES) else capture
+    return keep_own_size(cv2, capture) if source.startswith(ADDRESSES) else capture
 
 
 def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Generator[NDArray[np.uint8]]:
@@ -95,13 +95,15 @@ def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> 
 
 
 def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
+    cv2, n_spoiled = load_cv2("scene"), 0
     try:
         while True:
-            ok, image = capture.read()
-            if not ok:
+            ok, image = read_picture(cv2, capture)
+            n_spoiled = 0 if image.size else n_spoiled + 1
+            if not ok or n_spoiled == MOST_SPOILED:
                 raise DeviceUnavailableError(f"scene camera {source} stopped", "plug it in again")
             if image.size:  # one spoiled packet of a stream is no picture
-                yield np.asarray(image, np.uint8)
+                yield image
     finally:
         capture.release()
 

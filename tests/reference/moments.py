@@ -7,12 +7,12 @@ import math
 import numpy as np
 from msgspec.structs import replace
 
+from reference.recordings import baseline, pressed
 from tega.config.choose import preset_metric
 from tega.haptics import FINGERS, intensity, vest_frame
 from tega.loop.moment import LoopView
 from tega.records import Intent
 from tega.ui.view.state import EmgTail, Shape, TouchImage, ViewState
-from tega_sim.gel import Gel, ball
 
 RATE_HZ = 1000.0
 SHAPES: tuple[Shape, ...] = (
@@ -22,15 +22,15 @@ SHAPES: tuple[Shape, ...] = (
     ("tip", "sphere", (0.013, 0.0, 0.0), (0.9, 0.55, 0.2, 1.0)),
     ("bottle", "cylinder", (0.033, 0.09, 0.0), (0.2, 0.5, 0.8, 0.9)),
 )
-_RADII_MM = {"thumb": 14.0, "index": 3.0, "middle": 4.4, "ring": 8.0}
+_DEPTHS = {"thumb": 120.0, "index": 90.0, "middle": 60.0, "ring": 150.0}
 
 
 class Moments:
     """Moments of a made-up grasp; the same seed makes the same ones."""
 
     def __init__(self, seed: int = 1) -> None:
-        self._gels = {finger: Gel(seed + k) for k, finger in enumerate(FINGERS)}
-        self._baselines = {finger: gel.still() for finger, gel in self._gels.items()}
+        self._seeds = {finger: seed + k for k, finger in enumerate(FINGERS)}
+        self._baselines = {finger: _enlarged(baseline(number)) for finger, number in self._seeds.items()}
         effort = 0.5 + 0.45 * np.sin(np.arange(20_000) / 900)
         self._emg = np.random.default_rng(seed).normal(0, 200, (20_000, 3)) * effort[:, None]
         self._maxima = np.full(3, 160.0)
@@ -38,11 +38,8 @@ class Moments:
     def at(self, t_s: float, *, images: bool = True, scene: bool = True, emg: bool = True) -> ViewState:
         squeeze = 0.5 - 0.5 * math.cos(t_s)
         pictures, contacts = {}, {}
-        for k, finger in enumerate(FINGERS):
-            pressed = ball(
-                force_n=6 * squeeze, centre_xy=(120.0 + 10 * k, 150.0), radius_mm=_RADII_MM[finger]
-            )
-            frame = self._gels[finger].frame([pressed], round(t_s * 60))
+        for finger, number in self._seeds.items():
+            frame = _enlarged(pressed(_DEPTHS[finger] * squeeze, noise=round(t_s * 60), seed=number))
             metric = preset_metric("live", self._baselines[finger], finger)
             for moment in range(6):  # one picture, until the memory has settled
                 contact = metric.update(frame, moment * 16_666_667)
@@ -92,6 +89,11 @@ class Moments:
             emg=EmgTail(self._emg[max(0, n - 6000) : n], RATE_HZ, self._maxima, "raw", "µV") if emg else None,
             rows={"object": "bottle", "condition": "haptic", "phase": "hold"},
         )
+
+
+def _enlarged(image: np.ndarray) -> np.ndarray:
+    """Return a picture, uint8 (60, 80, 3), as a camera of 240 x 320 shows it."""
+    return image.repeat(4, axis=0).repeat(4, axis=1)
 
 
 def _poses(squeeze: float) -> np.ndarray:

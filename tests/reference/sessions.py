@@ -10,6 +10,7 @@ from typing import Any
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
+from reference.played import finger, muscles
 from tega.config import check_tree
 from tega.loop import run_session
 from tega.recording.mcap_schemas import decoder
@@ -19,14 +20,10 @@ SECONDS = 1.5
 
 
 def tree(folder: Path, **recording: Any) -> dict[str, Any]:
-    touch = {"driver": "synthetic-touch", "options": {"duration_s": SECONDS}}
     return {
         "session": {"pace": "fast"},
-        "tactile": {
-            "thumb": touch,
-            "ring": {"driver": "synthetic-touch", "options": {"duration_s": 1.0, "seed": 3}},
-        },
-        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": SECONDS}},
+        "tactile": {"thumb": finger(SECONDS), "ring": finger(1.0, seed=3)},
+        "emg": muscles(SECONDS),
         "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0, **recording},
     }
 

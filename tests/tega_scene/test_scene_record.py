@@ -19,10 +19,12 @@ from foxglove import channels, messages  # noqa: E402
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError  # noqa: E402
 from tega.recording.mcap_file import McapFile  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
+from tega.recording.record_columns import find_kind  # noqa: E402
 from tega.ui.cli.main import cli  # noqa: E402
 from tega_scene.decode import SceneDecoder  # noqa: E402
 from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega_scene.record import export_camera, record_cameras  # noqa: E402
+from tega_scene.records import SceneVideo  # noqa: E402
 from tega_scene.settings import VideoFormat  # noqa: E402
 from tega_scene.video import SceneEncoder  # noqa: E402
 
@@ -56,6 +58,10 @@ def test_every_packet_is_one_picture_and_none_waits(video: VideoFormat) -> None:
             seen.append((shown[0], float(shown[1].mean())))
     assert [t_ns for t_ns, _ in seen] == [1000 * number + 7 for number in range(10)]
     assert all(abs(mean - _shade(number)) < 3 for number, (_, mean) in enumerate(seen))
+
+
+def test_its_topic_has_the_scene_s_record_type() -> None:
+    assert find_kind("/scene/front/video", "foxglove.CompressedVideo") == (SceneVideo, {"camera": "front"})
 
 
 def test_an_odd_size_is_refused() -> None:

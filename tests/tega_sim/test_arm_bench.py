@@ -5,13 +5,16 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, StampedPose
 from tega.arm.rotation import between
+from tega.config import load_config
 from tega.errors import MissingExtraError
+from tega.setup.doctor.lab_file import lab_settings
 from tega_sim.bench_arm import BenchArm, BenchArmOptions
 from tega_sim.world import World
 
@@ -20,6 +23,14 @@ pytest.importorskip("mujoco", reason="pip install '.[sim]'")
 
 _TURN = (0.0, 0.0, 0.0, 1.0)
 _MOST_TURNS = 1500
+
+
+def test_settings_are_written_with_the_bench_s_arm(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text(lab_settings({}, name=path.name, arm="bench-arm"), encoding="utf-8")
+    arm = load_config(path, environ={}).config.arm
+    assert arm is not None
+    assert arm.driver == "bench-arm"
 
 
 class Led:

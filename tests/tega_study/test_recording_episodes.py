@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("foxglove", reason="comes with the extra record")
 
 from reference.held import PEDAL, emulated
+from reference.played import finger, muscles
 from reference.sessions import messages, record, told, tree
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
@@ -60,8 +61,8 @@ class _Operator:
 def lab(duration_s: float = 30.0, **settings: Any) -> Any:
     made = tree(Path("unused"))
     made["session"] = {"pace": "real"}
-    made["tactile"] = {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": duration_s}}}
-    made["emg"]["options"] = {"duration_s": duration_s}
+    made["tactile"] = {"thumb": finger(duration_s, shape=(60, 80))}
+    made["emg"] = muscles(duration_s)
     return check_tree(made | settings, {}, base=Path.cwd()).config
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from reference.played import finger, muscles
 from reference.sessions import tree
 from reference.waiting import until
 from tega.config import check_tree
@@ -22,7 +23,7 @@ def session(folder: Path) -> dict[str, Any]:
     """Return the settings of a short recorded run."""
     settings = tree(folder / "session")
     del settings["tactile"]["ring"]
-    settings["tactile"]["thumb"]["options"]["duration_s"] = settings["emg"]["options"]["duration_s"] = 0.3
+    settings["tactile"]["thumb"], settings["emg"] = finger(0.3), muscles(0.3)
     return settings
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
+from reference.played import EMG_HZ
 from reference.sessions import attached, tree
 from tega.config import check_tree
 from tega.config.calibration.records import PracticeRecord, utc_now, write_record
@@ -75,12 +75,7 @@ def test_tracking_teaches_a_decoder_that_a_run_uses_and_a_replay_repeats(
         "beside": [{"group": "decoder", "name": "rules"}],
         "decoder": {"name": "learned", "options": {"model": str(tmp_path / "p01.json")}},
     }
-    from tega.devices.registry import driver_class
-
-    emg = settings["emg"]
-    kind: Any = driver_class("synthetic-emg", "emg")
-    with kind(kind.options_type(**emg["options"])) as source:
-        names, rate_hz = source.info.channels, source.info.rate_hz
+    names, rate_hz = ("ch1", "ch2", "ch3"), float(EMG_HZ)
     record = tracked(tmp_path, names, rate_hz)
     assert teleop("emg", "fit", str(record), "--out", str(tmp_path / "p01.json"), "--json") == 0
     told = json.loads(capsys.readouterr().out)

@@ -76,6 +76,8 @@ def explain(
         elsewhere = [full for full in _dotted_keys(wanted) if full.rpartition(".")[2] == name]
         if 0 < len(elsewhere) <= _MOST_ELSEWHERE:
             hint = f"did you mean {' or '.join(map(repr, elsewhere))}?"
+        elif not key and isinstance(_value_at(value, name, ""), dict | list):
+            hint = f"{hint} A feature's table needs its package."
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
     if (missing := re.match(r"Object missing required field `(.*)`", what)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")

@@ -47,11 +47,20 @@ def read_guest_tables(
     found: dict[str, Any] = {}
     for key, tree in given.items():
         feature, target = known[key]
-        table = convert(tree, load_target(target, extra=feature.extra), key)
+        table = convert(tree, load_target(target, feature), key)
         if feature.check:
-            table = load_target(feature.check, extra=feature.extra)(table, context)
+            table = load_target(feature.check, feature)(table, context)
         found[key] = table
     return found
+
+
+def guest_packages(config: SessionConfig) -> dict[str, str]:
+    """Return the features whose tables the settings have, each with the package that brings it."""
+    return {
+        name: feature.requirement
+        for name, feature in features().items()
+        if config.guests.keys() & feature.settings.keys()
+    }
 
 
 def guest_files(config: SessionConfig) -> dict[str, Path]:

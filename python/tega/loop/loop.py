@@ -327,7 +327,7 @@ class DualLoop:
         if self._guard is not None:
             try:
                 self._guard.stop(t_ns, reason)
-                if self._moments is not None:
+                if self._moments is not None and self._moments.wanted:
                     self._moments.stopped(self._vest.confirmed, [_said(problem) for problem in problems])
             except BaseException as error:  # of a vital subscriber; reported by the caller
                 problems.append(error)

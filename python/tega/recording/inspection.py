@@ -11,6 +11,7 @@ import numpy as np
 
 from tega.config.motor_onset import STAGE
 from tega.loop.inbox.histogram import LEAST_SAMPLES
+from tega.recording.absent import absent_features
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import origins, span
 from tega.records import Latency as LatencyRecord
@@ -86,6 +87,7 @@ class Inspection(msgspec.Struct, frozen=True):
         config_sha256: Checksum of the settings' text.
         versions: Versions of the recording itself, and of everything the results may depend on.
         sources: Names of the inputs, as their drivers report them.
+        absent: Features that it was recorded with and that are not installed here, a sentence each.
         streams: By topic.
         latency: Latency by stage; empty if the run was not in real time, and without stages that a recorded source
             does not have.
@@ -107,6 +109,7 @@ class Inspection(msgspec.Struct, frozen=True):
     config_sha256: str
     versions: dict[str, str]
     sources: dict[str, str]
+    absent: list[str]
     streams: list[StreamFacts]
     latency: list[StageLatency]
     markers: list[Marked]
@@ -157,6 +160,7 @@ def inspect_file(path: Path) -> Inspection:
         config_sha256=facts.get("config_sha256", ""),
         versions={"recording": facts.get("version", ""), **reader.metadata.get("versions", {})},
         sources=sources,
+        absent=absent_features(reader.metadata),
         streams=[_facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(seen.topics.items())],
         latency=_with_skin(
             [_latency(stage, times) for stage, times in seen.stages.items() if any(times) and paced]

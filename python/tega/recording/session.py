@@ -17,7 +17,7 @@ import numpy as np
 from tega.config.attached import attached_files
 from tega.config.calibration.store import calibration_text
 from tega.config.choose import mapping_told, metric_told
-from tega.config.guests import guest_files
+from tega.config.guests import guest_files, guest_packages
 from tega.config.text import config_text
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.recording.log_records import LogRecords
@@ -140,6 +140,7 @@ class Recording(Part):
                 "calibration": calibration_name,
             },
             "versions": versions(),
+            "features": guest_packages(config),
             "records": {name: str(version) for name, version in VERSIONS.items()},
             "units": unit_table(),
             "sources": {name: msgspec.json.encode(info).decode() for name, info in sources.items()},

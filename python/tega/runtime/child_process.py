@@ -42,7 +42,7 @@ def python_command(module: str, *arguments: str) -> list[str]:
         module: Its full name.
         arguments: Words for it.
     """
-    root = str(Path(__file__).resolve().parents[1])
+    root = str(Path(__file__).resolve().parents[2])
     return [sys.executable, "-P", "-c", _BEGIN, root, module, *arguments]
 
 

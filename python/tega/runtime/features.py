@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -56,6 +56,7 @@ class Feature:
         streams: Programs for ``run --stream`` by name, each called with the run's bus; returns a context manager that
             has an attribute ``url`` once it is entered.
         extra: Extra of the package that brings the libraries it needs.
+        package: Package that declares it; set where the declaration is found.
     """
 
     summary: str
@@ -70,10 +71,16 @@ class Feature:
     formats: Mapping[str, str] = field(default_factory=dict)
     streams: Mapping[str, str] = field(default_factory=dict)
     extra: str = ""
+    package: str = ""
+
+    @property
+    def requirement(self) -> str:
+        """Its package, with the extra that brings the libraries it needs."""
+        return f"{self.package}[{self.extra}]" if self.extra else self.package
 
 
-def load_target(target: str, *, extra: str = "", package: str = "tega") -> Any:
-    """Import the object that ``"module:object"`` names.
+def load_target(target: str, feature: Feature) -> Any:
+    """Import the object that ``"module:object"`` of a feature names.
 
     Raises:
         MissingExtraError: Its module needs a package that is not installed.
@@ -83,7 +90,7 @@ def load_target(target: str, *, extra: str = "", package: str = "tega") -> Any:
         return getattr(importlib.import_module(module), name)
     except ModuleNotFoundError as error:
         missing = error.name or "a package"
-        line = f"pip install '{package}[{extra}]'" if extra else f"pip install {missing}"
+        line = f"pip install '{feature.requirement}'" if feature.extra else f"pip install {missing}"
         raise MissingExtraError(f"{target} needs {missing!r}: {error}", f"install it with: {line}") from error
 
 
@@ -132,7 +139,7 @@ def _loaded() -> tuple[dict[str, Feature], tuple[Broken, ...]]:
             broken.append(Broken(name, said, f"pip install --force-reinstall {package}, or remove {package}"))
             continue
         if isinstance(feature, Feature):
-            found[name] = feature
+            found[name] = replace(feature, package=package)
         else:
             problem = f"{entry.value} is a {type(feature).__name__}, not a tega.runtime.features.Feature"
             broken.append(Broken(name, problem, f"update or remove {package}"))
@@ -152,6 +159,6 @@ def targets(member: str) -> Iterator[tuple[str, Any]]:
         if not target:
             continue
         try:
-            yield name, load_target(target, extra=feature.extra)
+            yield name, load_target(target, feature)
         except TegaError as error:
             raise type(error)(f"feature {name!r}: {error.message}", error.hint) from error

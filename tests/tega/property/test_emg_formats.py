@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from property.mutations import changes
-from property.test_foreign_files import mutated
 
 from reference.emg_writers import RATE_HZ, WRITERS, content_of
+from reference.mutated import draw_changes, mutated
 from tega.errors import TegaError
 from tega.runtime.files.signals import read_signals
 from tega.runtime.files.tables.table import Reading
@@ -62,7 +61,7 @@ def _unexpected(kinds: Sequence[str], tmp_path: Path, n_mutants: int) -> list[st
         kind = kinds[k % len(kinds)]
         path = tmp_path / f"mutant-{WRITERS[kind].name}"
         columns = WRITERS[kind].channels
-        path.write_bytes(mutated(wholes[kind], changes(rng)))
+        path.write_bytes(mutated(wholes[kind], draw_changes(rng)))
         try:
             found = read_signals(path, Reading(channels=columns(3) if columns else ()))
             assert found.samples.dtype == np.float64

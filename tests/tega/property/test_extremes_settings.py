@@ -23,7 +23,6 @@ KEYS = (
     "session.duration_s",
     "tactile.thumb.options.rate_hz",
     "emg.options.rate_hz",
-    "emg.options.duration_s",
     "safety.emg_lost_ms",
     "stages.mapping.options.weber",
 )
@@ -31,8 +30,8 @@ KEYS = (
 
 def tree_with(key: str, value: float) -> dict[str, Any]:
     tree: dict[str, Any] = {
-        "tactile": {"thumb": {"driver": "synthetic-touch", "options": {}}},
-        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {}},
+        "tactile": {"thumb": {"driver": "picture-stack", "options": {"file": "a.npy"}}},
+        "emg": {"driver": "emg-file", "kind": "raw", "options": {"file": "a.npy"}},
     }
     *path, last = key.split(".")
     table = tree

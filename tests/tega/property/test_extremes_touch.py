@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from reference.extremes import Extreme
+from reference.recordings import baseline
 from tega.errors import InvalidValueError
 from tega.tactile.tracker import TouchTracker, TrackedContact
-from tega_sim.gel import Gel
 
 Image = NDArray[np.uint8]
 RATE_HZ = 60.0
@@ -49,9 +49,8 @@ IMPOSSIBLE = Extreme(
 
 @cache
 def pictures() -> dict[str, Image]:
-    """Return what a camera may show, 240 high and wide enough."""
-    gel = Gel(4)
-    still = np.ascontiguousarray(gel.still()[::2, ::2])
+    """Return what a camera may show, uint8 (120, 160, 3)."""
+    still = baseline(4).repeat(2, axis=0).repeat(2, axis=1)
     size = still.shape
     rng = np.random.default_rng(9)
     pixel = np.zeros(size, np.uint8)

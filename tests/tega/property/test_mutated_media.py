@@ -7,10 +7,9 @@ import random
 from pathlib import Path
 
 import pytest
-from property.mutations import changes
-from property.test_foreign_files import mutated
 
 from reference.foreign_readers import READERS
+from reference.mutated import draw_changes, mutated
 from tega.errors import TegaError
 
 _MEDIA = [
@@ -28,6 +27,6 @@ def test_a_mutated_file_ends_with_an_error_of_tega(kind: str, n: int, tmp_path: 
     path = tmp_path / "mutated" / name
     path.parent.mkdir()
     for _ in range(n):
-        path.write_bytes(mutated(whole, changes(rng)))
+        path.write_bytes(mutated(whole, draw_changes(rng)))
         with contextlib.suppress(TegaError):
             read(path)

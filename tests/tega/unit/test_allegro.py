@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.played import muscles
 from tega.config import check_tree
 from tega.devices import SteeredHand, driver_class
 from tega.devices.hand.allegro import Allegro
@@ -347,12 +348,11 @@ def test_bad_levels_and_bad_settings() -> None:
 
 
 def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
-    emg = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 1.5}}
     with Emulator("allegro_port") as hand:
         settings = {**hand.address, **PATIENT}
         tree = {
             "session": {"pace": "real", "out_dir": str(tmp_path / "out")},
-            "emg": emg,
+            "emg": muscles(1.5, seed=1),
             "hand": {"driver": "allegro", "options": settings},
         }
         summary = run_session(check_tree(tree, {}, base=tmp_path).config)

@@ -80,7 +80,7 @@ def test_a_robot_is_asked_and_the_exact_fix_is_told(tmp_path: Path) -> None:
     assert "FCI" in " ".join(gone.todo)
 
 
-@pytest.mark.parametrize("driver", ["simulated-arm", "bench-arm", "franky"])
+@pytest.mark.parametrize("driver", ["simulated-arm", "franky"])
 def test_settings_with_an_arm_are_written_only_when_asked(tmp_path: Path, driver: str) -> None:
     path = tmp_path / "lab.toml"
     path.write_text(lab_settings({}, name=path.name), encoding="utf-8")

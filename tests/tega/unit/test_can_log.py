@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from property.mutations import changes
-from property.test_foreign_files import mutated
 
 from reference.can_logs import conversation, write_log
 from reference.command import call
+from reference.mutated import draw_changes, mutated
 from tega.devices.hand.can_log import LOG_SUFFIXES, read_can_log
 from tega.devices.hand.hand_log import HandLog, find_hand
 from tega.errors import RecordingError, TegaError
@@ -107,7 +106,7 @@ def test_a_damaged_mf4_ends_with_an_error_of_tega(
     whole = write_log(tmp_path / "a.mf4", conversation([[k] * 16 for k in range(3)])).read_bytes()
     rng = random.Random(1)
     for k in range(n):
-        (tmp_path / "b.mf4").write_bytes(mutated(whole, changes(rng)))
+        (tmp_path / "b.mf4").write_bytes(mutated(whole, draw_changes(rng)))
         with contextlib.suppress(TegaError):
             assert len(states_of(tmp_path / "b.mf4")[1]) <= 3 * 3, k
     assert capfd.readouterr() == ("", "")

@@ -44,11 +44,11 @@ def test_only_changed_settings_are_shown(tmp_path: Path, capsys: pytest.CaptureF
         "session.preset": "paper",
         "vest.threshold": 30,
     }
-    file.write_text('[tactile.thumb]\ndriver = "synthetic-touch"\noptions = { seed = 3 }\n')
+    file.write_text('[tactile.thumb]\ndriver = "digit"\noptions = { serial = "D2" }\n')
     out, _ = _said(capsys, "config", "show", "--changed", "--json", str(file))
     assert {row["key"]: row["value"] for row in json.loads(out)} == {
-        "tactile.thumb.driver": "synthetic-touch",
-        "tactile.thumb.options.seed": 3,
+        "tactile.thumb.driver": "digit",
+        "tactile.thumb.options.serial": "D2",
     }
     out, _ = _said(capsys, "config", "show", "--changed")
     assert out == "every setting has its default value\n"
@@ -69,7 +69,7 @@ def test_the_doctor_refuses_settings_that_run_refuses(tmp_path: Path, settings: 
 
 
 def test_an_unknown_verb_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
-    _, err = _said(capsys, "dmo")
-    assert "Did you mean demo?" in err
+    _, err = _said(capsys, "verfy")
+    assert "Did you mean verify?" in err
     _, err = _said(capsys, "doctr")
     assert "doctor" in err

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from reference.held import PEDAL, TWO
 from reference.parts import observed
+from reference.played import finger, muscles
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.loop import run_session
@@ -39,7 +40,7 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
     ):
         settings = {
             "session": {"duration_s": 30.0, "out_dir": str(tmp_path / "out")},
-            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 30.0}}},
+            "tactile": {"thumb": finger(30.0, shape=(60, 80))},
             "input": {
                 "motion": {"driver": "spacemouse"},
                 "dead_man": {
@@ -102,7 +103,7 @@ def test_a_pedal_undoes_the_adaptation_of_the_muscles() -> None:
     ):
         settings = {
             "session": {"duration_s": 30.0},
-            "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 30.0}},
+            "emg": muscles(30.0, seed=1),
             "stages": {"adaptation": {"on": True}},
             "input": {"undo": {"driver": "pedal", "button": "c"}},
         }
@@ -122,7 +123,7 @@ def test_a_pedal_undoes_the_adaptation_of_the_muscles() -> None:
 
 def test_a_run_that_names_a_missing_input_does_not_begin() -> None:
     settings = {
-        "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 0.2}}},
+        "tactile": {"thumb": finger(0.2, seed=1)},
         "input": {"dead_man": {"driver": "pedal", "options": {"silent_after_ms": 100.0}}},
     }
     with HidPort().installed(), pytest.raises(DeviceUnavailableError, match="no pedal that is known"):

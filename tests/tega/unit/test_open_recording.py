@@ -99,7 +99,7 @@ def test_samples_have_a_row_each_at_the_source_s_rate(
     assert np.diff(table["t_s"]) == pytest.approx(1e-3)
     monkeypatch.setattr(topics, "_MOST_BLOCKS", 3)
     assert np.array_equal(tega.open_recording(lossless)["/emg/samples"].to_numpy(), table)
-    units = dict.fromkeys(names, "µV") | {"t_s": "s", "log_s": "s"}
+    units = dict.fromkeys(names, "uV") | {"t_s": "s", "log_s": "s"}
     assert tega.open_recording(lossless)["/emg/samples"].units == units
 
 
@@ -283,10 +283,7 @@ def test_a_missing_package_is_named(
     assert package in str(told.value)
 
 
-def test_a_guest_s_topics_have_their_record_types() -> None:
-    kind = find_kind("/scene/front/video", "foxglove.CompressedVideo")
-    assert kind is not None
-    assert kind[1] == {"camera": "front"}
+def test_every_topic_has_its_record_type() -> None:
     for one in record_types():
         schema = one.schema if one.schema.startswith("foxglove.") else f"tega.{one.schema or one.__name__}"
         topic = one.topic.replace("{", "").replace("}", "").replace("/image", "/frame")

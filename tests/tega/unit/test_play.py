@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from reference.parts import observed
+from reference.played import finger, muscles
 from reference.sessions import tree as sessions_tree
 from reference.waiting import until
 from tega.config import SessionConfig, check_tree
@@ -56,12 +57,11 @@ def checked(tree: dict[str, Any]) -> SessionConfig:
 @pytest.fixture(scope="module")
 def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of two made-up fingers and muscles."""
-    touch = {"driver": "synthetic-touch", "options": {"duration_s": SECONDS}}
     folder = tmp_path_factory.mktemp("made-up")
     tree = {
         "session": {"pace": "fast"},
-        "tactile": {"thumb": touch, "ring": {**touch, "options": {"duration_s": 1.0, "seed": 3}}},
-        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": SECONDS}},
+        "tactile": {"thumb": finger(SECONDS), "ring": finger(1.0, seed=3)},
+        "emg": muscles(SECONDS),
         "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0},
     }
     return folder / str(run_session(checked(tree))["recording"]["file"])

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
 
+import tega
+from tega.runtime.child_process import python_command
+
 PROJECT = Path(__file__).resolve().parents[3]
-ROOTS = [PROJECT / name for name in ("python/tega", "tools/campaigns", "tools/emulators")]
+ROOTS = [PROJECT / name for name in ("python", "tools/campaigns", "tools/emulators")]
 STARTS = re.compile(
     r"(subprocess\.)?Popen|subprocess\.(run|call|check_call|check_output)|(.*\.)?create_subprocess_(exec|shell)"
     r"|(os|pty)\.(exec|spawn|posix_spawn|system|popen|fork)\w*"
@@ -90,3 +94,11 @@ def test_what_goes_through_it_is_not_found(tmp_path: Path) -> None:
         "Popen(python_command('tega.ui.cli'), env=python_environment())\nloop.run(1)"
     )
     assert started(tmp_path / "a.py") == []
+
+
+def test_a_program_finds_the_package_s_folder_and_nothing_inside_it() -> None:
+    package = Path(tega.__file__).resolve().parent
+    # The module `site` prints the import path.
+    said = subprocess.run(python_command("site"), capture_output=True, text=True, check=True).stdout
+    assert repr(str(package.parent)) in said
+    assert repr(str(package)) not in said

@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from reference.parts import observed
+from reference.played import finger, muscles
 from reference.sessions import tree
 from tega.config import check_tree
 from tega.config.text import config_text
@@ -68,8 +69,8 @@ def test_settings_survive_being_written_down(tmp_path: Path) -> None:
 def test_a_pedal_marks_the_recording_and_a_watched_run_that_is_stopped_replays(tmp_path: Path) -> None:
     session = tree(tmp_path / "session") | {"session": {"pace": "real"}}
     session["input"] = {"marker": {"driver": "pedal", "button": "b"}}
-    for section in (*session["tactile"].values(), session["emg"]):
-        section["options"]["duration_s"] = 30.0
+    session["tactile"] = {name: finger(30.0, shape=(60, 80)) for name in session["tactile"]}
+    session["emg"] = muscles(30.0)
     held: list[bool] = []
     with (
         Emulator("hid_input", "--device", "pedal-keyboard") as foot,

@@ -37,7 +37,7 @@ def test_a_lossless_recording_is_computed_again_bit_for_bit(lossless: Path) -> N
         "/tactile/thumb/contact": (90, 90, 0),
         "/tactile/ring/contact": (60, 60, 0),
         "/emg/levels": (15, 15, 0),
-        "/touch/event": (2, 2, 0),
+        "/touch/event": (4, 4, 0),
         "/vest/frame": (46, 46, 0),
         "/hand/frames": (n_hand, n_hand, 0),
     }

@@ -30,7 +30,6 @@ from tega.recording.replay.kinds import KINDS
 from tega.recording.replay.recorded import Recorded, read_recorded
 from tega.recording.session import Recording
 from tega.records import (
-    RECORDS,
     Contact,
     Intent,
     Joints,
@@ -43,6 +42,7 @@ from tega.records import (
 from tega.records.bus import Bus
 from tega.records.schema import fields, own_schema, read, schema_name, values
 from tega.records.table import columns, rows
+from tega.records.types import record_types
 from tega.runtime.object_pipe import receive_object, send_object
 from tega_lerobot.episode import read_episode
 from tega_link.clock import Offset
@@ -55,8 +55,8 @@ pytest.importorskip("foxglove", reason="needs the extra tega[record]")
 
 START_NS = 5_000_000_000
 _LEVELS = {"DEBUG": 10, "INFO": 20, "WARNING": 30, "ERROR": 40, "FATAL": 50}
-_each = st.tuples(*map(records_of, RECORDS))
-_one = st.sampled_from(RECORDS).flatmap(records_of)
+_each = st.tuples(*map(records_of, record_types()))
+_one = st.sampled_from(record_types()).flatmap(records_of)
 
 
 def same(one: Any, other: Any) -> bool:
@@ -124,7 +124,7 @@ def read_back(path: Path) -> Iterator[Record]:
 
 def _kind_of(message: Message) -> tuple[type[Record], dict[str, str]]:
     """Return the type of a message, and the fields that its topic holds."""
-    for kind in RECORDS:
+    for kind in record_types():
         if f"tega.{schema_name(kind)}" == message.schema:
             ours, theirs = kind.topic.split("/"), message.topic.split("/")
             pairs = list(zip(ours, theirs, strict=False))
@@ -149,7 +149,7 @@ def _of_viewer(message: Message, epoch_ns: int) -> Record:
         return TrackerAxes(
             t_ns=t_ns, parent=value.parent_frame_id, child=value.child_frame_id, quaternion=turn
         )
-    (kind,) = (one for one in RECORDS if issubclass(one, PoseRecord) and one.topic == topic)
+    (kind,) = (one for one in record_types() if issubclass(one, PoseRecord) and one.topic == topic)
     place, turn = value.pose.position, value.pose.orientation
     return kind(
         t_ns=t_ns,
@@ -247,7 +247,7 @@ def _read_cell(text: str, like: Any) -> Any:
 
 
 @settings(deadline=None)
-@given(one=st.sampled_from([kind for kind in RECORDS if kind.table]).flatmap(records_of))
+@given(one=st.sampled_from([kind for kind in record_types() if kind.table]).flatmap(records_of))
 def test_a_table_has_every_field_of_its_columns(one: Record) -> None:
     names = [name for name in one.table if name not in {"t_s", "frames", *one.columns}]
     values_of = {name: getattr(one, name) for name in names}

@@ -18,7 +18,7 @@ from tega.devices.fingertip.digit_search import find_digits
 from tega.devices.fingertip.picture_check import WORDS, JudgedPicture, PictureTally, judge_picture
 from tega.devices.fingertip.picture_origin import SensorBands, sensor_bands
 from tega.devices.fingertip.video_nodes import camera_place, find_node
-from tega.devices.jpeg_stream import at_own_size
+from tega.devices.jpeg_stream import MOST_SPOILED, keep_own_size, read_picture
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
 from tega.runtime.evidence import Evidence
@@ -257,7 +257,7 @@ class Digit(Opened):
             except DeviceUnavailableError:
                 capture.release()
                 raise
-        return capture if local else at_own_size(cv2, capture)
+        return capture if local else keep_own_size(cv2, capture)
 
     def _set_up(self, capture: Any, *, revision: int, lights: bool) -> None:
         o, cv2 = self._options, self._cv2
@@ -346,13 +346,14 @@ class Digit(Opened):
     def _drain(self, capture: Any) -> bool:
         """Read one capture until it fails; return whether it gave anything."""
         tally, any_came = self._tally, False
-        opened_ns, last_ns, n_at_once = time.monotonic_ns(), 0, 0
+        opened_ns, last_ns, n_at_once, n_spoiled = time.monotonic_ns(), 0, 0, 0
         self._window = (opened_ns, 0)
         while not self._leaving.is_set():
             asked_ns = time.monotonic_ns()
             with give_way():
-                came, sent = capture.read()
-            if not came:
+                came, image = read_picture(self._cv2, capture)
+            n_spoiled = 0 if image.size else n_spoiled + 1
+            if not came or n_spoiled == MOST_SPOILED:
                 break
             any_came = True
             now_ns = time.monotonic_ns()
@@ -368,7 +369,6 @@ class Digit(Opened):
                 intervals = (t_ns - last_ns) * 1e-9 * self._rate_hz
                 self.counts.dropped += round(intervals) - 1 if intervals > _GAP else 0
             last_ns = t_ns
-            image: NDArray[np.uint8] = np.asarray(sent, np.uint8)
             if image.ndim != 3 or image.shape[:2] != (self._options.height, self._options.width):
                 tally.count(JudgedPicture("odd_size" if image.size else "torn"))
                 continue

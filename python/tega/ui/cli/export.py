@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tega.runtime.features import features, load_target
+from tega.errors import MissingExtraError
+from tega.runtime.features import Feature, features, load_target
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.options import json_option
 
@@ -16,11 +18,17 @@ _TABLES = ("csv", "parquet")
 
 
 def _guest_formats() -> dict[str, ExportFormat]:
-    """Return the formats of features by name."""
+    """Return the formats of features by name; one that cannot be loaded is left out."""
+    found: dict[str, ExportFormat] = {}
+    for name, (target, feature) in _targets().items():
+        with contextlib.suppress(MissingExtraError):
+            found[name] = load_target(target, feature)
+    return found
+
+
+def _targets() -> dict[str, tuple[str, Feature]]:
     return {
-        name: load_target(target, extra=feature.extra)
-        for feature in features().values()
-        for name, target in feature.formats.items()
+        name: (target, feature) for feature in features().values() for name, target in feature.formats.items()
     }
 
 
@@ -34,8 +42,10 @@ class _Export(click.Command):
 
 
 def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
-    known = (*_TABLES, *_guest_formats())
-    if value not in known:
+    known = (*_TABLES, *_targets())
+    if value in _targets():
+        load_target(*_targets()[value])  # names the package that it lacks
+    elif value not in known:
         raise click.BadParameter(f"{value!r} is not one of {', '.join(known)}")
     return value
 

@@ -20,7 +20,7 @@ def guest_verbs(group: str = "") -> dict[str, tuple[Feature, Verb]]:
 
 def guest_command(feature: Feature, verb: Verb) -> click.Command:
     """Import the command of a feature's verb."""
-    command: click.Command = load_target(verb.target, extra=feature.extra)
+    command: click.Command = load_target(verb.target, feature)
     return command
 
 

@@ -32,13 +32,10 @@ def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
         DeviceUnavailableError: A port is taken, or a program cannot be reached.
     """
     found = {
-        name: (target, feature.extra)
-        for feature in features().values()
-        for name, target in feature.streams.items()
+        name: (target, feature) for feature in features().values() for name, target in feature.streams.items()
     }
     with ExitStack() as stack:
         for name in dict.fromkeys(names):
-            target, extra = found[name]
-            stream = stack.enter_context(load_target(target, extra=extra)(bus))
+            stream = stack.enter_context(load_target(*found[name])(bus))
             click.echo(f"{name}: {stream.url}", err=True)
         yield

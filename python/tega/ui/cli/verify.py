@@ -64,6 +64,7 @@ def replay_session(
     """
     import msgspec
 
+    from tega.recording.absent import absent_in
     from tega.recording.mcap_folder import session_files
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
@@ -80,6 +81,8 @@ def replay_session(
             replays.append(replay_file(path, config=config, sets=sets, bus=bus, progress=progress))
         if not as_json:
             _show(replays[-1])
+            for sentence in absent_in(path):
+                click.echo(f"  {sentence}")
         findings.tell(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
     if as_json:
         echo_json(msgspec.to_builtins(replays))

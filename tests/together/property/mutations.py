@@ -1,6 +1,6 @@
 """Mutates files of every format that TEGA reads, and counts what comes of it.
 
-``python tests/tega/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only
+``python tests/together/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only
 recording`` one format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables,
 attachments, messages and times are changed, and it goes through one verb of the command line after another. Of a
 session's folder, a study's, and pictures with their marks and forces one file is changed, and the verbs get the
@@ -27,12 +27,11 @@ import cv2
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from property.test_foreign_files import FAR_NS, mutated
-
-from reference.foreign_readers import READERS
+from reference.foreign_readers import READERS as CORE_READERS
+from reference.guest_readers import GUEST_READERS
+from reference.mutated import FAR_NS, draw_changes, mutated
 from reference.recordings import pressed
 from tega.config import check_tree
 from tega.errors import TegaError
@@ -44,6 +43,7 @@ from tega_study.observe import Observing
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.state import resume
 
+READERS = CORE_READERS | GUEST_READERS
 _KINDS = (
     "attachment",
     "table",
@@ -58,27 +58,11 @@ _KINDS = (
 )
 
 
-def changes(rng: random.Random) -> list[tuple[str, float, bytes]]:
-    """Draw one to three changes of a file's bytes."""
-    hows = ("set", "insert", "cut", "twice", "zeros", "instead", "deep")
-    drawn = []
-    for _ in range(rng.randint(1, 3)):
-        how = rng.choice(hows)
-        new = {
-            "cut": b"",
-            "twice": b"",
-            "zeros": bytes(64),
-            "deep": rng.choice([b"[", b'{"a":', b"x = ["]) * 5000,
-        }
-        drawn.append((how, rng.random(), new.get(how, rng.randbytes(rng.randint(1, 64)))))
-    return drawn
-
-
 def odd(source: bytes, rng: random.Random) -> bytes:  # noqa: PLR0912  # one branch a kind
     """Return a recording with something changed; valid by its format but for the kind ``bytes``."""
     kinds = set(rng.sample(_KINDS, rng.randint(1, 2)))
     if "bytes" in kinds:
-        return mutated(source, changes(rng))
+        return mutated(source, draw_changes(rng))
     attachments = list(NonSeekingReader(io.BytesIO(source)).iter_attachments())
     tables = list(NonSeekingReader(io.BytesIO(source)).iter_metadata())
     messages: list[Any] = list(NonSeekingReader(io.BytesIO(source)).iter_messages(log_time_order=False))
@@ -94,7 +78,7 @@ def odd(source: bytes, rng: random.Random) -> bytes:  # noqa: PLR0912  # one bra
             continue
         content = attachment.data
         if "attachment" in kinds and rng.random() < 0.3:
-            content = mutated(content, changes(rng))
+            content = mutated(content, draw_changes(rng))
         writer.add_attachment(0, 0, attachment.name, attachment.media_type, content)
     for k, table in enumerate(tables):
         if "no table" in kinds and k == gone["no table"]:
@@ -122,7 +106,7 @@ def odd(source: bytes, rng: random.Random) -> bytes:  # noqa: PLR0912  # one bra
             )
         content = message.data
         if "message" in kinds and channel.topic == victim and rng.random() < 0.2:
-            content = mutated(content, changes(rng))
+            content = mutated(content, draw_changes(rng))
         log_time = message.log_time
         if "time" in kinds and channel.topic == victim and rng.random() < 0.2:
             log_time = (log_time + rng.choice(FAR_NS)) % 2**64
@@ -137,7 +121,7 @@ def _spoil(values: dict[str, str], rng: random.Random) -> None:
     if rng.random() < 0.3:
         del values[key]
     else:
-        values[key] = mutated(values[key].encode(), changes(rng)).decode("latin-1")
+        values[key] = mutated(values[key].encode(), draw_changes(rng)).decode("latin-1")
 
 
 def _retyped(name: str, data: bytes, rng: random.Random) -> bytes:
@@ -283,7 +267,7 @@ def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) ->
         shutil.copytree(folder / "made", changed)
         verbs = _FOLDERS[kind][1](changed)
         victim = rng.choice(sorted(path for path in changed.rglob("*") if path.is_file()))
-        victim.write_bytes(mutated(victim.read_bytes(), changes(rng)))
+        victim.write_bytes(mutated(victim.read_bytes(), draw_changes(rng)))
         chosen = verbs[k % len(verbs)]
         return f"{' '.join(w for w in chosen if str(folder) not in w)} ({victim.name})", _run(chosen)
     if kind == "recording":
@@ -299,7 +283,7 @@ def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) ->
     name, _, read = READERS[kind]
     path = folder / name
     is_mcap = kind == "recording of a scene"
-    path.write_bytes(odd(content, rng) if is_mcap else mutated(content, changes(rng)))
+    path.write_bytes(odd(content, rng) if is_mcap else mutated(content, draw_changes(rng)))
     try:
         read(path)
     except TegaError:

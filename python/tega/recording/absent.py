@@ -1,0 +1,37 @@
+"""Name the features that a recording was made with and that are not installed here."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from tega.recording.mcap_reader import McapReader
+from tega.runtime.features import features
+
+# A recording can come from anybody, so nothing but the name of a package, with extras, is printed out of it.
+_NAME: Final = re.compile(r"[A-Za-z0-9][\w.-]{0,63}", re.ASCII)
+_REQUIREMENT: Final = re.compile(r"[A-Za-z0-9][\w.-]{0,63}(\[[\w,-]{1,64}\])?", re.ASCII)
+
+
+def absent_features(metadata: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Return a sentence for each feature of a recording's tables that is not installed here."""
+    return [
+        f"recorded with the feature {name!r}, which is not installed here; the recording names its package: "
+        f"pip install '{requirement}'"
+        for name, requirement in metadata.get("features", {}).items()
+        if name not in features() and _NAME.fullmatch(name) and _REQUIREMENT.fullmatch(requirement)
+    ]
+
+
+def absent_in(path: Path) -> list[str]:
+    """Return the sentences of a file.
+
+    Raises:
+        RecordingError: The file cannot be read.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    reader = McapReader(path)
+    next(reader.messages(lambda _topic: False), None)  # the tables come before every message
+    return absent_features(reader.metadata)

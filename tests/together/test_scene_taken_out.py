@@ -1,0 +1,117 @@
+"""Scene cameras are taken out of an installation: the rest works, and a recording made with them names the package."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import tega
+from reference.played import muscles
+from reference.taken_out import environment_without
+from tega.config import check_tree
+from tega.config.text import config_text
+from tega.loop import run_session
+from tega_emulators.lab import PRESSED, emulated_lab
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux"),
+]
+
+MISSING = "recorded with the feature 'scene', which is not installed here"
+INSTALL = "pip install 'tega[lab]'"
+Teleop = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return environment_without("tega_scene", tmp_path_factory.mktemp("installed") / "env")
+
+
+@pytest.fixture
+def teleop(python: Path, tmp_path: Path) -> Teleop:
+    def run(*words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+        program = [str(python), "-P", "-m", "tega.ui.cli", *words]
+        done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+        assert done.returncode == code, done.stdout + done.stderr
+        return done
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording made with a scene camera, where the package is installed."""
+    folder = tmp_path_factory.mktemp("filmed")
+    film = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 20, (96, 64))
+    for number in range(20):
+        film.write(np.full((64, 96, 3), 40 + 5 * number, np.uint8))
+    film.release()
+    tree = {
+        "session": {"pace": "real", "duration_s": 1.0},
+        "emg": muscles(1.0),
+        "recording": {"dir": str(folder / "session"), "stop_free_mib": 0.0},
+        "scene": [
+            {
+                "name": "front",
+                "source": str(folder / "film.avi"),
+                "width": 96,
+                "height": 64,
+                "rate_hz": 20.0,
+            }
+        ],
+    }
+    summary = run_session(check_tree(tree, {}, base=folder).config)
+    assert summary["recording"]["written"]["/scene/front/video"] > 0
+    return folder / "session"
+
+
+def test_no_file_of_the_core_names_it(python: Path) -> None:
+    assert (
+        subprocess.run([python, "-c", "import tega_scene"], capture_output=True, check=False).returncode == 1
+    )
+    files = [*Path(tega.__file__).parent.rglob("*.py")]
+    assert len(files) > 300
+    assert [file.name for file in files if "tega_scene" in file.read_text(encoding="utf-8")] == []
+
+
+def test_a_session_on_emulated_devices_runs_and_is_verified(teleop: Teleop, tmp_path: Path) -> None:
+    help_text = teleop("--help").stdout
+    assert "study" in help_text
+    assert "scene" not in help_text
+    with emulated_lab(tmp_path, fingers=("thumb",), vest=True, touch=PRESSED) as lab:
+        tree = {**lab.tree, "session": {"duration_s": 2.0}}
+        text = check_tree(tree, {}, base=tmp_path).config
+        (tmp_path / "lab.toml").write_text(config_text(text), encoding="utf-8")
+        ran = json.loads(teleop("run", "lab.toml", "--record", "session", "--json").stdout)
+        found = json.loads(teleop("doctor", "lab.toml", "--json").stdout)
+    assert ran["recording"]["state"] == "complete"
+    assert found["findings"]
+    (verified,) = json.loads(teleop("verify", "session", "--json").stdout)
+    assert {stream["differ"] for stream in verified["streams"]} == {0}
+    assert MISSING not in teleop("recording", "inspect", "session").stdout
+    assert teleop("recording", "export", "session", "--out", "tables").stdout.count(".csv") > 3
+
+
+def test_a_recording_with_its_video_opens_and_names_the_package(teleop: Teleop, filmed: Path) -> None:
+    for verb in (("recording", "inspect"), ("verify",)):
+        said = " ".join(teleop(*verb, str(filmed)).stdout.split())
+        assert MISSING in said
+        assert INSTALL in said
+    assert json.loads(teleop("recording", "inspect", str(filmed), "--json").stdout)[0]["absent"]
+    refused = teleop("recording", "export", str(filmed), "--format", "lerobot", "--out", "set", code=3)
+    assert "tega_scene" in refused.stderr
+
+
+def test_settings_with_its_table_are_refused_by_name(teleop: Teleop, tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text('[[scene]]\nname = "front"\nsource = "a.avi"\n', encoding="utf-8")
+    said = teleop("run", "lab.toml", code=1).stderr
+    assert "lab.toml: scene: unknown key" in said
+    assert "A feature's table needs its package." in said
