@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from tega.errors import RecordingError
 from tega.recording.mcap_index import open_indexed
-from tega.recording.replay.followed_file import NEVER_NS, FollowedFile, PlayedMoment, StreamFollower
-from tega.recording.replay.players import PlayedTopics
+from tega.recording.replay.followed_file import NEVER_NS, FollowedFile, Follower, PlayedMoment
 from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import tells_damage
 from tega_scene.decode import SceneDecoder, note_key
@@ -33,18 +32,18 @@ _OLD_NS: Final = 1_000_000_000
 _NO_KEY: Final = "no picture of its video stands alone, as one of H.264 or AV1 does at least once a second"
 
 
-class PlayedCamera:
+class PlayedCamera(Follower):
     """Decodes a camera's video up to the playhead, and converts the one picture that is to be seen.
 
     Args:
         topic: Topic of its video, ``/scene/NAME/video``.
         keys_ns: When pictures came that stand alone, rising, time of the recording.
         bus: Receives each frame.
+        delay_ns: Delay of the video after what it shows, nanoseconds.
     """
 
-    def __init__(self, topic: str, keys_ns: Iterable[int], bus: Bus) -> None:
-        self.name = topic.removeprefix("/scene/").removesuffix("/video")
-        self.since_ns = self.n_told = 0
+    def __init__(self, topic: str, keys_ns: Iterable[int], bus: Bus, *, delay_ns: int = 0) -> None:
+        super().__init__(topic.removeprefix("/scene/").removesuffix("/video"), delay_ns=delay_ns)
         self._keys_ns, self._bus = sorted(keys_ns), bus
         self._decoder: SceneDecoder | None = None
         self._decoded_ns = -1
@@ -86,7 +85,7 @@ class PlayedCamera:
         newest = None if self._decoder is None else self._decoder.image()
         if newest is not None and moment.at_ns - newest[0] <= _OLD_NS:
             self._shown_ns, image = newest
-            self.n_told += 1
+            self.n_published += 1
             self._tell(self._shown_ns + moment.shift_ns, image)
         elif self._shown_ns is not None and not 0 <= moment.at_ns - self._shown_ns <= _OLD_NS:
             self._shown_ns = None
@@ -138,12 +137,17 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
             f"recording of {end_ns / 1e9:.1f} s",
             "name the scene that was recorded beside it, on the same machine",
         )
-    late = camera_delays(path)
-    followers: Mapping[str, StreamFollower] = {
-        topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in found], bus)
-        for topic, found in keys.items()
-    }
-    return FollowedFile(reader, zero_ns, followers, behind_ns=behind_ns, delays_ns=late)
+    return FollowedFile(reader, zero_ns, _cameras(path, keys, zero_ns, bus), behind_ns=behind_ns)
+
+
+def _cameras(path: Path, keys: Mapping[str, Iterable[int]], zero_ns: int, bus: Bus) -> dict[str, Follower]:
+    """Return the follower of each video, by topic."""
+    late, found = camera_delays(path), dict[str, Follower]()
+    for topic, times_ns in keys.items():
+        delay_ns = late.get(topic, 0)
+        keys_ns = [time_ns - zero_ns - delay_ns for time_ns in times_ns]
+        found[topic] = PlayedCamera(topic, keys_ns, bus, delay_ns=delay_ns)
+    return found
 
 
 def camera_delays(path: Path) -> dict[str, int]:
@@ -166,16 +170,10 @@ class PlayedScene:
         if message.schema == VIDEO:
             note_key(self._keys_ns, message)
 
-    def topics(self, path: Path, zero_ns: int, bus: Bus) -> PlayedTopics:
+    def topics(self, path: Path, zero_ns: int, bus: Bus) -> Mapping[str, Follower]:
         """Return the videos of the recording."""
-        if not self._keys_ns or not bus.wants(DisplayPicture):
-            return PlayedTopics({}, {})
-        late = camera_delays(path)
-        followers: dict[str, StreamFollower] = {
-            topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in keys], bus)
-            for topic, keys in self._keys_ns.items()
-        }
-        return PlayedTopics(followers, late)
+        wanted = self._keys_ns and bus.wants(DisplayPicture)
+        return _cameras(path, self._keys_ns, zero_ns, bus) if wanted else {}
 
     def beside(
         self, path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int

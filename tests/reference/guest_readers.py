@@ -159,9 +159,6 @@ def _wav(folder: Path) -> bytes:
     return (folder / "a.wav").read_bytes()
 
 
-_ASKED = (("bars",), ("none",), 1)
-
-
 def _onset_log() -> bytes:
     log = OnsetLog(
         made=_MADE, driver="vest", device="v", layout="x40", motor=2, percent=60, on_s=0.5, bursts_s=(0.8,)

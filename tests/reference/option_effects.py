@@ -11,12 +11,13 @@ import msgspec
 import numpy as np
 from hypothesis import strategies as st
 
+from reference.recorded import Recorded, read_recorded
 from tega.config.choose import muscle_setup
 from tega.devices.base import EmgChunk, TactileFrame
 from tega.haptics import FeltMap
 from tega.haptics.motor_layout import SHIPPED
-from tega.recording.replay.recorded import Recorded, read_recorded
-from tega.records import Contact, Event, Intent, NamedValue
+from tega.loop.inbox.sources import chunk_of, frame_of
+from tega.records import Contact, EmgSamples, Event, Intent, NamedValue, Picture
 from tega.stages.base import FingerSetup, MuscleSetup, ReflexSetup, StageOptions, VestSetup
 
 LIFT = Path(__file__).parents[2] / "examples" / "recorded-lift" / "trial-001.mcap"
@@ -51,14 +52,9 @@ def ticks() -> list[Tick]:
 @cache
 def recorded_lift() -> Lift:
     """Read the recorded lift that comes with TEGA."""
-    frames: list[TactileFrame] = []
-    chunks: list[EmgChunk] = []
-
-    def keep(finger: str, frame: TactileFrame, _told: Any) -> None:
-        if finger == "thumb":
-            frames.append(frame)
-
-    return Lift(read_recorded(LIFT, frame=keep, chunk=chunks.append), frames, chunks)
+    raw = read_recorded(LIFT, Picture, EmgSamples)
+    frames = [frame_of(one) for one in raw.of(Picture) if one.finger == "thumb"]
+    return Lift(read_recorded(LIFT), frames, [chunk_of(one) for one in raw.of(EmgSamples)])
 
 
 def _number(kind: Any) -> st.SearchStrategy[Any]:

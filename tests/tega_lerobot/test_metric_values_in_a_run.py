@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from reference.recorded import read_recorded
 from tega.config import check_tree
 from tega.loop import run_session
 from tega.recording.replay import replay_file
-from tega.recording.replay.recorded import read_recorded
 from tega.records import Contact, ReflexGrip
 from tega.records.bus import Bus
 

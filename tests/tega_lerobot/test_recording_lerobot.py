@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.recorded import read_recorded
 from reference.sessions import record, rewritten
 from reference.sessions import tree as sessions_tree
 from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder, session_files
-from tega.recording.replay.recorded import read_recorded
 from tega.recording.trim import trim_session
 from tega.records import Contact
 from tega.ui.cli.main import main

@@ -22,6 +22,7 @@ pytest.importorskip("foxglove", reason="needs the extra record")
 pytest.importorskip("av", reason="needs the extra lerobot")
 
 from reference.filmed import number_of, numbered, packets, write_scene
+from reference.recorded import read_recorded
 from reference.sessions import record, rewritten
 from tega.config import SessionConfig, check_tree
 from tega.config.choose import finger_metric
@@ -31,8 +32,7 @@ from tega.recording.mcap_index import open_indexed
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.recording.replay.playhead import Playhead
-from tega.recording.replay.recorded import read_recorded
-from tega.records import EmgSamples, Marker
+from tega.records import EmgSamples, Marker, Picture
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
@@ -107,10 +107,8 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
 
     bus.subscribe(MeasuredPicture, see, vital=True)
     summary = play_file(lossless, nowhere(tmp_path), speed=None, bus=bus)
-    given: list[tuple[str, int, np.ndarray]] = []
-    recorded = read_recorded(
-        lossless, frame=lambda f, picture, _: given.append((f, picture.t_ns, picture.image))
-    )
+    recorded = read_recorded(lossless, Picture)
+    given = [(one.finger, one.t_ns, one.image) for one in recorded.of(Picture)]
     assert [(f, t_ns) for f, t_ns, *_ in seen] == [(f, t_ns) for f, t_ns, _ in given]
     assert all(np.array_equal(one[2], other[2]) for one, other in zip(seen, given, strict=True))
     head = recorded.head
@@ -157,9 +155,8 @@ def test_of_a_jpeg_recording_pictures_are_shown_too_and_damage_in_one_is_passed_
 
 
 def test_samples_are_told_as_they_came_and_numbered_by_the_run_s_time(lossless: Path, tmp_path: Path) -> None:
-    given = list[Any]()
-    read_recorded(lossless, chunk=given.append)
-    whole = np.concatenate([chunk.samples for chunk in given])
+    given = read_recorded(lossless, EmgSamples).of(EmgSamples)
+    whole = np.concatenate([one.samples.reshape(-1, one.n_channels) for one in given])
     for from_s in (0.0, 0.5):
         heard = _Heard(EmgSamples)
         play_file(lossless, nowhere(tmp_path), speed=None, bus=heard.bus, playhead=Playhead(from_s))
@@ -176,10 +173,8 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
     lossless: Path, tmp_path: Path
 ) -> None:
     playhead, heard = Playhead(), _Heard(MeasuredPicture, EmgSamples)
-    images: dict[bytes, int] = {}
-    read_recorded(
-        lossless, frame=lambda f, p, _: images.update({p.image.tobytes(): p.t_ns} if f == "thumb" else {})
-    )
+    pictures = read_recorded(lossless, Picture).of(Picture)
+    images = {one.image.tobytes(): one.t_ns for one in pictures if one.finger == "thumb"}
     play_file(
         lossless,
         nowhere(tmp_path),

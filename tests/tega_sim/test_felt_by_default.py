@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.recording.replay.recorded import read_recorded
+from reference.recorded import read_recorded
 from tega_figures.felt.shown import score_lifts
 from tega_sim.lab import lab_of
 from tega_sim.plan import TrialPlan, loop_settings
@@ -53,6 +53,6 @@ def test_the_paper_s_preset_keeps_the_printed_law() -> None:
 def test_a_recording_of_the_earlier_default_keeps_its_mapping(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     path.write_bytes(lzma.decompress((GOLDEN / "1-live.mcap.xz").read_bytes()))
-    recorded = read_recorded(path, frame=lambda *_: None, chunk=lambda _: None)
+    recorded = read_recorded(path)
     assert recorded.head.config.session.preset == "live"
     assert recorded.head.config.stages.mapping.name == "columns"

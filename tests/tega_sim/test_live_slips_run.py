@@ -12,13 +12,13 @@ import msgspec
 import pytest
 
 from reference.parts import observed
+from reference.recorded import read_recorded
 from tega.config import check_tree
 from tega.loop import LoopView, run_session
 from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
-from tega.recording.replay.recorded import read_recorded
 from tega.recording.trim import trim_session
 from tega.records import Event, HandLook, VestFrame
 from tega.records.bus import Bus

@@ -17,6 +17,7 @@ pytest.importorskip("foxglove", reason="needs the extra record")
 
 from reference.chromium import launched, opened
 from reference.moments import Moments
+from reference.recorded import read_recorded
 from reference.waiting import until
 from tega.config import SessionConfig, check_tree
 from tega.errors import InvalidValueError
@@ -25,7 +26,6 @@ from tega.loop.inbox.stream import LiveStream
 from tega.loop.moment import LoopView
 from tega.recording.replay.play import play_file
 from tega.recording.replay.playhead import PlayedItems, Playhead
-from tega.recording.replay.recorded import read_recorded
 from tega.ui.view.browser import BrowserView, Controls
 
 SECONDS = 3.0
@@ -110,8 +110,7 @@ def test_after_a_jump_the_level_that_stood_there_is_asked_for_at_once() -> None:
     items = [Intent(t_ns=t_s * 1000 * MS, level=level) for t_s, level in ((1, 2), (5, 4), (9, 1))]
 
     def stream(first: Intent | None) -> LiveStream[Intent]:
-        known = [item.t_ns for item in items]
-        return PlayedItems(items, known, playhead=playhead, first=first).stream
+        return PlayedItems([(item.t_ns, item) for item in items], playhead, first).stream
 
     levels, touch = stream(Intent(t_ns=0, level=5)), stream(None)
 

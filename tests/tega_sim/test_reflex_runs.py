@@ -22,9 +22,9 @@ from tega.loop.moment import LoopView, Moment
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.touch import TouchLoop
-from tega.recording.replay.exchanges import compare_exchanges
 from tega.recording.replay.feed import Newest
-from tega.recording.replay.reflex import RecordedGuard, recorded_arc
+from tega.recording.replay.inbox import RecordedGuard, recorded_arc
+from tega.recording.replay.recompute import repeat_exchanges
 from tega.records import (
     Button,
     Contact,
@@ -132,7 +132,9 @@ def test_a_recorded_run_is_computed_again_with_what_was_imposed() -> None:
     imposed.rows.extend([Imposed(t_ns=600 * MS, level=4), Imposed(t_ns=800 * MS, level=0)])
     again: list[ReflexGrip] = []
     now = 0
-    arc = recorded_arc(grips, ["thumb"], run.config, tell=again.append)
+    bus = Bus()
+    bus.subscribe(ReflexGrip, again.append, vital=True)
+    arc = recorded_arc(run.config, ["thumb"], lambda _kind: grips, bus)
     guard = RecordedGuard(imposed, lambda: now)
     assert arc is not None
     for row in rows:
@@ -175,11 +177,13 @@ def test_what_was_said_with_a_real_hand_is_computed_again_with_what_was_added() 
     tree = {"hand": {"options": {"interface": "virtual", "channel": "x", "silent_after_ms": 30.0}}}
 
     def differ(said: list[HandExchange]) -> int:
-        feed: Any = SimpleNamespace(head=SimpleNamespace(tree=tree, files={}, from_ns=0), bus=Bus())
-        compared = compare_exchanges(feed)
+        head: Any = SimpleNamespace(tree=tree, files={})
+        recorded, bus, again = Bus(), Bus(), list[HandExchange]()
+        bus.subscribe(HandExchange, again.append, vital=True)
+        repeat_exchanges(recorded, head, bus)
         for one in said:
-            feed.bus.publish(one)
-        return compared.result().differ
+            recorded.publish(one)
+        return sum(one != other for one, other in zip(said, again, strict=True))
 
     assert differ(exchanges) == 0
     assert differ([msgspec.structs.replace(one, added=0.0) for one in exchanges]) > 50

@@ -25,7 +25,7 @@ from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, ReflexMoment, open_reflex
 from tega.loop.touch import TouchLoop
-from tega.recording.replay.played_input import PlayedLooks
+from tega.recording.replay.played_run import played_looks
 from tega.recording.replay.playhead import Playhead
 from tega.records import Contact, Event, HandLook, Intent, ReflexGrip
 from tega.records.bus import Bus
@@ -296,13 +296,18 @@ def test_the_settings_choose_what_tells_slips() -> None:
 def test_played_looks_go_on_from_where_the_recording_is_jumped_to() -> None:
     playhead = Playhead(from_s=6.0)
     playhead.begin(10_000 * MS, 0)
-    looks = PlayedLooks([HandLook(t_ns=t * MS, seen_ns=t * MS) for t in range(0, 9000, 9)], playhead)
-    assert looks(0, 3.0) is None
-    first = looks(3 * MS, 3.0)
+    look = played_looks([HandLook(t_ns=t * MS, seen_ns=t * MS) for t in range(0, 9000, 9)], playhead)
+
+    def looks(t_ns: int) -> HandLook | None:
+        playhead.reach(t_ns)
+        return look(t_ns, 3.0)
+
+    assert looks(0) is None
+    first = looks(3 * MS)
     assert first is not None
     assert (first.t_ns, first.seen_ns) == (3 * MS, 3 * MS), "6.003 s of the recording"
     playhead.go_to(2.0)
     playhead.reach(900 * MS)
-    seen = [look for t in range(900, 930, 3) if (look := looks(t * MS, 3.0)) is not None]
-    assert [look.t_ns // MS for look in seen] == [909, 918, 927]
-    assert [(look.seen_ns - playhead.shift_ns) // MS for look in seen] == [2007, 2016, 2025]
+    seen = [one for t in range(900, 930, 3) if (one := looks(t * MS)) is not None]
+    assert [one.t_ns // MS for one in seen] == [909, 918, 927]
+    assert [(one.seen_ns - playhead.shift_ns) // MS for one in seen] == [2007, 2016, 2025]

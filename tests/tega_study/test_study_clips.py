@@ -18,11 +18,12 @@ import numpy as np
 
 from reference.command import call
 from reference.filmed import EPOCH_NS, number_of, packets, write_scene
+from reference.recorded import read_recorded
 from reference.sessions import record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
-from tega.recording.replay.recorded import read_recorded
+from tega.records import Picture
 from tega.runtime.files.boris import read_boris
 from tega_study.detecting import DETECTOR, detected_path
 from tega_study.journal import Journal, events_path, read_events
@@ -190,10 +191,8 @@ def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(
 def test_a_lossless_recording_is_shown_as_good_as_it_is(tmp_path: Path) -> None:
     path = record(tmp_path)
     shown = read_reel(RecordedTrial("p01-t01", 1, 1, "bag", LEAD_NS, LENGTH_NS, LEAD_NS, tmp_path))
-    raw: list[tuple[int, np.ndarray]] = []
-    read_recorded(
-        path, frame=lambda finger, one, _: raw.append((one.t_ns, one.image)) if finger == "thumb" else None
-    )
+    pictures = read_recorded(path, Picture).of(Picture)
+    raw = [(one.t_ns, one.image) for one in pictures if one.finger == "thumb"]
     assert shown.fingers == ["thumb", "ring"]
     for at_ns in (0, 400 * MS, 1200 * MS):
         assert (shown.picture("ring", at_ns) is not None) == (at_ns < S), "that sensor ends after a second"

@@ -16,12 +16,12 @@ from rich.console import Console
 
 from hazards.bench import Lab, lab
 from reference.parts import observed
+from reference.recorded import Recorded, read_recorded
 from reference.waiting import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
 from tega.loop.moment import LoopView
-from tega.recording.replay.recorded import Recorded, read_recorded
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
 from tega.records.bus import Bus
 from tega.records.vest import VestRecord

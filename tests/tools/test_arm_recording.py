@@ -21,8 +21,8 @@ from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
-from tega.recording.replay.arm import forearm
 from tega.recording.replay.poses_file import PosesFile, PosesFileOptions
+from tega.recording.replay.recompute import forearm
 from tega.recording.trim import trim_session
 from tega_emulators.lab import emulated_lab
 from tega_figures.check_arm import hand_of

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from tega.arm.frames import ToBase
 from tega.arm.rotation import from_matrix
@@ -86,7 +87,7 @@ class ArmRecords:
     def _row(
         self, turn: Turn, command: ArmCommand, arm: ArmDriver, poses: tuple[PoseNumbers, ...]
     ) -> ArmTurn:
-        return ArmTurn(
+        row = ArmTurn(
             t_ns=turn.t_ns - self._start_ns,
             poses=poses,
             clutch=turn.clutch,
@@ -97,11 +98,12 @@ class ArmRecords:
             cleared=turn.cleared,
             state=command.state,
             reason=command.reason,
-            holds=command.engagements,
-            target=() if command.target is None else tuple(np.concatenate(command.target).tolist()),
-            velocity=(*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()),
+            holds=0,
+            target=(),
+            velocity=(),
             phase=arm.phase,
         )
+        return with_command(row, command)
 
     def _numbers(self, pose: StampedPose) -> PoseNumbers:
         return PoseNumbers(
@@ -124,6 +126,18 @@ class ArmRecords:
         if np.linalg.det(matrix) > 0:
             turned = tuple(from_matrix(matrix).tolist())
             self._bus.publish(TrackerAxes(t_ns=t_ns, parent=_BASE, child=_TRACKER, quaternion=turned))
+
+
+def with_command(row: ArmTurn, command: ArmCommand) -> ArmTurn:
+    """Return a turn with the command that its input led to."""
+    return replace(
+        row,
+        state=command.state,
+        reason=command.reason,
+        holds=command.engagements,
+        target=() if command.target is None else tuple(np.concatenate(command.target).tolist()),
+        velocity=(*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()),
+    )
 
 
 def _listed(numbers: Any) -> tuple[float, ...]:

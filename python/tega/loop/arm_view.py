@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+from tega.arm.messages import Health
 
 if TYPE_CHECKING:
-    from tega.arm.messages import Health
     from tega.arm.pose import ArmCommand, ArmState
     from tega.arm.turn import Turn
     from tega.devices.base import ArmDriver
+    from tega.records import ArmTurn
 
 
 class ArmView(NamedTuple):
@@ -64,12 +67,26 @@ class ArmView(NamedTuple):
 
 def look(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
     """Return the view of an arm's turn."""
-    hand_m = behind_mm = None
-    if turn.measured is not None:
-        x, y, z = map(float, turn.measured.position_m)
-        hand_m = x, y, z
-        if command.target is not None:
-            behind_mm = 1e3 * math.dist(hand_m, command.target.position_m.tolist())
+    measured = () if turn.measured is None else tuple(map(float, turn.measured.position_m))
+    target = () if command.target is None else command.target.position_m.tolist()
+    switches = turn.clutch, turn.dead_man
     return ArmView(
-        command.state, command.reason, arm.phase, turn.clutch, turn.dead_man, hand_m, behind_mm, arm.health
+        command.state, command.reason, arm.phase, *switches, *_placed(measured, target), arm.health
     )
+
+
+def recorded_look(turn: ArmTurn) -> ArmView:
+    """Return the view of a recorded turn of an arm."""
+    measured = turn.measured[0].position if turn.measured else ()
+    state, switches = cast("ArmState", turn.state), (turn.clutch, turn.dead_man)
+    return ArmView(state, turn.reason, turn.phase, *switches, *_placed(measured, turn.target[:3]), Health())
+
+
+def _placed(
+    measured: Sequence[float], target: Sequence[float]
+) -> tuple[tuple[float, float, float] | None, float | None]:
+    """Return the position of the hand, metres, and its distance from the target, millimetres."""
+    if len(measured) != 3:
+        return None, None
+    x, y, z = measured
+    return (x, y, z), 1e3 * math.dist(measured, target) if len(target) == 3 else None

@@ -12,8 +12,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from tega.config.choose import finger_metric, muscle_decoder
-from tega.devices.base import EmgChunk
-from tega.loop.inbox.sources import BlockMeter, SourceReport
+from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of
 from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
 from tega.records.bus import Backlog
 from tega.runtime.threads import run_realtime
@@ -143,8 +142,7 @@ class _Decoding:
 
     def __call__(self, given: EmgSamples) -> None:
         """Decode samples."""
-        samples = given.samples.reshape(-1, given.n_channels)
-        for block in self._meter.take(EmgChunk(given.t_ns, given.first_index, samples)):
+        for block in self._meter.take(chunk_of(given)):
             self._bus.publish(
                 BesideIntent(
                     stage=self._stage,

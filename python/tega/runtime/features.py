@@ -51,7 +51,7 @@ class Feature:
         checks: Check for ``doctor``, called with the settings; returns findings.
         panels: Panel of page and terminal, called with the run's bus: it subscribes to its records and publishes
             :class:`~tega.records.display.DisplayRow` and :class:`~tega.records.display.DisplayPicture`.
-        played: Player of its recorded topics for ``play``, a class as :class:`tega.recording.replay.players.Player`.
+        played: Player of its recorded topics for ``play``, a ``Player`` of :mod:`tega.recording.replay.followed_file`.
         formats: Formats of ``recording export`` by name, each called as ``export(recordings, out, **options)``.
         streams: Programs for ``run --stream`` by name, each called with the run's bus; returns a context manager that
             has an attribute ``url`` once it is entered.

@@ -19,6 +19,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from msgspec.structs import replace
 
+from reference.recorded import read_recorded
 from reference.sessions import messages, told
 from tega.config import StagesSection, check_tree
 from tega.config.choose import muscle_decoder
@@ -27,15 +28,14 @@ from tega.errors import RecordingError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
-from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.sources import SourceReport, chunk_of, frame_of
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_reader import McapReader
 from tega.recording.mcap_schemas import VERSIONS, encoded, schema_bytes
 from tega.recording.replay import replay_file
-from tega.recording.replay.recorded import read_recorded
 from tega.recording.session import VERSION
-from tega.records import RECORDS, Contact, NamedValue
+from tega.records import RECORDS, Contact, EmgSamples, NamedValue, Picture
 from tega.records.schema import own_schema, read, schema_name
 
 GOLDEN = Path(__file__).parents[2] / "golden"
@@ -182,13 +182,11 @@ class _Given:
 def test_the_same_input_is_recorded_as_the_same_bytes_as_by_the_first_version(tmp_path: Path) -> None:
     golden = tmp_path / "paper.mcap"
     golden.write_bytes(lzma.decompress((GOLDEN / "1-paper.mcap.xz").read_bytes()))
+    recorded = read_recorded(golden, Picture, EmgSamples)
     frames: dict[str, list[Any]] = {}
-    chunks: list[Any] = []
-    recorded = read_recorded(
-        golden,
-        frame=lambda finger, frame, _crc32: frames.setdefault(finger, []).append(frame),
-        chunk=chunks.append,
-    )
+    for picture in recorded.of(Picture):
+        frames.setdefault(picture.finger, []).append(frame_of(picture))
+    chunks: list[Any] = [chunk_of(given) for given in recorded.of(EmgSamples)]
     head = recorded.head
     fingers: dict[str, Finger] = {}
     for name in head.baselines:

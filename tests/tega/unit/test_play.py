@@ -20,6 +20,7 @@ import pytest
 
 from reference.parts import observed
 from reference.played import finger, muscles
+from reference.recorded import read_recorded
 from reference.sessions import tree as sessions_tree
 from reference.waiting import until
 from tega.config import SessionConfig, check_tree
@@ -30,9 +31,7 @@ from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.recording.replay.play import LEAD_S, play_file
-from tega.recording.replay.play_clock import PlayClock
 from tega.recording.replay.playhead import Playhead
-from tega.recording.replay.recorded import read_recorded
 from tega.records import ArmTurn, Contact, HandCommand, HeardMarker, Marker, PoseNumbers, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.files.toml_text import tree_text
@@ -96,7 +95,8 @@ def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(made_up: Path, 
 
 
 def test_the_clock_stands_until_it_is_waited_for_and_runs_at_its_speed() -> None:
-    clock = PlayClock(4.0)
+    clock = Playhead()
+    clock.speed = 4.0
     assert clock.now_ns() == 0
     clock.sleep_until(0)
     clock.sleep_until(40_000_000)

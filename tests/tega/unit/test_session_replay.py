@@ -14,12 +14,17 @@ from mcap.reader import make_reader
 
 from reference.parts import observed
 from reference.sessions import SECONDS, record, rewritten, stream, tree
-from tega.config import check_tree
+from tega.config import SessionConfig, check_tree
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.recording.inspection import inspect_file
 from tega.recording.replay import replay_file
+from tega.recording.replay.feed import RecordFeed
+from tega.recording.replay.inbox import RecordedRun, recorded_arc
+from tega.recording.replay.measured import Measured
+from tega.records import HandCommand
+from tega.records.bus import Bus
 from tega.safety.guard import Guard
 from tega.ui.cli.main import main
 from tega_emulators.process import Emulator
@@ -206,3 +211,29 @@ def test_no_flag_of_loose_files_is_left_out_beside_a_session(
         main(["replay", str(tmp_path / "monday"), *flag])
     assert left.value.code == 2
     assert f"{flag[0]} is for loose files, not for a session" in capsys.readouterr().err
+
+
+def test_records_that_the_loop_never_reads_are_forgotten_as_it_runs(tmp_path: Path) -> None:
+    seconds = 8.0
+    settings = {
+        "session": {"pace": "fast"},
+        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": seconds}},
+        "recording": {"dir": str(tmp_path), "stop_free_mib": 0.0},
+    }
+    summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)
+    feed = RecordFeed(tmp_path / str(summary["recording"]["file"]))
+    run = RecordedRun(feed, Measured(feed, Bus()), lambda _t_ns: None)
+    rows, n_most = run.newest(HandCommand).rows, 0
+    for k in range(round(seconds / 0.003)):
+        run.wait(k * 3_000_000)
+        n_most = max(n_most, len(rows))
+    assert feed.ended
+    # Two seconds are read ahead, and once a second the rows that have passed are forgotten.
+    assert 600 < n_most < 1100
+
+
+def test_a_replay_without_its_reflex_collects_none_of_its_records() -> None:
+    def newest(kind: Any) -> Any:
+        raise AssertionError(kind)
+
+    assert recorded_arc(SessionConfig(), ["thumb"], newest, Bus()) is None

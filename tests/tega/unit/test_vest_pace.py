@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from reference.recorded import read_recorded
 from reference.scripted import MS, Sink, touching
 from reference.vests import KeptVest
 from reference.waiting import until
@@ -28,7 +29,6 @@ from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
 from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
-from tega.recording.replay.recorded import read_recorded
 from tega.records import Contact, Intent, Latency, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock

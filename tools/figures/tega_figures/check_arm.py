@@ -38,7 +38,7 @@ def hand_of(path: Path) -> list[StampedPose]:
     if path.suffix == ".csv":
         return read_poses(path)
     from tega.recording.mcap_folder import session_files
-    from tega.recording.replay.arm import forearm
+    from tega.recording.replay.recompute import forearm
 
     mapping, poses = forearm(session_files(path)[0])
     to_base = ToBase(mapping)

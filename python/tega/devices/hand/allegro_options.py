@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 
 from tega.devices.base import Options
+
+if TYPE_CHECKING:
+    from tega.hand.link import HandLink
 
 BITRATE = 1_000_000
 """CAN bit rate of the hand, bit/s."""
@@ -50,3 +53,29 @@ class AllegroOptions(Options, frozen=True):
     lowest_rate_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 250.0
     reconnects: Annotated[int, msgspec.Meta(ge=0, le=100)] = 5
     guard: bool = True
+
+    def link(self) -> HandLink:
+        """Make the hand's side of the exchange, without a bus.
+
+        Raises:
+            ConfigError: The pose file cannot be used.
+        """
+        from tega.hand import TORQUE_LIMITS, HandController
+        from tega.hand.link import HandLink
+        from tega.hand.poses import load_poses
+
+        controller = HandController(
+            poses_rad=None if self.poses is None else load_poses(self.poses),
+            kp=self.kp,
+            kd=self.kd,
+            torque_limits=TORQUE_LIMITS * self.torque_share,
+        )
+        return HandLink(
+            controller,
+            device_id=self.device_id,
+            side=self.side,
+            torque=self.torque,
+            silent_after_ms=self.silent_after_ms,
+            lowest_rate_hz=self.lowest_rate_hz,
+            reconnects=self.reconnects,
+        )

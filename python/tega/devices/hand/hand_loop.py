@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Final
 from tega.devices.hand.hand_bus import HandBus, off_frames
 from tega.devices.hand.hand_guard import guard_hand
 from tega.devices.hand.hand_told import HandNews, HandOrders, HandSpoken, Tell
-from tega.hand.link import HandLink
 from tega.runtime.clock import Standstill
 from tega.runtime.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.devices.hand.allegro_options import AllegroOptions
     from tega.devices.hand.guard_process import GuardProcess
-    from tega.hand.link import HandState, Received
+    from tega.hand.link import HandLink, HandState, Received
     from tega.wire import CanFrame
 
 
@@ -74,25 +73,8 @@ class HandLoop:
             ConfigError: The pose file cannot be used.
             MissingExtraError: python-can is not installed.
         """
-        from tega.hand import TORQUE_LIMITS, HandController
-        from tega.hand.poses import load_poses
-
         o = self._options
-        controller = HandController(
-            poses_rad=None if o.poses is None else load_poses(o.poses),
-            kp=o.kp,
-            kd=o.kd,
-            torque_limits=TORQUE_LIMITS * o.torque_share,
-        )
-        self._link = HandLink(
-            controller,
-            device_id=o.device_id,
-            side=o.side,
-            torque=o.torque,
-            silent_after_ms=o.silent_after_ms,
-            lowest_rate_hz=o.lowest_rate_hz,
-            reconnects=o.reconnects,
-        )
+        self._link = o.link()
         self._bus.load()
         # A bus inside this process ends with it.
         if o.guard and o.torque and o.interface != "virtual":

@@ -82,6 +82,16 @@ def samples_of(chunk: EmgChunk, *, live: bool, start_ns: int) -> EmgSamples:
     )
 
 
+def frame_of(picture: Picture) -> TactileFrame:
+    """Return the frame that a picture was read as."""
+    return TactileFrame(picture.t_ns, picture.seq, picture.image, picture.name)
+
+
+def chunk_of(given: EmgSamples) -> EmgChunk:
+    """Return the chunk that EMG samples were read as, (n, channels)."""
+    return EmgChunk(given.t_ns, given.first_index, given.samples.reshape(-1, given.n_channels))
+
+
 class SourceReport(msgspec.Struct, kw_only=True):
     """Counts of a source's items: used, dropped, missing, lost.
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any
 
 import msgspec
 
@@ -54,18 +56,11 @@ _ABSENT: Mapping[str, Any] = {}
 _KEPT = 5
 
 
-class _Row(NamedTuple):
-    t_ns: int
-    known_ns: int
-    record: Any
-
-
 class Compared:
     """Compares a stream's records with those of its replay as they come.
 
     Both sides give their records nearly in the order of their times: the last frame of a run is stamped with the run's
-    end, which may be before that of its last tick. Numbers are equal when every bit is (every NaN is equal
-    to any other).
+    end, which may be before that of its last tick. Numbers are equal when every bit is; every NaN equals any other.
 
     Args:
         stream: Its name.
@@ -74,49 +69,45 @@ class Compared:
     """
 
     def __init__(
-        self,
-        stream: str,
-        values: Callable[[Any], Mapping[str, Any]] = lambda row: row,
-        *,
-        shared: bool = False,
+        self, stream: str, values: Callable[[Any], Mapping[str, Any]], *, shared: bool = False
     ) -> None:
         self.stream, self._values, self._shared = stream, values, shared
-        self.n_recorded = self.n_replayed = 0
-        self.last_recorded_ns = 0
-        self._recorded: deque[_Row] = deque()
-        self._replayed: deque[_Row] = deque()
+        self.n_recorded = self.n_replayed = self.last_recorded_ns = 0
+        # Time, time at which it was known, and record, by time.
+        self._recorded, self._replayed = deque[tuple[int, int, Any]](), deque[tuple[int, int, Any]]()
         self._differ, self._last_ns, self._cut_ns = 0, -1, NEVER_NS
         self._fields: dict[str, int] = {}
         self._first: list[Difference] = []
 
     def recorded(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
-        """Take a record of the recording, with its time and the tick at which it was known."""
+        """Add a record of the recording, with its time and the tick at which it was known."""
         self.n_recorded, self.last_recorded_ns = self.n_recorded + 1, t_ns
-        _put(self._recorded, _Row(t_ns, known_ns or t_ns, record))
+        _put(self._recorded, (t_ns, known_ns or t_ns, record))
 
     def replayed(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
-        """Take a record of the replay."""
+        """Add a record of the replay."""
         self.n_replayed += not self._shared
-        _put(self._replayed, _Row(t_ns, known_ns or t_ns, record))
+        _put(self._replayed, (t_ns, known_ns or t_ns, record))
 
     def settle(self, until_ns: int) -> None:
         """Compare what can be: both sides are complete up to a tick."""
         ours, theirs = self._recorded, self._replayed
         while ours or theirs:
-            if ours and theirs and ours[0].t_ns == theirs[0].t_ns:
-                self._pair(ours[0].t_ns, ours.popleft().record, theirs.popleft().record)
+            if ours and theirs and ours[0][0] == theirs[0][0]:
+                self.n_replayed += self._shared
+                self._pair(ours[0][0], ours.popleft()[-1], theirs.popleft()[-1])
                 continue
-            first = ours if not theirs or (ours and ours[0].t_ns < theirs[0].t_ns) else theirs
-            if first[0].known_ns >= until_ns:
+            first = ours if not theirs or (ours and ours[0][0] < theirs[0][0]) else theirs
+            if first[0][1] >= until_ns:
                 return
-            row = first.popleft()
+            t_ns, _, record = first.popleft()
             if first is ours:
-                self._note(row.t_ns, self._values(row.record), _ABSENT)
-            elif not self._shared and row.t_ns < self._cut_ns:
-                self._note(row.t_ns, _ABSENT, self._values(row.record))
+                self._pair(t_ns, record, None)
+            elif not self._shared and t_ns < self._cut_ns:
+                self._pair(t_ns, None, record)
 
     def result(self, cut_ns: int | None = None) -> Comparison:
-        """Compare the rest, and return what was found.
+        """Compare the rest, and return the findings.
 
         Args:
             cut_ns: What only the replay has from here on is no difference: the recording was cut there.
@@ -129,30 +120,25 @@ class Compared:
         )
 
     def _pair(self, t_ns: int, ours: Any, theirs: Any) -> None:
-        self.n_replayed += self._shared
-        if ours != theirs:
-            self._note(t_ns, self._values(ours), self._values(theirs))
-
-    def _note(self, t_ns: int, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
         if ours == theirs:
             return
-        names = [name for name in {**ours, **theirs} if not _same(name, ours, theirs)]
-        if not names:
-            return
-        self._differ, self._last_ns = self._differ + 1, t_ns
+        sides = [_ABSENT if record is None else self._values(record) for record in (ours, theirs)]
+        names = [name for name in {**sides[0], **sides[1]} if not _same(name, *sides)]
+        self._differ += bool(names)
         for name in names:
+            self._last_ns = t_ns
             self._fields[name] = self._fields.get(name, 0) + 1
             if len(self._first) < _KEPT:
-                texts = (str(side.get(name, "absent")) for side in (ours, theirs))
+                texts = (str(side.get(name, "absent")) for side in sides)
                 self._first.append(Difference(t_ns / 1e9, name, *texts))
 
 
-def _put(rows: deque[_Row], row: _Row) -> None:
-    """Put a row behind those of its time and before."""
-    place = len(rows)
-    while place and rows[place - 1].t_ns > row.t_ns:
-        place -= 1
-    rows.insert(place, row)
+def _put(rows: deque[tuple[int, int, Any]], row: tuple[int, int, Any]) -> None:
+    """Put a row behind those of its time and before, which is nearly always at the end."""
+    if not rows or rows[-1][0] <= row[0]:
+        rows.append(row)
+    else:
+        insort(rows, row, key=itemgetter(0))
 
 
 def _same(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:

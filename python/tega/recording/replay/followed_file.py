@@ -3,60 +3,90 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Iterator, Mapping
-from heapq import heappop, heappush
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
-from tega.errors import TegaError
+from msgspec.structs import replace
+
+from tega.errors import RecordingError, TegaError
+from tega.recording.mcap_reader import read_picture
+from tega.recording.replay.feed import record_of
+from tega.recording.replay.measured import finger_meter, measure
+from tega.records import EmgSamples, Picture
+from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
+    from tega.config.calibration import EmgMaxima
+    from tega.loop.inbox.frames import FrameMeter
     from tega.recording.mcap_index import IndexedReader
     from tega.recording.mcap_reader import Message
+    from tega.recording.replay.head import Head
+    from tega.records.bus import Bus
 
 NEVER_NS = 2**63 - 1
+# A metric with a memory looks at so much before the first picture that is shown after a jump.
+_WARM_NS: Final = 1_000_000_000
 
 
 class PlayedMoment(NamedTuple):
-    """Moment of a recording that is played.
+    """Position in a recording that is played, for the threads that follow it."""
 
-    Attributes:
-        n_jumps: Number of the playhead's jumps so far.
-        at_ns: Time of the recording.
-        shift_ns: Time of the run minus time of the recording.
-    """
-
-    n_jumps: int
-    at_ns: int
-    shift_ns: int
+    n_jumps: int  # of the playhead so far
+    at_ns: int  # time of the recording
+    shift_ns: int  # time of the run minus time of the recording
 
 
-class StreamFollower(Protocol):
+class Follower:
     """Takes the messages of some topics, and publishes their content in the run.
 
-    Attributes:
+    Args:
         name: Name for reports about unusable messages.
+        delay_ns: Delay of its messages after what they show, nanoseconds.
+
+    Attributes:
         since_ns: Messages that came before are not given to it; set by :meth:`begin` and :meth:`skip`.
-        n_told: Number of times that it published something.
+        n_published: Number of times that it published something.
+        waiting: Messages that have been read and wait for their time, each with it.
     """
 
-    name: str
-    since_ns: int
-    n_told: int
+    def __init__(self, name: str, *, delay_ns: int = 0) -> None:
+        self.name, self.delay_ns = name, delay_ns
+        self.since_ns = self.n_published = 0
+        self.waiting: deque[tuple[int, Message]] = deque()
 
-    def begin(self, at_ns: int, *, jumped: bool) -> None:
+    def begin(self, at_ns: int, *, jumped: bool) -> None:  # noqa: ARG002  # for those with a memory
         """Go on at a time of the recording, to which the playhead has jumped, or which reading is behind."""
-        ...
+        self.since_ns = at_ns
 
     def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
         """Take the next message, which came at a time of the recording that the playhead has reached."""
-        ...
+        raise NotImplementedError
 
     def settle(self, moment: PlayedMoment) -> None:
-        """Publish pending content: there are no more messages before this moment."""
-        ...
+        """Publish pending content: there are no more messages before this position."""
 
     def skip(self, known_ns: int) -> None:
         """Go on after a message that cannot be used."""
+
+
+class Player(Protocol):
+    """Plays the topics of one feature, on a bus; made for each recording that is read. Times are nanoseconds."""
+
+    def note(self, message: Message) -> None:
+        """Note a message of the recording's first pass that is none of TEGA's own."""
+        ...
+
+    def topics(self, path: Path, zero_ns: int, bus: Bus) -> Mapping[str, Follower]:
+        """Return the follower of each topic to play of a recording that begins at log time ``zero_ns``."""
+        ...
+
+    def beside(
+        self, path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int
+    ) -> FollowedFile | None:
+        """Return a file to be played beside a recording of a beginning (machine's clock) and length, if wanted."""
         ...
 
 
@@ -66,99 +96,154 @@ class FollowedFile:
     Args:
         reader: Reads the file.
         zero_ns: Log time at the beginning of the recording.
-        followers: Follower of each topic to read.
+        topics: Follower of each topic to read.
         behind_ns: Reading that is further behind than this skips ahead, time of the recording.
-        delays_ns: Delay of a topic's messages, by topic; 0 unless given.
-
-    Attributes:
-        zero_ns: As given.
-        problems: Problems by the follower's name.
     """
 
     def __init__(
-        self,
-        reader: IndexedReader,
-        zero_ns: int,
-        followers: Mapping[str, StreamFollower],
-        *,
-        behind_ns: int,
-        delays_ns: Mapping[str, int] | None = None,
+        self, reader: IndexedReader, zero_ns: int, topics: Mapping[str, Follower], *, behind_ns: int
     ) -> None:
-        self._reader, self.zero_ns, self._followers = reader, zero_ns, dict(followers)
-        self.followers = list({id(one): one for one in followers.values()}.values())
+        self._reader, self.zero_ns, self._topics = reader, zero_ns, topics
+        self.followers = list(dict.fromkeys(topics.values()))
         self._behind_ns = behind_ns
-        self._delays_ns = dict(delays_ns or {})
-        delays = [self._delays_ns.get(topic, 0) for topic in followers] or [0]
-        # Taking delays off brings messages out of order by as much as they differ.
-        self._disorder_ns, self._least_delay_ns = max(delays) - min(delays), min(delays)
+        self._least_delay_ns = min((one.delay_ns for one in self.followers), default=0)
+        self._most_delay_ns = max((one.delay_ns for one in self.followers), default=0)
         self._n_jumps = -1
         self._messages: Iterator[Message] = iter(())
-        # What was read and waits for its time, as a heap.
-        self._waiting: list[tuple[int, int, Message]] = []
-        self._n_read, self._newest_ns, self._ended = 0, -NEVER_NS, False
+        self._read_ns = -NEVER_NS  # time of the recording at which the newest message was logged
         self._n_unusable: dict[str, int] = {}
-        self.problems: dict[str, str] = {}
+        self.problems: dict[str, str] = {}  # by the follower's name
 
     def follow(self, moment: PlayedMoment, closing: threading.Event) -> None:
-        """Pass on the messages up to a moment, and have the followers publish them."""
-        if jumped := moment.n_jumps != self._n_jumps:
-            self._n_jumps = moment.n_jumps
-        if jumped or (self._waiting and moment.at_ns - self._waiting[0][0] > self._behind_ns):
+        """Pass on the messages up to a position, and have the followers publish them."""
+        jumped, self._n_jumps = moment.n_jumps != self._n_jumps, moment.n_jumps
+        until_ns = moment.at_ns + self._most_delay_ns
+        if jumped or until_ns - self._read_ns > self._behind_ns:
             self._place(moment.at_ns, jumped=jumped)
-        while not closing.is_set():
-            if self._waiting and self._waiting[0][0] <= moment.at_ns and self._is_next():
-                self._take(moment)
-            elif self._ended or self._newest_ns > moment.at_ns + self._disorder_ns:
-                break
-            else:
-                self._read()
+        for follower in self.followers:
+            self._pass_on(follower, moment)
+        while self._read_ns <= until_ns and not closing.is_set():
+            if (found := self._read()) is not None:
+                self._pass_on(found, moment)
         for follower in self.followers:
             try:
                 follower.settle(moment)
-            except Exception as error:  # as above
+            except Exception as error:  # whatever a file leads to that others may have made
                 self._pass_over(follower, error, moment.at_ns)
 
     def _place(self, at_ns: int, *, jumped: bool) -> None:
         """Go to where the followers want to go on; to where reading is already, if that is not behind it."""
         for follower in self.followers:
             follower.begin(at_ns, jumped=jumped)
-        since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS)
-        if jumped or since_ns > (self._waiting[0][0] if self._waiting else self._newest_ns):
+        since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS) + self._least_delay_ns
+        if jumped or since_ns > self._read_ns:
             self._messages = self._reader.in_order(
-                lambda _schema, topic: topic in self._followers,
-                since_ns=max(self.zero_ns + since_ns + self._least_delay_ns, 0),
+                lambda _schema, topic: topic in self._topics, since_ns=max(self.zero_ns + since_ns, 0)
             )
-            self._waiting, self._newest_ns, self._ended = [], -NEVER_NS, False
+            self._read_ns = -NEVER_NS
+            for follower in self.followers:
+                follower.waiting.clear()
 
-    def _is_next(self) -> bool:
-        """Whether nothing that is not read yet can be earlier than the first that waits."""
-        return self._ended or self._waiting[0][0] + self._disorder_ns <= self._newest_ns
-
-    def _read(self) -> None:
+    def _read(self) -> Follower | None:
+        """Read the next message; return its follower, ``None`` at the end of the file."""
         try:
-            found = next((one for one in self._messages if one.topic in self._followers), None)
+            found = next((one for one in self._messages if one.topic in self._topics), None)
         except TegaError as error:  # the file is there no more
             found = None
             self.problems[self._reader.path.name] = error.message
         if found is None:
-            self._ended, self._messages = True, iter(())
-            return
-        at_ns = found.log_ns - self.zero_ns - self._delays_ns.get(found.topic, 0)
-        self._newest_ns, self._n_read = max(self._newest_ns, at_ns), self._n_read + 1
-        heappush(self._waiting, (at_ns, self._n_read, found))
+            self._read_ns, self._messages = NEVER_NS, iter(())
+            return None
+        self._read_ns, follower = found.log_ns - self.zero_ns, self._topics[found.topic]
+        follower.waiting.append((self._read_ns - follower.delay_ns, found))
+        return follower
 
-    def _take(self, moment: PlayedMoment) -> None:
-        at_ns, _, message = heappop(self._waiting)
-        follower = self._followers[message.topic]
-        if at_ns < follower.since_ns:
-            return
-        try:
-            follower.take(message, at_ns, moment)
-        except Exception as error:  # whatever a file leads to that others may have made
-            self._pass_over(follower, error, at_ns)
+    def _pass_on(self, follower: Follower, moment: PlayedMoment) -> None:
+        while follower.waiting and follower.waiting[0][0] <= moment.at_ns:
+            at_ns, message = follower.waiting.popleft()
+            if at_ns >= follower.since_ns:
+                try:
+                    follower.take(message, at_ns, moment)
+                except Exception as error:  # as above
+                    self._pass_over(follower, error, at_ns)
 
-    def _pass_over(self, follower: StreamFollower, error: Exception, at_ns: int) -> None:
+    def _pass_over(self, follower: Follower, error: Exception, at_ns: int) -> None:
         n = self._n_unusable[follower.name] = self._n_unusable.get(follower.name, 0) + 1
         why = error.message if isinstance(error, TegaError) else f"{type(error).__name__}: {str(error)[:200]}"
         self.problems[follower.name] = f"{follower.name}: {n} of its messages cannot be shown, at last: {why}"
         follower.skip(at_ns)
+
+
+class PlayedFinger(Follower):
+    """Measures a finger's recorded pictures again for displays; the vest does not depend on it."""
+
+    def __init__(self, finger: str, head: Head, bus: Bus) -> None:
+        super().__init__(finger)
+        self._make, self._bus = partial(finger_meter, head, finger), bus
+        self._meter: FrameMeter | None = None
+        self._image: Message | None = None
+        self._shown_ns = 0
+
+    def begin(self, at_ns: int, *, jumped: bool) -> None:
+        """Begin a second before a position, or skip the pictures before it."""
+        self._image, self._shown_ns, self.since_ns = None, at_ns, at_ns
+        if jumped:
+            self._meter, self.since_ns = None, at_ns - _WARM_NS
+
+    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
+        """Take an image, or the number and times that follow it."""
+        if not message.topic.endswith("/frame"):
+            self._image = message
+            return
+        image, self._image = self._image, None
+        if image is None:
+            return
+        self._meter = self._make() if self._meter is None else self._meter
+        picture = record_of(message, image=read_picture(image))
+        contact = measure(self._meter, picture) if isinstance(picture, Picture) else None
+        if contact is not None and isinstance(picture, Picture) and known_ns >= self._shown_ns:
+            contact = replace(contact, t_ns=contact.t_ns + moment.shift_ns)
+            metric = self._meter.metric
+            self._bus.publish(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
+            self.n_published += 1
+
+    def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
+        """Go on with the next picture."""
+        self._image = None
+
+
+class PlayedSamples(Follower):
+    """Publishes the recorded samples of the muscles, numbered by the run's time, which a jump does not change."""
+
+    def __init__(self, maxima: EmgMaxima, bus: Bus) -> None:
+        super().__init__("emg")
+        self._n_channels, self._rate_hz, self._bus = len(maxima.channels), maxima.rate_hz, bus
+        self._offset: int | None = None
+
+    def begin(self, at_ns: int, *, jumped: bool) -> None:
+        """Go on at a position, with new numbers."""
+        super().begin(at_ns, jumped=jumped)
+        self._offset = None
+
+    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
+        """Publish the next samples.
+
+        Raises:
+            RecordingError: The samples have another number of channels.
+        """
+        given = record_of(message)
+        if not isinstance(given, EmgSamples):
+            return
+        n, more = divmod(given.samples.size, self._n_channels)
+        if given.n_channels != self._n_channels or more:
+            raise RecordingError(f"{given.n_channels} channels, and the maxima are of {self._n_channels}")
+        t_ns = given.t_ns + moment.shift_ns
+        if self._offset is None:
+            self._offset = round(t_ns * 1e-9 * self._rate_hz) - given.first_index - n
+        number, received_ns = given.first_index + self._offset, known_ns + moment.shift_ns
+        self._bus.publish(replace(given, t_ns=t_ns, received_ns=received_ns, first_index=number))
+        self.n_published += 1
+
+    def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
+        """Go on with the next samples."""
+        self._offset = None

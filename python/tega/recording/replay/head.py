@@ -1,18 +1,22 @@
-"""Read the head of a recording: settings, calibration, untouched pictures and facts of its run."""
+"""Read the head of a recording: settings, calibration, untouched pictures and facts of its run; change its settings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
+from msgspec.structs import asdict, replace
 
-from tega.config import SessionConfig, check_tree, override_recorded
-from tega.config.calibration.store import Calibration, parse_calibration
+from tega.arm.settings import ArmSettings
+from tega.config import STAGE_GROUPS, SessionConfig, check_tree, load_config, override_recorded
+from tega.config.calibration import Calibration, load_calibration
+from tega.config.calibration.store import parse_calibration
+from tega.config.choose import chosen_stage, metric_told
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
-from tega.recording.mcap_reader import McapReader
+from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.mcap_schemas import VERSIONS
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.session import FORMAT
@@ -25,21 +29,26 @@ class Head(msgspec.Struct, frozen=True):
     """Head of a recording, known before the first message.
 
     Attributes:
-        config: The settings of the run, without its devices.
+        config: The settings to compute it with, without devices: those of the run unless changed.
         tree: Settings as in the file, with the devices.
-        calibration: Its maxima.
+        calibration: Maxima to compute it with.
+        emg_kind: Kind of the EMG samples.
+        arm: Settings of the arm's chain.
         baselines: Untouched pictures, by finger, uint8 (H, W, 3).
         sources: Descriptions of the inputs.
         facts: Format, times, and the parts that were live.
-        files: Whatever else is attached.
+        files: All attachments; those that options of stages name are used in their place.
         versions: Version of every record that it may hold; empty in recordings of the first version.
         switches: Switches of the online adaptation of EMG, in order, those of the lead-in first.
         from_ns: Beginning of the file, nanoseconds since the start of the session; what is before is its lead-in.
+        changed: Differences from the run's own settings, a sentence each.
     """
 
     config: SessionConfig
     tree: dict[str, Any]
     calibration: Calibration
+    emg_kind: Literal["raw", "rectified", "envelope"]
+    arm: ArmSettings
     baselines: dict[str, Any]
     sources: dict[str, DeviceInfo]
     facts: dict[str, str]
@@ -47,6 +56,7 @@ class Head(msgspec.Struct, frozen=True):
     versions: dict[str, str]
     switches: tuple[AdaptationSwitch, ...] = ()
     from_ns: int = 0
+    changed: tuple[str, ...] = ()
 
     @property
     def lossless(self) -> bool:
@@ -65,18 +75,19 @@ def read_head(reader: McapReader) -> Head:
     Raises:
         RecordingError: It is no recording of a session, its head is damaged, or a later TEGA made it.
     """
-    facts = reader.metadata.get("tega", {})
+    facts, files = reader.metadata.get("tega", {}), reader.files
     if facts.get("format") != FORMAT:
         raise RecordingError(
             f"{reader.path.name}: no recording of a session", "name a file made with --record"
         )
-    _refuse_newer(reader)
+    versions = dict(reader.metadata.get("records", {}))
+    _refuse_newer(reader, versions)
     try:
-        tree = _with_mapping(parse_toml(reader.files["session.toml"].decode()), facts)
-        calibration = parse_calibration(reader.files["calibration.toml"].decode(), "calibration.toml")
+        tree = _with_mapping(parse_toml(files["session.toml"].decode()), facts)
+        calibration = parse_calibration(files["calibration.toml"].decode(), "calibration.toml")
         baselines = {
             name.removeprefix("baseline-").removesuffix(".npy"): load_npy(data, name)
-            for name, data in reader.files.items()
+            for name, data in files.items()
             if name.startswith("baseline-")
         }
         sources = {name: parse_json(text, DeviceInfo) for name, text in reader.metadata["sources"].items()}
@@ -84,84 +95,74 @@ def read_head(reader: McapReader) -> Head:
         raise RecordingError(
             f"{reader.path.name}: its head is damaged: {error}", "read it with the public mcap reader"
         ) from error
-    versions = dict(reader.metadata.get("records", {}))
-    settings = without_devices(tree)
+    config, arm = without_devices(tree), tree.get("arm", {})
     return Head(
-        settings,
+        config,
         tree,
         calibration,
+        tree.get("emg", {}).get("kind", "raw"),
+        msgspec.convert({k: arm[k] for k in ArmSettings.__struct_fields__ if k in arm}, ArmSettings),
         baselines,
         sources,
         facts,
-        dict(reader.files),
+        dict(files),
         versions,
-        _switches(reader) if settings.stages.adaptation.on else (),
+        _switches(reader) if config.stages.adaptation.on else (),
         span(reader.metadata).from_ns,
     )
 
 
-def lead_in(reader: McapReader, from_ns: int) -> McapReader | None:
-    """Return what came before a trimmed recording; ``None`` for one that begins with its session.
+def lead_in(reader: McapReader, from_ns: int) -> list[Message]:
+    """Return what came before a trimmed recording, in order; nothing for one that begins with its session.
 
     Raises:
         RecordingError: It was trimmed without its lead-in.
     """
-    if from_ns <= 0:
-        return None
-    data = reader.files.get(LEAD_IN)
-    if data is None:
+    data = reader.files.get(LEAD_IN, b"")
+    if from_ns > 0 and not data:
         raise RecordingError(
             f"{reader.path.name}: trimmed from {from_ns / 1e9:g} s on without its lead-in, so that filters cannot be "
             "brought to where they were: it cannot be computed again",
             "trim the original again without --no-lead-in",
         )
-    return McapReader(reader.path, data=data)
+    found = McapReader(reader.path, data=data).messages() if from_ns > 0 else ()
+    return sorted(found, key=lambda message: message.log_ns)
 
 
 def _switches(reader: McapReader) -> tuple[AdaptationSwitch, ...]:
     """Read the switches of the adaptation beforehand: one is recorded after the samples that it is for."""
-    lead_in = reader.files.get(LEAD_IN)
-    readers = [McapReader(reader.path)]
-    if lead_in is not None:
-        readers.insert(0, McapReader(reader.path, data=lead_in))
-    found = [
+    lead = [McapReader(reader.path, data=reader.files[LEAD_IN])] if LEAD_IN in reader.files else []
+    found = {
         read(AdaptationSwitch, message.value)
-        for one in readers
+        for one in (*lead, McapReader(reader.path))
         for message in one.messages(lambda topic: topic == AdaptationSwitch.topic)
         if message.value is not None
-    ]
-    # What was received before the span and told in it stands in both.
-    return tuple(sorted(set(found), key=lambda switch: switch.n_samples))
+    }  # what was received before the span and reported in it stands in both
+    return tuple(sorted(found, key=lambda switch: switch.n_samples))
 
 
-def _refuse_newer(reader: McapReader) -> None:
+def _refuse_newer(reader: McapReader, versions: Mapping[str, str]) -> None:
     """Refuse records of a later TEGA, as their format is unknown here; earlier ones are read."""
-    for name, version in reader.metadata.get("records", {}).items():
-        if not version.isdecimal() or int(version) > VERSIONS.get(name, 0):
+    for name, version in versions.items():
+        known = VERSIONS.get(name, 0)
+        if not version.isdecimal() or int(version) > known:
             made = reader.metadata.get("versions", {}).get("tega", "unknown")
             raise RecordingError(
-                f"{reader.path.name}: its record {name} has version {version}, this TEGA knows "
-                f"{VERSIONS.get(name, 'none')}",
+                f"{reader.path.name}: its record {name} has version {version}, this TEGA knows {known or 'none'}",
                 f"read it with the TEGA that made it ({made}) or a later one",
             )
 
 
 def without_devices(tree: dict[str, Any], sets: Sequence[str] = ()) -> SessionConfig:
-    """Check settings without their devices, which need not be installed to replay their data.
-
-    Args:
-        tree: The settings.
-        sets: Settings to override, as ``key=value``.
+    """Check settings, with overrides, without their devices, which need not be installed to replay their data.
 
     Raises:
         ConfigError: One of them is unknown, of a wrong type or out of range.
     """
-    kept: dict[str, Any] = {"session": {k: v for k, v in tree.get("session", {}).items() if k != "out_dir"}}
-    tree = _as_named_now(tree)
-    kept["stages"] = dict(tree.get("stages", {}))
-    for name in ("vest", "hand"):
-        section = tree.get(name, {})
-        kept[name] = {k: v for k, v in section.items() if k not in {"driver", "options"}}
+    tree, devices = _as_named_now(tree), {"driver", "options"}
+    kept = {"stages": dict(tree.get("stages", {}))}
+    for name, left_out in (("session", {"out_dir"}), ("vest", devices), ("hand", devices)):
+        kept[name] = {key: value for key, value in tree.get(name, {}).items() if key not in left_out}
     return check_tree(kept, override_recorded(kept, sets), base=Path.cwd()).config
 
 
@@ -184,3 +185,72 @@ def _as_named_now(tree: dict[str, Any]) -> dict[str, Any]:
         return tree | {"vest": vest}
     mapping = {"name": "pulses", "options": pulses}
     return tree | {"vest": vest, "stages": tree.get("stages", {}) | {"mapping": mapping}}
+
+
+def with_changes(head: Head, other: Path | None = None, sets: Sequence[str] = ()) -> Head:
+    """Return the head of a recording with the settings of a file, with overrides as ``key=value``, or with these alone.
+
+    They replace the run's preset, calibration, kind of EMG, stages, vest, hand and arm's chain.
+
+    Raises:
+        ConfigError: The other settings cannot be used.
+    """
+    if other is None and not sets:
+        return head
+    old, changed = head.config, list[str]()
+    new = without_devices(head.tree, sets) if other is None else load_config(other, sets=sets).config
+    calibration, arm = head.calibration, head.arm
+    if new.calibration.file is not None:
+        calibration = load_calibration(new.calibration.file)
+        if calibration != head.calibration:
+            changed.append(f"calibration: {new.calibration.file.name}")
+    config = replace(
+        old,
+        session=replace(old.session, preset=new.session.preset),
+        vest=replace(new.vest, driver=None, options={}),
+        hand=replace(new.hand, driver=None, options={}),
+        stages=new.stages,
+    )
+    kind = head.emg_kind if new.emg is None else new.emg.kind
+    if new.arm is not None and "arm" in head.tree:
+        arm = new.arm.chain
+    files = head.files if other is None else {}
+    found = replace(head, config=config, calibration=calibration, emg_kind=kind, arm=arm, files=files)
+    return replace(found, changed=(*changed, *_differences("", _comparable(head), _comparable(found))))
+
+
+def metric_change(head: Head) -> str:
+    """Return in words that another version of the metric measured the recording's contacts; ``""`` if none did."""
+    stages, preset = head.config.stages, head.config.session.preset
+    name, now = chosen_stage("metric", stages, preset).name, metric_told(stages, preset)
+    then = head.facts.get("metric", f"{name} 1")
+    if then == now or then.partition(" ")[0] != name:
+        return ""
+    return f"metric: {then} -> {now}, so contacts are those recorded"
+
+
+def _comparable(head: Head) -> Mapping[str, Any]:
+    """Return the settings that may be changed by key, stages with the defaults of the preset in words."""
+    config = head.config
+    stages = asdict(config.stages) | {group: _words(config, group) for group in STAGE_GROUPS}
+    stages["beside"] = ", ".join(one.name for one in config.stages.beside)
+    found = {"session.preset": config.session.preset, "emg.kind": head.emg_kind}
+    return found | {"vest": config.vest, "stages": stages, "hand": config.hand, "arm": head.arm}
+
+
+def _differences(name: str, old: Any, new: Any) -> Iterator[str]:
+    """Yield the differences between two settings, a sentence each."""
+    if isinstance(old, msgspec.Struct) and type(old) is type(new):
+        old, new = asdict(old), asdict(new)
+    if isinstance(old, Mapping) and isinstance(new, Mapping) and old.keys() == new.keys():
+        for key in old:
+            yield from _differences(f"{name}.{key}" if name else key, old[key], new[key])
+    elif old != new:
+        yield f"{name}: {old} -> {new}"
+
+
+def _words(config: SessionConfig, group: Any) -> str:
+    """Return a stage of the settings in words."""
+    chosen = chosen_stage(group, config.stages, config.session.preset)
+    options = ", ".join(f"{k} {v}" for k, v in msgspec.to_builtins(chosen.options, enc_hook=str).items())
+    return f"{chosen.name} ({options})" if options else chosen.name

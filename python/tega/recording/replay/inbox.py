@@ -1,59 +1,91 @@
-"""Give the loop what it received in a recorded run, at the ticks at which it did."""
+"""Give the loop what it received and decided in a recorded run, at the ticks at which it did."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Generic, TypeVar
+from itertools import count
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from tega import records
+from tega.config.choose import grip_reflex
+from tega.hand import joined_level
+from tega.haptics import MotorLevels
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
+from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
-from tega.records import Contact, Intent, Skip
+from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.recording.replay.feed import Newest
+from tega.records import Contact, HandLook, Imposed, Intent, ReflexGrip
 from tega.runtime.clock import ManualClock
+from tega.safety.guard import Guard
 
 if TYPE_CHECKING:
+    from tega.config import SessionConfig
     from tega.recording.replay.feed import RecordFeed
-
-Taken = TypeVar("Taken", Contact, Intent)
+    from tega.recording.replay.measured import Measured
+    from tega.records.bus import Bus
 
 _SETTLE_NS = 1_000_000_000
 # More than come in one tick after the longest standstill.
 _MOST = 1 << 20
 
 
-class RecordedPacer(Pacer):
-    """Leaves out the deadlines that were left out, wakes where the loop was woken, and knows when the run was over.
+class RecordedRun(Pacer):
+    """Paces the loop by the ticks of a recorded run, and gives it what the run received and decided at each.
+
+    The recording is read as far as each deadline needs it. Deadlines that were left out are left out, and the loop is
+    woken where it was woken. If every source had ended, the streams end with the last tick of the run.
 
     Args:
-        feed: The recording; it is read as far as each deadline needs it.
+        feed: The recording.
+        measured: Knows what each contact and intent is now.
         settle: Called about every second with the tick.
 
     Attributes:
-        fills: Functions that put the run's input into its streams, called with a tick that has any, and at the end.
+        contacts: The loop's contacts, by finger.
+        levels: The loop's intents; ``None`` without EMG.
+        active: Whether motors were tried in the run, or a program sent frames.
     """
 
-    def __init__(self, feed: RecordFeed, settle: Callable[[int], None]) -> None:
+    def __init__(self, feed: RecordFeed, measured: Measured, settle: Callable[[int], None]) -> None:
         super().__init__(ManualClock())
-        self._feed, self._settle = feed, settle
+        self._feed, self._measured, self._settle = feed, measured, settle
+        self.contacts = {f: LiveStream[Contact](capacity=_MOST) for f in feed.head.baselines}
+        self.levels = LiveStream[Intent](capacity=_MOST) if "emg" in feed.head.sources else None
+        self._streams: list[LiveStream[Any]] = [*self.contacts.values(), *filter(None, [self.levels])]
+        self.active = feed.holds(records.TriedMotor) or feed.holds(records.ProgramFrame)
+        self._taken: list[tuple[int, int, Contact | Intent]] = []  # by tick and number, as a heap
+        self._numbers, self._calls = count(), count()
         self._skipped: set[int] = set()
-        self._turns_ns: list[int] = []
-        self._settled_ns = 0
-        self.tick_ns = -1
-        self.fills: list[Callable[[int], None]] = []
-        feed.bus.subscribe(Skip, lambda skip: self._skipped.add(skip.t_ns), vital=True)
-        feed.bus.subscribe(Contact, self._note_turn, vital=True)
-        feed.bus.subscribe(Intent, self._note_turn, vital=True)
+        self._switches: dict[int, bool] = {}
+        self._haptics = True
+        self._newest: list[Newest[Any]] = []
+        self._tried, self._sent = self.newest(records.TriedMotor), self.newest(records.ProgramFrame)
+        self._looks = self.newest(HandLook) if feed.holds(HandLook) else None
+        self._settled_ns, self.tick_ns = 0, -1
+        feed.bus.subscribe(records.Skip, lambda skip: self._skipped.add(skip.t_ns), vital=True)
+        feed.bus.subscribe(
+            records.Haptics, lambda one: self._switches.update({one.n_asked: one.on}), vital=True
+        )
+        feed.bus.subscribe(Contact, self._note, vital=True)
+        feed.bus.subscribe(Intent, self._note, vital=True)
 
-    def _note_turn(self, record: Contact | Intent) -> None:
-        heappush(self._turns_ns, record.taken_ns)
+    def newest(self, kind: Any) -> Newest[Any]:
+        """Return the records of a type as the recording is read; those that ticks have passed are forgotten."""
+        found = Newest[Any]()
+        self._newest.append(found)
+        self._feed.bus.subscribe(kind, found.rows.append, vital=True)
+        return found
 
     def doze(self, t_ns: int) -> int:
         """Return when the loop was woken, or the deadline."""
         self._feed.read_until(t_ns)
-        if not self._turns_ns or self._turns_ns[0] >= t_ns:
+        if not self._taken or self._taken[0][0] >= t_ns:
             return t_ns
-        self._reach(self._turns_ns[0])
+        self._reach(self._taken[0][0])
         return self.tick_ns
 
     def wait(self, t_ns: int) -> bool:
@@ -64,60 +96,100 @@ class RecordedPacer(Pacer):
         if t_ns - self._settled_ns > _SETTLE_NS:
             self._settled_ns = t_ns
             self._settle(t_ns)
-        if t_ns in self._skipped:
-            self._skipped.remove(t_ns)
-            return False
-        return True
-
-    def _reach(self, t_ns: int) -> None:
-        self.tick_ns = t_ns
-        turns, any_due = self._turns_ns, False
-        while turns and turns[0] <= t_ns:
-            heappop(turns)
-            any_due = True
-        end = self._feed.end
-        # The last look of a set time is before its end, and takes in what came until then.
-        last = end is not None and end.ended == "duration" and t_ns >= end.end_ns
-        if any_due or last or self.over():
-            for fill in self.fills:
-                fill(NEVER_NS if last else t_ns)
+            for newest in self._newest:
+                newest.until(t_ns)
+        skipped = t_ns in self._skipped
+        self._skipped.discard(t_ns)
+        return not skipped
 
     def over(self) -> bool:
         """Return whether the run was over."""
         end = self._feed.end
         if end is None:
             return self._feed.ended and self.tick_ns >= self._feed.last_tick_ns and self.n_waits > 0
-        return self.n_waits >= end.n_waits and not self._turns_ns
+        return self.n_waits >= end.n_waits and not self._taken
+
+    def put_rest(self) -> None:
+        """Put in what is left when the run is over."""
+        self._feed.read_rest()
+        self._put(NEVER_NS)
+
+    @property
+    def look(self) -> Callable[[int, float], HandLook | None] | None:
+        """Gives the look at hand and arm of a tick; ``None`` where slips were detected by touch alone."""
+        looks = self._looks
+        return None if looks is None else lambda t_ns, _level: looks.at(t_ns)
+
+    def haptics(self) -> bool:
+        """Return whether motors could turn, one call after the other."""
+        self._haptics = self._switches.pop(next(self._calls), self._haptics)
+        return self._haptics
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        """Return the frame of a tick, with the motor that was tried then, or that of the program."""
+        program, tried = self._sent.until(t_ns), self._tried.until(t_ns)
+        if program is not None and program.intensities:
+            frame = MotorLevels(frame.layout, np.array(program.intensities, np.uint8))
+        return frame if tried is None or not tried.percent else lit_frame(frame, tried.motor, tried.percent)
+
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
+        """Do nothing: a trial was answered in the run."""
+
+    def _note(self, record: Contact | Intent) -> None:
+        heappush(self._taken, (record.taken_ns, next(self._numbers), record))
+
+    def _reach(self, t_ns: int) -> None:
+        self.tick_ns, end = t_ns, self._feed.end
+        # The last tick of a set time is before its end, and takes in what came until then.
+        last = end is not None and end.ended == "duration" and t_ns >= end.end_ns
+        self._put(NEVER_NS if last else t_ns)
+        if end is not None and end.ended == "complete" and self.over():
+            for stream in self._streams:
+                stream.end(end.end_ns)
+
+    def _put(self, t_ns: int) -> None:
+        while self._taken and self._taken[0][0] <= t_ns:
+            record = heappop(self._taken)[-1]
+            if isinstance(record, Contact):
+                if (contact := self._measured.contact(record)) is not None:
+                    self.contacts[record.finger].put(contact)
+            elif (intent := self._measured.intent(record)) is not None and self.levels is not None:
+                self.levels.put(intent)
 
 
-class TakenItems(Generic[Taken]):
-    """Puts each item of a recorded stream into a live one at the tick at which the run received it.
+class RecordedGuard(Guard):
+    """Guard of a recorded run: it imposes the recorded levels, each from its tick on."""
 
-    If every source had ended, the stream ends with the last tick of the run.
+    def __init__(self, imposed: Newest[Imposed], tick_ns: Callable[[], int]) -> None:
+        super().__init__()
+        self._imposed, self._tick_ns = imposed, tick_ns
 
-    Args:
-        feed: The recording.
-        pacer: Ticks of the run.
-        item: Returns what a recorded item is now; ``None`` for one that is left out.
+    def due(self, t_ns: int, late_ns: int) -> bool:  # noqa: ARG002
+        """Return false: the guard's findings are in the recording."""
+        return False
 
-    Attributes:
-        stream: The loop's input.
-        rows: Recorded items that are not put in yet.
-    """
+    def level(self, wanted: float) -> float:
+        """Return the imposed level, or the wanted one where none is imposed."""
+        imposed = self._imposed.until(self._tick_ns())
+        return wanted if imposed is None else joined_level(imposed.level, imposed.closure) or wanted
 
-    def __init__(self, feed: RecordFeed, pacer: RecordedPacer, item: Callable[[Taken], Taken | None]) -> None:
-        self._feed, self._pacer = feed, pacer
-        self._item: Callable[[Taken], Taken | None] = item
-        self.rows: deque[Taken] = deque()
-        self.stream: LiveStream[Taken] = LiveStream(capacity=_MOST)
-        pacer.fills.append(self.fill)
 
-    def fill(self, t_ns: int) -> None:
-        """Put in the items taken up to a tick."""
-        while self.rows and self.rows[0].taken_ns <= t_ns:
-            item = self._item(self.rows.popleft())
-            if item is not None:
-                self.stream.put(item)
-        end = self._feed.end
-        if end is not None and end.ended == "complete" and not self.rows and self._pacer.over():
-            self.stream.end(end.end_ns)
+def recorded_arc(
+    config: SessionConfig,
+    fingers: Iterable[str],
+    newest: Callable[[type[ReflexGrip]], Newest[ReflexGrip]],
+    bus: Bus,
+) -> ReflexArc | None:
+    """Make the reflex of a recorded run, under its recorded circumstances; ``None`` where the settings name none."""
+    reflex = grip_reflex(config.stages, config.session.preset, list(fingers))
+    if reflex is None:
+        return None
+    grips = newest(ReflexGrip)
+
+    def moment(t_ns: int) -> ReflexMoment:
+        row = grips.at(t_ns)
+        if row is None:
+            return ReflexMoment(0.0, allowed=True, measured=None)
+        return ReflexMoment(row.authority, row.allowed, row.measured)
+
+    return ReflexArc(reflex, config.stages.reflex, moment=moment, tell=bus.publish)

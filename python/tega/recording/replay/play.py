@@ -1,8 +1,7 @@
 """Play a recorded run: its recorded input becomes the input of a new run on any vest and hand.
 
-After the input everything is an ordinary run: drivers and their limits, heat and dose, states, guard, one way out.
-Each item arrives at the tick at which it arrived in the recording. At recorded speed and with the recorded settings,
-the vest is therefore sent the same frames.
+Each item arrives at the tick at which it arrived then; all after that is an ordinary run. At recorded speed and with
+the recorded settings, the vest is therefore sent the same frames.
 """
 
 from __future__ import annotations
@@ -13,25 +12,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
+from msgspec.structs import replace as changed
 
 from tega.config import Pace, ReflexSection, SessionConfig, VestConfig, load_config
-from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.parts import Part
 from tega.loop.prepare import Progress
-from tega.recording.replay.measured import Measured
-from tega.recording.replay.play_clock import PlayClock
-from tega.recording.replay.played_beside import PlayedBeside
-from tega.recording.replay.played_input import Switched, played_input
-from tega.recording.replay.played_streams import PlayedStreams
+from tega.recording.replay.feed import RecordFeed
+from tega.recording.replay.followed_file import Player
+from tega.recording.replay.played_run import PlayedRun
 from tega.recording.replay.playhead import Playhead
-from tega.recording.replay.recorded import read_recorded
 from tega.recording.run_tables import write_summary
 from tega.records.bus import Bus
+from tega.runtime.features import targets
+from tega.runtime.files.foreign_file import tells_damage
 
 LEAD_S = 2
 """Before the first item, in real time at least: the run arms, and a hand goes to where it was."""
@@ -44,12 +41,7 @@ _SHOWN = (_DRAWN, "sound-vest")
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
-    """Load the settings to play on.
-
-    Args:
-        path: Settings file with the vest, hand, inputs, safety and output folder to use; ``None`` draws a vest in
-            this terminal.
-        sets: Overrides as ``key=value``.
+    """Load the settings to play on, from a file with overrides; without a file a vest is drawn in this terminal.
 
     Raises:
         ConfigError: The settings cannot be used, or name nothing to play to.
@@ -57,8 +49,8 @@ def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
     config = load_config(path, sets=sets).config
     if path is None and config.vest.driver is None and config.hand.driver is None:
         drawn = driver_class(_DRAWN).options_type()
-        vest = msgspec.structs.replace(config.vest, driver=_DRAWN, options=drawn)
-        config = msgspec.structs.replace(config, vest=vest)
+        vest = changed(config.vest, driver=_DRAWN, options=drawn)
+        config = changed(config, vest=vest)
     if config.vest.driver is None and config.hand.driver is None and config.session.out_dir is None:
         raise ConfigError(
             "nothing to play to: the settings name no vest, no hand and no output folder",
@@ -106,77 +98,76 @@ def play_file(
         RecordingError: The recording cannot be read.
         InvalidValueError: The recording ends before the moment to begin with.
         ConfigError: The speed is not allowed for the devices to play on.
-        KeyboardInterrupt: ``stop`` said so before the loop had begun.
+        KeyboardInterrupt: ``controls.stop`` returned true before the loop had begun.
         TegaError: Whatever the run says.
     """
     live, real = _live(to)
     _check_speed(speed, real, because)
     progress("reading the recording", 0, 0)
-    measured = Measured()
     controls = Controls() if controls is None else controls
-    stop = controls.stop
-
-    def frame(finger: str, picture: TactileFrame, told: Any) -> None:
-        if stop():
-            raise KeyboardInterrupt
-        measured.frame(finger, picture, told)
-
-    recorded = read_recorded(
-        path,
-        begin=measured.begin,
-        frame=frame,
-        chunk=measured.chunk,
-        pictures_wanted=lambda head: head.lossless,
-    )
-    if stop():
-        raise KeyboardInterrupt
-    pace = 1.0 if speed is None else speed
-    vest_pace: Pace = "by-frame" if recorded.head.facts.get("pace") == "by-frame" else "steady"
-    config = _settings(measured.config, to, pace=pace, fast=speed is None, vest_pace=vest_pace)
+    playhead = Playhead() if playhead is None else playhead
+    playhead.speed = speed
+    players: list[Player] = [player() for _, player in targets("played")]
+    feed, played = _read(path, playhead, players, controls)
+    head, end, pace = feed.head, feed.end, 1.0 if speed is None else speed
     # Whole seconds, so that the ticks of the vest lie where they lay.
     lead_ns = math.ceil(LEAD_S * pace) * 1_000_000_000 if live else 0
-    playhead = Playhead() if playhead is None else playhead
-    clock = PlayClock(speed, playhead.reach)
+    playhead.begin(feed.last_tick_ns if end is None else end.end_ns, lead_ns)
     words = "as fast as it went" if speed is None else "at its own speed"
     if pace != 1:
         words = f"at {pace:g} times its speed"
     note = f"played from {path.name} {words}{f', because {because}' if because else ''}"
-    if not recorded.complete:
+    if not feed.complete:
         note += "; the recording was cut, and is played as far as it goes"
-    prepared = played_input(recorded, measured, playhead=playhead, lead_ns=lead_ns, note=note)
-    bus = Bus() if bus is None else bus
-    beside = PlayedBeside(recorded, playhead, bus)
-    haptics = Switched(recorded, clock, playhead, controls.haptics)
+    prepared, bus = played.sources(note), Bus() if bus is None else bus
     if others:
         progress("reading the other files", 0, 0)
-    with PlayedStreams(path, recorded, measured, playhead, bus, others=others, speed=speed) as streams:
-        summary = run_session(
-            config,
-            clock=clock,
-            prepared=prepared,
-            controls=replace(controls, haptics=haptics),
-            progress=progress,
-            bus=bus,
-            parts=[beside, streams, *parts],
-        )
+    played.follow(bus, players, others)
+    vest_pace: Pace = "by-frame" if head.facts.get("pace") == "by-frame" else "steady"
+    summary = run_session(
+        _settings(head.config, to, pace=pace, fast=speed is None, vest_pace=vest_pace),
+        clock=playhead,
+        prepared=prepared,
+        controls=replace(controls, haptics=played.haptics(controls.haptics)),
+        progress=progress,
+        bus=bus,
+        parts=[played, *parts],
+    )
     summary["played"] = {
         "file": path.name,
         "speed": "max" if speed is None else speed,
         "because": because,
-        "from": "raw streams" if recorded.head.lossless else "recorded contacts and levels",
+        "from": "raw streams" if head.lossless else "recorded contacts and levels",
         "real": real,
         "lead_s": lead_ns / 1e9,
         "from_s": playhead.from_ns / 1e9,
         "jumps": playhead.n_jumps,
-        "shown": streams.n_shown(),
-        "not_shown": list(streams.problems),
+        "shown": played.n_shown(),
+        "not_shown": list(played.problems),
     }
     if speed is not None:
         # The loop counts in the session's time; who waits for a tick waits in real time.
-        summary["pacing"] |= {"overruns": clock.n_late, "worst_late_ms": clock.worst_late_ns / 1e6}
-    if config.session.out_dir is not None:
-        write_summary(summary, config.session.out_dir / "summary.json")
+        summary["pacing"] |= {"overruns": playhead.n_late, "worst_late_ms": playhead.worst_late_ns / 1e6}
+    if to.session.out_dir is not None:
+        write_summary(summary, to.session.out_dir / "summary.json")
     return summary
+
+
+@tells_damage
+def _read(
+    path: Path, playhead: Playhead, players: Sequence[Player], controls: Controls
+) -> tuple[RecordFeed, PlayedRun]:
+    """Read a recording."""
+
+    def check(_name: str, _done: int, _total: int) -> None:
+        if controls.stop():
+            raise KeyboardInterrupt
+
+    feed = RecordFeed(path, progress=check)
+    feed.others = [player.note for player in players]
+    played = PlayedRun(feed, playhead)
+    feed.read_rest()
+    return feed, played
 
 
 def _live(to: SessionConfig) -> tuple[bool, list[str]]:
@@ -185,14 +176,13 @@ def _live(to: SessionConfig) -> tuple[bool, list[str]]:
 
     live, real = False, []
     for kind, section in (("vest", to.vest), ("hand", to.hand)):
-        if section.driver is None:
-            continue
-        info = driver_class(section.driver)(section.options).info
-        live = live or info.live
-        interface = getattr(section.options, "interface", None)
-        on_a_bus = interface is None or may_have_hardware(interface, section.options.channel)
-        if info.live and section.driver not in _SHOWN and on_a_bus:
-            real.append(f"{kind}: {info.driver}, {info.label}")
+        if section.driver is not None:
+            info, options = driver_class(section.driver)(section.options).info, section.options
+            live = live or info.live
+            interface = getattr(options, "interface", None)
+            on_a_bus = interface is None or may_have_hardware(interface, options.channel)
+            if info.live and section.driver not in _SHOWN and on_a_bus:
+                real.append(f"{kind}: {info.driver}, {info.label}")
     return live, real
 
 
@@ -221,42 +211,32 @@ def _settings(
 
     Vest rates and guard limits are in real time, so they are converted to the session's time.
     """
-    safety, vest = to.safety, to.vest
-    return msgspec.structs.replace(
+    plain, fitted = VestConfig(), ("threshold", "step", "mirror")
+    felt = {}
+    if all(getattr(to.vest, name) == getattr(plain, name) for name in fitted):
+        # As strong to feel as it was, for a vest that no person is fitted to.
+        felt = {name: getattr(then.vest, name) for name in fitted}
+    times_ms = {name: getattr(to.safety, name) * pace for name in ("late_ms", "settle_ms", "hold_ms")}
+    session, vest, worn = to.session, to.vest, to.calibration
+    return changed(
         then,
-        session=msgspec.structs.replace(
-            to.session, preset=then.session.preset, pace="fast" if fast else "real", duration_s=None
+        session=changed(
+            session, preset=then.session.preset, pace="fast" if fast else "real", duration_s=None
         ),
-        vest=msgspec.structs.replace(
+        vest=changed(
             vest,
             layout=vest.layout or then.vest.layout,
             rate_hz=vest.rate_hz / pace,
             pace=vest_pace,
-            **_as_felt(then.vest, vest),
+            **felt,
         ),
-        # Maxima are those of the recording; who wears the vest, and what is left of their day, is said by the settings.
-        calibration=msgspec.structs.replace(
-            then.calibration, person=to.calibration.person, folder=to.calibration.folder
-        ),
+        # Maxima are those of the recording; the wearer, and what is left of their day, are those of the settings.
+        calibration=changed(then.calibration, person=worn.person, folder=worn.folder),
         hand=to.hand,
         input=to.input,
-        # What moves then is what the person asked; the reflex belongs to who is there.
-        stages=msgspec.structs.replace(then.stages, reflex=ReflexSection()),
+        # The hand moves as the person requested then; the reflex belongs to the person who is there.
+        stages=changed(then.stages, reflex=ReflexSection()),
         arm=None,  # its path is shown, and a recording must not move a robot
         guests={key: table for key, table in to.guests.items() if key == "markers"},
-        safety=msgspec.structs.replace(
-            safety,
-            late_ms=safety.late_ms * pace,
-            settle_ms=safety.settle_ms * pace,
-            hold_ms=safety.hold_ms * pace,
-        ),
+        safety=changed(to.safety, **times_ms),
     )
-
-
-def _as_felt(then: VestConfig, to: VestConfig) -> dict[str, Any]:
-    """Return how strong it was to feel, for a vest that no person is fitted to."""
-    plain = VestConfig()
-    fitted = ("threshold", "step", "mirror")
-    if any(getattr(to, name) != getattr(plain, name) for name in fitted):
-        return {}
-    return {name: getattr(then, name) for name in fitted}

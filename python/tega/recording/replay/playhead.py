@@ -1,33 +1,38 @@
-"""Move to another moment of a recording while it is played; the run's own time goes on."""
+"""Keep the time of a played recording: the run's clock at its speed, and the position, which a person can move."""
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Sequence
-from typing import Generic
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Generic, TypeVar
 
 from msgspec.structs import replace
 
 from tega.errors import InvalidValueError
 from tega.loop.inbox.stream import Item, LiveStream
 
-__all__ = ["PlayedItems", "Playhead"]
+Played = TypeVar("Played")
+
+_LATE_NS = 3_000_000
 
 
 class Playhead:
-    """Says which moment of a recording is played now, and takes wishes for another.
+    """Position in a recording, and clock of the run that plays it; takes requests for another position.
 
-    Clock, budgets and limits of the run stay those of the run: a jump shortens no pause.
-
-    Args:
-        from_s: Position to begin at, seconds since the beginning of the recording.
+    The clock stands at 0 until the first tick is waited for, then runs at the speed. A jump changes neither the clock
+    nor budgets and limits of the run, and shortens no pause. ``from_s`` is the position to begin at, seconds.
 
     Attributes:
+        speed: Seconds of the session a second, set before the run; ``None`` for a clock that never sleeps.
         end_ns: Length of the recording; 0 until it is read.
         shift_ns: Time of the run minus time of the recording.
-        n_jumps: Wishes taken up so far.
-        fills: Functions called with every tick of the run, after a requested jump.
+        n_jumps: Number of jumps so far.
+        tick_ns: Time of the run: the deadline last waited for.
+        fills: Functions called with every tick of the run, after a requested jump and before the loop reads its input.
+        n_late: Deadlines that were more than 3 ms late, by the machine's clock; ``worst_late_ns`` is the latest.
 
     Raises:
         InvalidValueError: ``from_s`` is below 0.
@@ -36,18 +41,20 @@ class Playhead:
     def __init__(self, from_s: float = 0.0) -> None:
         if not from_s >= 0:
             raise InvalidValueError(f"from = {from_s:g} s, expected 0 or more")
+        self.speed: float | None = 1.0
         self.from_ns = round(from_s * 1e9)
         self.end_ns = self.shift_ns = self.n_jumps = 0
+        self.tick_ns = self.n_late = self.worst_late_ns = 0
         self.fills: list[Callable[[int], None]] = []
         self._lock = threading.Lock()
-        self._wanted_ns: int | None = None
-        self._reached_ns = 0
+        self._requested_ns: int | None = None
+        self._began_ns: int | None = None
 
     def begin(self, end_ns: int, lead_ns: int) -> None:
-        """Take note of the recording, which the run's time before ``lead_ns`` is without.
+        """Set the length of the recording, which begins at ``lead_ns`` of the run's time.
 
         Raises:
-            InvalidValueError: The recording ends before the moment to begin with.
+            InvalidValueError: The recording ends before the position to begin at.
         """
         if self.from_ns >= max(end_ns, 1):
             raise InvalidValueError(
@@ -62,90 +69,122 @@ class Playhead:
         return self.end_ns / 1e9
 
     @property
+    def at_ns(self) -> int:
+        """Position in the recording at this tick; before its beginning during the lead."""
+        return self.tick_ns - self.shift_ns
+
+    @property
     def at_s(self) -> float:
-        """The moment of the recording that is played now, seconds."""
-        return (
-            min(max(self._reached_ns - self.shift_ns, self.from_ns if not self.n_jumps else 0), self.end_ns)
-            / 1e9
-        )
+        """Position in the recording, seconds, within its limits."""
+        return min(max(self.at_ns, 0 if self.n_jumps else self.from_ns), self.end_ns) / 1e9
 
     @property
     def wanted(self) -> bool:
-        """Whether a wish waits."""
-        return self._wanted_ns is not None
+        """Whether a request for another position waits."""
+        return self._requested_ns is not None
 
     def go_to(self, t_s: float) -> None:
-        """Ask for a moment of the recording, seconds; of two wishes the newer one counts. From any thread."""
+        """Request a position, seconds; of two requests the newer one counts. From any thread."""
         with self._lock:
-            self._wanted_ns = min(max(round(t_s * 1e9), 0), self.end_ns)
+            self._requested_ns = min(max(round(t_s * 1e9), 0), self.end_ns)
+
+    def now_ns(self) -> int:
+        """Return the time of the run in nanoseconds."""
+        if self.speed is None or self._began_ns is None:
+            return self.tick_ns
+        return math.floor((time.monotonic_ns() - self._began_ns) * self.speed)
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Sleep until the run has come to ``t_ns``, then go on to it."""
+        if self.speed is not None:
+            if self._began_ns is None:
+                self._began_ns = time.monotonic_ns()
+            due_ns = self._began_ns + math.ceil(t_ns / self.speed)
+            while (left_ns := due_ns - time.monotonic_ns()) > 0:
+                time.sleep(left_ns * 1e-9)
+            self.n_late += -left_ns > _LATE_NS
+            self.worst_late_ns = max(self.worst_late_ns, -left_ns)
+        self.reach(max(self.tick_ns, t_ns))
 
     def reach(self, t_ns: int) -> None:
-        """Take up a wish at a time of the run, and have the streams filled up to it."""
-        self._reached_ns = t_ns
+        """Go on to a time of the run, carry out a requested jump, and have the streams filled."""
+        self.tick_ns = t_ns
         with self._lock:
-            wanted_ns, self._wanted_ns = self._wanted_ns, None
-        if wanted_ns is not None:
-            self.shift_ns = t_ns - wanted_ns
+            requested_ns, self._requested_ns = self._requested_ns, None
+        if requested_ns is not None:
+            self.shift_ns = t_ns - requested_ns
             self.n_jumps += 1
         for fill in self.fills:
             fill(t_ns)
 
 
-class PlayedItems(Generic[Item]):
-    """Puts the items of a recording into a live stream of the loop, from wherever the playhead is.
-
-    Args:
-        items: Items, stamped with the recording's time.
-        known: Time at which each item was known, in rising order.
-        playhead: Position of the playback; fills the stream at every tick of the run.
-        first: Item in force before the first one; at a jump the item in force at the new position is repeated.
-            ``None`` for items without later effect.
-
-    Attributes:
-        stream: Stream for the loop.
-    """
+class Track(Generic[Played]):
+    """Items of a recording, in the order in which they were known, from wherever the playhead is."""
 
     def __init__(
         self,
-        items: Sequence[Item],
-        known: Sequence[int],
-        *,
+        items: Sequence[Played],
         playhead: Playhead,
-        first: Item | None = None,
+        known_ns: Callable[[Any], int] = lambda one: one.t_ns,
     ) -> None:
-        self._items, self._known, self._playhead = items, known, playhead
-        self._first = first
-        self._next = bisect_left(known, playhead.from_ns)
-        self._n_jumps = playhead.n_jumps
-        self._standing = self._at(self._next - 1)
-        self._newest_ns = -1
+        self._items, self._playhead, self._known_ns = items, playhead, known_ns
+        self._next, self._n_jumps = bisect_left(items, playhead.from_ns, key=known_ns), playhead.n_jumps
+
+    def moved(self) -> bool:
+        """Follow a jump of the playhead; return whether there was one since the last call."""
+        if self._n_jumps == self._playhead.n_jumps:
+            return False
+        self._n_jumps = self._playhead.n_jumps
+        self._next = bisect_right(self._items, self._playhead.at_ns, key=self._known_ns)
+        return True
+
+    def due(self) -> Iterator[Played]:
+        """Yield the items that the playhead has reached since the last call; a jump passes over those between."""
+        self.moved()
+        at_ns = self._playhead.at_ns
+        while self._next < len(self._items) and self._known_ns(self._items[self._next]) <= at_ns:
+            self._next += 1
+            yield self._items[self._next - 1]
+
+    @property
+    def newest(self) -> Played | None:
+        """The last item that was reached or passed over; ``None`` before the first."""
+        return self._items[self._next - 1] if self._next else None
+
+    def at_playhead(self) -> Played | None:
+        """Return the item in force at the playhead; ``None`` before the first."""
+        for _ in self.due():
+            pass
+        return self.newest
+
+
+class PlayedItems(Generic[Item]):
+    """Puts items of a recording, each after the time at which it was known, into a live stream of the loop.
+
+    With ``first``, the item in force before the first one, the item in force at the new position is repeated at a jump;
+    without it items have no later effect.
+    """
+
+    def __init__(
+        self, items: Sequence[tuple[int, Item]], playhead: Playhead, first: Item | None = None
+    ) -> None:
+        self._track = Track(items, playhead, lambda one: one[0])
+        self._playhead, self._first, self._newest_ns = playhead, first, -1
         self.stream: LiveStream[Item] = LiveStream(capacity=len(items) + 1)
         playhead.fills.append(self.fill)
 
-    def _at(self, place: int) -> Item | None:
-        if self._first is None:
-            return None
-        return self._first if place < 0 else self._items[place]
-
     def fill(self, t_ns: int) -> None:
         """Put in the items known at a time of the run; end the stream at the end of the recording."""
-        playhead = self._playhead
-        if self._n_jumps != playhead.n_jumps:
-            self._n_jumps = playhead.n_jumps
-            self._next = bisect_right(self._known, t_ns - playhead.shift_ns)
-            self._standing = self._at(self._next - 1)
-        if self._standing is not None:
-            self._put(self._standing, t_ns)
-            self._standing = None
-        while self._next < len(self._items) and self._known[self._next] + playhead.shift_ns <= t_ns:
-            item = self._items[self._next]
-            self._next += 1
-            self._put(item, item.t_ns + playhead.shift_ns)
-        end_ns = playhead.shift_ns + playhead.end_ns
-        if t_ns >= end_ns:
-            self.stream.end(end_ns)
+        shift_ns, begins = self._playhead.shift_ns, self._newest_ns < 0
+        if (self._track.moved() or begins) and self._first is not None:
+            newest = self._track.newest
+            self._put(self._first if newest is None else newest[1], t_ns)
+        for _, item in self._track.due():
+            self._put(item, item.t_ns + shift_ns)
+        if t_ns >= shift_ns + self._playhead.end_ns:
+            self.stream.end(shift_ns + self._playhead.end_ns)
 
     def _put(self, item: Item, t_ns: int) -> None:
-        # Of two moments on either side of a jump the later one may be stamped earlier.
+        # Of two items on either side of a jump the later one may be stamped earlier.
         self._newest_ns = max(t_ns, self._newest_ns + 1)
         self.stream.put(replace(item, t_ns=self._newest_ns))  # type: ignore[type-var]  # a record, which is a struct

@@ -47,14 +47,8 @@ class PosesFile(Opened):
     @property
     def info(self) -> DeviceInfo:
         """Description of the recording."""
-        return DeviceInfo(
-            driver="poses-file",
-            kind="tracker",
-            label=self._options.file.name,
-            live=True,
-            unit="m",
-            notes=("the forearm's path is a recording",),
-        )
+        label, notes = self._options.file.name, ("the forearm's path is a recording",)
+        return DeviceInfo(driver="poses-file", kind="tracker", label=label, live=True, unit="m", notes=notes)
 
     @property
     def problem(self) -> str:
@@ -70,15 +64,14 @@ class PosesFile(Opened):
             MissingExtraError: The file is a session, and the extra ``record`` is not installed.
         """
         if self._poses is None:
-            delay_ns = round(self._options.delay_ms * 1e6)
-            self._poses = RecordedPoses(self._read_file(), delay_ns=delay_ns)
+            self._poses = RecordedPoses(self._read_file(), delay_ns=round(self._options.delay_ms * 1e6))
 
     def _read_file(self) -> list[StampedPose]:
         file = self._options.file
         if file.suffix != ".mcap" and not file.is_dir():
             return read_poses(file)
         from tega.recording.mcap_folder import session_files
-        from tega.recording.replay.arm import forearm
+        from tega.recording.replay.recompute import forearm
 
         mapping, poses = forearm(session_files(file)[0])
         if mapping.frame != self.frame:

@@ -1,52 +1,42 @@
 """Re-run a recording: run the loop on it tick by tick as it ran, and compare the output.
 
-The loop receives at each tick the input that it received in the run, so the replay of a live run does not depend on
-how threads were scheduled. For a lossless recording everything is computed from the raw frames and samples. With JPEG
-images it is computed from the recorded contacts, and the images are measured as well to find the error.
+The loop receives at each tick the input that it received in the run, so a replay does not depend on how threads were
+scheduled. For a lossless recording everything is computed from the raw frames and samples. With JPEG images it is
+computed from the recorded contacts, and the images are measured as well to find the error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from itertools import count
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
+from msgspec.structs import replace
 
-from tega.haptics import MotorLevels
+from tega.arm.chain import ArmChain
+from tega.arm.pose import StampedPose
+from tega.arm.settings import ArmSettings, MappingSettings
+from tega.arm.turn import Turn, lead
+from tega.errors import RecordingError
+from tega.hand import joined_level
+from tega.hand.link import HandLink, Received
+from tega.loop.arm_records import with_command
 from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_output import HandOutput
-from tega.loop.inbox.stream import NEVER_NS
 from tega.loop.loop import DualLoop
 from tega.loop.moment import Moment, Moments
-from tega.loop.motor_tests import lit_frame
 from tega.loop.touch_loop import touch_loop
 from tega.loop.vest_output import VestOutput
 from tega.recording.mcap_reader import Progress
-from tega.recording.replay.arm import compare_arm
 from tega.recording.replay.compare import Comparison
 from tega.recording.replay.comparing import Comparing
-from tega.recording.replay.exchanges import compare_exchanges
-from tega.recording.replay.feed import RecordFeed, newest
-from tega.recording.replay.inbox import RecordedPacer, TakenItems
-from tega.recording.replay.measured import Measured
-from tega.recording.replay.picture_errors import PictureError, PictureErrors
-from tega.recording.replay.reflex import RecordedGuard, recorded_arc
-from tega.records import (
-    ArmTurn,
-    Contact,
-    HandExchange,
-    HandLook,
-    Haptics,
-    Imposed,
-    Intent,
-    ProgramFrame,
-    ReflexGrip,
-    TriedMotor,
-)
+from tega.recording.replay.feed import RecordFeed
+from tega.recording.replay.head import Head, metric_change, with_changes
+from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
+from tega.recording.replay.measured import Measured, PictureError
+from tega.records import ArmTurn, HandExchange, Imposed, PoseNumbers, bus_frames
 from tega.records.bus import Bus
 from tega.runtime.files.foreign_file import tells_damage
 
@@ -110,136 +100,133 @@ def replay_file(
         ConfigError: The other settings cannot be used.
     """
     bus = Bus() if bus is None else bus
-    measured = Measured(config, sets, bus)
-    feed = RecordFeed(path, frame=measured.frame, chunk=measured.chunk, progress=progress)
-    head = feed.head
-    measured.begin(head)
-    comparing = Comparing(feed, measured, bus)
-    errors = PictureErrors(head.baselines)
-    beside = [compare_exchanges(feed)] if feed.holds(HandExchange) else []
-    beside += [compare_arm(feed, measured.arm)] if feed.holds(ArmTurn) else []
-    end_ns = _run(feed, measured, comparing, errors, bus)
-    streams = [*comparing.results(), *(compared.result() for compared in beside)]
+    feed = RecordFeed(path, progress=progress)
+    head = feed.head = with_changes(feed.head, config, sets)
+    comparing, measured = Comparing(feed, bus), Measured(feed, bus)
+    if feed.holds(HandExchange):
+        repeat_exchanges(feed.bus, head, bus)
+    if feed.holds(ArmTurn):
+        repeat_turns(feed.bus, head.arm, bus)
+    end_ns = _run(feed, RecordedRun(feed, measured, comparing.settle), bus)
+    streams = list(comparing.results())
     return Replay(
         file=path.name,
         lossless=head.lossless,
         complete=feed.complete,
-        changed=measured.changed,
+        changed=[*head.changed, *filter(None, [metric_change(head)])],
         from_s=head.from_ns / 1e9,
         duration_s=(end_ns - head.from_ns) / 1e9,
         streams=streams,
-        pictures=[] if measured.again else errors.found(),
+        pictures=[] if measured.again else list(measured.errors.values()),
         dropped=feed.lost,
         same=not any(stream.differ for stream in streams),
-        pose_base=measured.config.session.pose_base,
+        pose_base=head.config.session.pose_base,
     )
 
 
-def _run(feed: RecordFeed, measured: Measured, comparing: Comparing, errors: PictureErrors, bus: Bus) -> int:
+def _run(feed: RecordFeed, recorded: RecordedRun, bus: Bus) -> int:
     """Run the loop on the recording; return when it ended."""
-    head, config = feed.head, measured.config
-    pacer = RecordedPacer(feed, comparing.settle)
-    # A real hand closed its own loop: its frames are not the loop's.
-    hand = (_UnseenHand if head.facts["steered"] == "true" else ModelledAllegro)(
-        device_id=config.hand.device_id
-    )
-    with_emg = "emg" in head.sources
+    head, config, end = feed.head, feed.head.config, feed.end
     if head.facts["observed"] == "true":
         bus.subscribe(Moment, lambda _moment: None)
-    contacts: dict[str, TakenItems[Contact]] = {
-        finger: TakenItems(feed, pacer, partial(_contact, measured, errors, feed))
-        for finger in head.baselines
-    }
-    levels: TakenItems[Intent] = TakenItems(feed, pacer, partial(_intent, measured))
-    feed.bus.subscribe(Contact, lambda contact: contacts[contact.finger].rows.append(contact), vital=True)
-    feed.bus.subscribe(Intent, levels.rows.append, vital=True)
-    touch = touch_loop(config, measured.calibration, list(head.baselines))
-    looks = newest(feed, HandLook)
+    # The frames of a real hand that closed its own loop are in its exchanges, not those of this model.
+    hand = ModelledAllegro(device_id=config.hand.device_id)
+    touch = touch_loop(config, head.calibration, head.baselines)
+    reflex = recorded_arc(config, head.baselines, recorded.newest, bus)
     loop = DualLoop(
-        pacer=pacer,
+        pacer=recorded,
         touch=touch,
-        contacts={finger: items.stream for finger, items in contacts.items()},
-        levels=levels.stream if with_emg else None,
-        hand=HandOutput(
-            hand,
-            bus=bus,
-            reflex=recorded_arc(newest(feed, ReflexGrip), head.baselines, config, tell=bus.publish),
-        ),
+        contacts=recorded.contacts,
+        levels=recorded.levels,
+        hand=HandOutput(hand, bus=bus, reflex=reflex),
         vest=VestOutput(
             touch,
             bus=bus,
-            now_ns=pacer.elapsed_ns,
+            now_ns=recorded.elapsed_ns,
             rate_hz=config.vest.rate_hz,
             by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
-            haptics=_recorded_haptics(feed),
-            tests=_RecordedTrials(feed),
+            haptics=recorded.haptics,
+            tests=recorded,
         ),
         bus=bus,
-        guard=RecordedGuard(newest(feed, Imposed), lambda: pacer.tick_ns),
-        moments=Moments(bus, hand if with_emg else None),
-        look=(lambda t_ns, _level: looks.at(t_ns)) if feed.holds(HandLook) else None,
+        guard=RecordedGuard(recorded.newest(Imposed), lambda: recorded.tick_ns),
+        moments=Moments(bus, None if recorded.levels is None else hand),
+        look=recorded.look,
     )
-    end = feed.end
     duration_ns = end.end_ns if end is not None and end.ended == "duration" else None
     feed.read_until(0)
-    report = loop.run(duration_ns=duration_ns, stop=pacer.over, endless=feed.holds(ArmTurn))
-    feed.read_rest()
-    for items in contacts.values():
-        items.fill(NEVER_NS)
+    report = loop.run(duration_ns=duration_ns, stop=recorded.over, endless=feed.holds(ArmTurn))
+    recorded.put_rest()
     return report.end_ns
 
 
-def _contact(
-    measured: Measured, errors: PictureErrors, feed: RecordFeed, recorded: Contact
-) -> Contact | None:
-    """Return what a recorded contact is now: measured again, or as recorded where that is not possible."""
-    again = measured.contacts[recorded.finger].at(recorded.t_ns)
-    if measured.again and recorded.taken_ns >= feed.head.from_ns:  # of earlier ones there are no pictures
-        return again
-    if again is not None:
-        errors.note(recorded, again)
-    return recorded
+def repeat_turns(recorded: Bus, settings: ArmSettings, bus: Bus) -> None:
+    """Give a new chain the input of every recorded turn of the arm, and publish the turns with its commands."""
+    chain = ArmChain(settings)
+    recorded.subscribe(
+        ArmTurn, lambda row: bus.publish(with_command(row, lead(chain, _turn(row)))), vital=True
+    )
 
 
-def _intent(measured: Measured, recorded: Intent) -> Intent | None:
-    return measured.intents.at(recorded.t_ns) if measured.decodes else recorded
+def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
+    """Give a new link the messages of a real hand at their times, and publish the exchanges with its frames."""
+    link = _link(head)
+    recorded.subscribe(
+        HandExchange,
+        lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))),
+        vital=True,
+    )
 
 
-def _recorded_haptics(feed: RecordFeed) -> Callable[[], bool]:
-    """Return whether motors could turn, one call after the other."""
-    changes, numbers, on = dict[int, bool](), count(), True
-    feed.bus.subscribe(Haptics, lambda one: changes.update({one.n_asked: one.on}), vital=True)
+@tells_damage
+def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
+    """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
 
-    def haptics() -> bool:
-        nonlocal on
-        on = changes.pop(next(numbers), on)
-        return on
-
-    return haptics
-
-
-class _RecordedTrials:
-    """Motors that were tried in the run, and frames that a program sent."""
-
-    def __init__(self, feed: RecordFeed) -> None:
-        self._tried, self._sent = newest(feed, TriedMotor), newest(feed, ProgramFrame)
-        self.active = feed.holds(TriedMotor) or feed.holds(ProgramFrame)
-
-    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        program, tried = self._sent.until(t_ns), self._tried.until(t_ns)
-        if program is not None and program.intensities:
-            frame = MotorLevels(frame.layout, np.array(program.intensities, np.uint8))
-        return frame if tried is None or not tried.percent else lit_frame(frame, tried.motor, tried.percent)
-
-    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
-        """Do nothing: the answer was given in the run."""
+    Raises:
+        RecordingError: The recording cannot be read, or has no tracked forearm.
+    """
+    feed = RecordFeed(path)
+    turns = feed.collect(ArmTurn)
+    feed.read_rest()
+    poses = [_pose(pose) for turn in turns for pose in turn.poses]
+    if not poses:
+        raise RecordingError(f"{path.name}: no forearm was tracked in it", "name a run with an [arm]")
+    return feed.head.arm.mapping, poses
 
 
-class _UnseenHand(ModelledAllegro):
-    """A real hand that closed its own loop: its frames are not the loop's."""
+def _turn(row: ArmTurn) -> Turn:
+    plain = {
+        name: getattr(row, name) for name in ("t_ns", "clutch", "dead_man", "may_move", "stopped", "cleared")
+    }
+    measured = _pose(row.measured[0]) if row.measured else None
+    return Turn(**plain, poses=tuple(_pose(pose) for pose in row.poses), measured=measured)
 
-    def step(self, level: float, added: float = 0.0) -> list[CanFrame]:  # noqa: ARG002
+
+def _pose(pose: PoseNumbers) -> StampedPose:
+    return StampedPose(pose.t_ns, list(pose.position), list(pose.quaternion), valid=pose.valid)
+
+
+def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:
+    """Return the frames of a link in an exchange."""
+    if one.action == "release":
+        link.release(one.t_ns)
         return []
+    if one.action == "abandon":
+        return link.abandon()
+    frames = [Received(f.id, f.data, f.remote, bool(f.flags & 1), bool(f.flags & 2)) for f in one.received]
+    return link.exchange(frames, one.t_ns, joined_level(one.level, one.closure), one.added)
 
-    def limp(self) -> list[CanFrame]:
-        return []
+
+def _link(head: Head) -> HandLink:
+    """Make the link of the run."""
+    from tega.devices.hand.allegro_options import AllegroOptions
+
+    tree = dict(head.tree.get("hand", {}).get("options", {}))
+    tree.pop("poses", None)
+    options = msgspec.convert(tree, AllegroOptions)
+    if "poses.toml" not in head.files:
+        return options.link()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "poses.toml"
+        path.write_bytes(head.files["poses.toml"])
+        return replace(options, poses=path).link()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
@@ -12,17 +13,18 @@ from tega.config.calibration import EmgMaxima
 from tega.devices.registry import driver_class
 from tega.errors import RecordingError
 from tega.loop.baseline import find_baseline
+from tega.loop.inbox.sources import chunk_of, frame_of
 from tega.loop.maxima import emg_conditions
 from tega.recording.mcap_folder import INDEX_NAME, session_files
-from tega.recording.replay.head import Head
-from tega.recording.replay.recorded import read_recorded
+from tega.recording.replay.feed import RecordFeed
+from tega.records import Contact, EmgSamples, Picture
+from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config.calibration import Calibration
     from tega.devices.base import EmgChunk, TactileFrame
-    from tega.records import Contact
 
 
 _EMG_SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".npy", ".mat"})
@@ -133,41 +135,40 @@ def read_material(
         _read_pictures(path, listener, preset, baseline, progress)
 
 
+@tells_damage
 def _read_session(path: Path, listener: Listener, preset: str | None, progress: Any) -> None:
-    n, wanted = 0, True
-
-    def begin(head: Head) -> None:
-        nonlocal wanted
-        tree = msgspec.to_builtins(
-            {"session": {"preset": preset or head.config.session.preset}}
-            | {name: head.tree[name] for name in ("stages", "vest") if name in head.tree}
-        )
-        vest = {k: v for k, v in tree.get("vest", {}).items() if k not in {"driver", "options"}}
-        calibration, muscles = head.calibration, head.calibration.emg
-        kind = head.tree.get("emg", {}).get("kind", "raw")
-        if muscles is not None:
-            muscles = msgspec.structs.replace(muscles, kind=kind) if "emg" in head.sources else None
-        wanted = listener.begin(
-            AuditMaterial(
-                tree | {"vest": vest},
-                head.baselines,
-                calibration,
-                muscles,
-                live=any(source.live for source in head.sources.values()),
-                measured=True,
-            )
-        )
-
-    def frame(finger: str, frame: TactileFrame, told: Any) -> None:
-        nonlocal n
-        n += 1
-        progress("pictures", n, 0)
-        listener.frame(finger, frame, loaded=getattr(told, "loaded", False))  # earlier recordings do not say
-
-    recorded = read_recorded(
-        path, begin=begin, frame=frame, chunk=listener.chunk, pictures_wanted=lambda _head: wanted
+    feed, numbers = RecordFeed(path), count(1)
+    head = feed.head
+    tree = msgspec.to_builtins(
+        {"session": {"preset": preset or head.config.session.preset}}
+        | {name: head.tree[name] for name in ("stages", "vest") if name in head.tree}
     )
-    listener.contacts(recorded.contacts)
+    vest = {k: v for k, v in tree.get("vest", {}).items() if k not in {"driver", "options"}}
+    calibration, muscles = head.calibration, head.calibration.emg
+    kind = head.tree.get("emg", {}).get("kind", "raw")
+    if muscles is not None:
+        muscles = msgspec.structs.replace(muscles, kind=kind) if "emg" in head.sources else None
+    wanted = listener.begin(
+        AuditMaterial(
+            tree | {"vest": vest},
+            head.baselines,
+            calibration,
+            muscles,
+            live=any(source.live for source in head.sources.values()),
+            measured=True,
+        )
+    )
+
+    def take(picture: Picture) -> None:
+        progress("pictures", next(numbers), 0)
+        listener.frame(picture.finger, frame_of(picture), loaded=picture.loaded)
+
+    if wanted:
+        feed.bus.subscribe(Picture, take, vital=True)
+    feed.bus.subscribe(EmgSamples, lambda given: listener.chunk(chunk_of(given)), vital=True)
+    contacts = feed.collect(Contact)
+    feed.read_rest()
+    listener.contacts({f: [one for one in contacts if one.finger == f] for f in head.baselines})
 
 
 def _read_pictures(

@@ -1,0 +1,252 @@
+"""Play a recording in a run: its input, and what else it holds for displays, each item when it came then.
+
+Pictures, samples and video are published as those of connected devices, so the page shows a recording like a live run.
+Only a part of a file is in memory. Nothing of the recorded arm moves an arm.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from msgspec.structs import replace
+
+from tega.config.attached import with_attached
+from tega.config.choose import muscle_decoder
+from tega.devices.base import DeviceInfo
+from tega.errors import ConfigError, RecordingError
+from tega.hand import joined_level, split_level
+from tega.loop.arm_view import recorded_look
+from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.loop import FIRST_LEVEL
+from tega.loop.parts import Part, RunStart
+from tega.recording.mcap_reader import table_ns
+from tega.recording.replay.followed_file import (
+    FollowedFile,
+    Follower,
+    PlayedFinger,
+    PlayedMoment,
+    PlayedSamples,
+)
+from tega.recording.replay.measured import Measured
+from tega.recording.replay.playhead import PlayedItems, Playhead, Track
+from tega.records import ArmTurn, Contact, EmgSamples, HandCommand, HandLook, Haptics, Imposed, Intent, Marker
+from tega.records.bus import Bus
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.threads import run_realtime
+from tega.stages.base import MeasuredPicture
+
+if TYPE_CHECKING:
+    from tega.loop.moment import LoopView
+    from tega.recording.replay.feed import RecordFeed
+    from tega.recording.replay.followed_file import Player
+
+PLAYED: Final = "recording"
+"""Source of a marker that is published again."""
+
+# Reading that is so late, in the machine's time, leaves out what lies between.
+_BEHIND_S: Final = 1.0
+_LOOK_S: Final = 0.01
+_LEAVE_S: Final = 5.0
+
+
+class _Played(NamedTuple):
+    """Stands in for a source whose items exist already."""
+
+    info: DeviceInfo
+
+
+class PlayedRun(Part):
+    """Plays a recording's records as the playhead passes them.
+
+    Args:
+        feed: The recording, to be read before the rest is used.
+        playhead: Position of the playback.
+    """
+
+    def __init__(self, feed: RecordFeed, playhead: Playhead) -> None:
+        self._feed, self._head, self._playhead = feed, feed.head, playhead
+        self._measured = Measured(feed, Bus(), compressed=False)
+        self._contacts, self._intents = feed.collect(Contact), feed.collect(Intent)
+        self._commands, self._imposed = feed.collect(HandCommand), feed.collect(Imposed)
+        self._looks, self._haptics = feed.collect(HandLook), feed.collect(Haptics)
+        self._marked, self._turned = feed.collect(Marker), feed.collect(ArmTurn)
+        self._bus, self._files, self._threads = Bus(), list[FollowedFile](), list[threading.Thread]()
+        self._closing = threading.Event()
+        self._moment: PlayedMoment | None = None
+
+    @tells_damage
+    def sources(self, note: str) -> Prepared:
+        """Return the sources of the run, with a note for readers of its results."""
+        head, muscles, emg = self._head, None, self._head.calibration.emg
+
+        def source(name: str) -> Any:
+            then = head.sources[name]
+            label = f"{then.driver} {then.label}"
+            return _Played(
+                replace(then, driver="recorded", label=label, live=False, n_items=None, notes=(note,))
+            )
+
+        found: dict[str, list[tuple[int, Contact]]] = {finger: [] for finger in head.baselines}
+        for row in self._contacts:
+            if (contact := self._measured.contact(row)) is not None:
+                found[row.finger].append((row.taken_ns, contact))
+        fingers = {}
+        for finger, items in found.items():
+            report, stream = SourceReport(n_items=len(items)), PlayedItems(items, self._playhead).stream
+            fingers[finger] = Finger(
+                source(finger), head.baselines[finger], "recording", report, stream=stream
+            )
+        if "emg" in head.sources and emg is not None:
+            with with_attached(head.config.stages, head.files) as stages:
+                decoder = muscle_decoder(stages, head.config.session.preset, emg)
+            levels = self._levels(len(emg.channels))
+            muscles = Muscles(source("emg"), emg, decoder, SourceReport(), stream=levels.stream)
+        name = "" if head.facts["calibration"] == "self-calibrated" else head.facts["calibration"]
+        looks = {look.t_ns: look for look in self._looks}
+        look = played_looks(list(looks.values()), self._playhead) if looks else None
+        return Prepared(fingers, muscles, head.calibration, name, look=look)
+
+    def haptics(self, permitted: Callable[[], bool]) -> Callable[[], bool]:
+        """Return the function that allows motors to vibrate if the run did then, and another function does."""
+        switches = Track(self._haptics, self._playhead)
+
+        def haptics() -> bool:
+            switch = switches.at_playhead()
+            return (switch is None or switch.on) and permitted()
+
+        return haptics
+
+    def follow(self, bus: Bus, players: Sequence[Player], others: Sequence[Path]) -> None:
+        """Open the files to follow: a thread for each, or the run's own where that has no real time.
+
+        Topics without subscribers on the bus are not read. A jump publishes no marker.
+
+        Raises:
+            ConfigError: Two streams have the same name.
+            RecordingError: A file cannot be used, or is of another time.
+        """
+        feed, playhead, self._bus = self._feed, self._playhead, bus
+        self._markers = Track(sorted(self._marked, key=lambda marker: marker.t_ns), playhead)
+        self._turns = Track(self._turned, playhead)
+        self._inline = playhead.speed is None
+        behind_ns = 2**62 if self._inline else round(_BEHIND_S * 1e9 * max(playhead.speed or 0.0, 1.0))
+        if topics := _topics(feed, bus, players):
+            self._files.append(FollowedFile(feed.reader, feed.epoch_ns, topics, behind_ns=behind_ns))
+        start_ns = table_ns(feed.head.facts, "start_ns")
+        for other in others:
+            if start_ns is None:
+                raise RecordingError(f"{feed.reader.path.name}: does not say when it began: no start_ns")
+            times = {"start_ns": start_ns, "end_ns": playhead.end_ns, "behind_ns": behind_ns}
+            self._files += filter(None, (player.beside(other, bus, **times) for player in players))
+        self._followers = [one for file in self._files for one in file.followers]
+        for name, n in Counter(one.name for one in self._followers).items():
+            if n > 1:
+                raise ConfigError(f"two streams to be played are called {name!r}", "leave one of them out")
+        playhead.fills.append(self.fill)
+
+    def begin(self, run: RunStart) -> None:  # noqa: ARG002  # the files know all that is needed
+        """Start the threads."""
+        if not self._inline:
+            for file in self._files:
+                thread = threading.Thread(target=self._work, args=[file], name="tega-played", daemon=True)
+                self._threads.append(thread)
+                thread.start()
+
+    def end(self) -> None:
+        """End the threads."""
+        self._closing.set()
+        for thread in self._threads:
+            thread.join(_LEAVE_S)
+
+    def fill(self, t_ns: int) -> None:  # noqa: ARG002  # the playhead has it
+        """Publish the markers that have passed, and let the files follow."""
+        playhead = self._playhead
+        for marker in self._markers.due():
+            self._bus.publish(Marker(t_ns=marker.t_ns + playhead.shift_ns, text=marker.text, source=PLAYED))
+        if playhead.at_ns < playhead.from_ns and not playhead.n_jumps:
+            return
+        self._moment = PlayedMoment(playhead.n_jumps, playhead.at_ns, playhead.shift_ns)
+        if self._inline:
+            for file in self._files:
+                file.follow(self._moment, self._closing)
+
+    @run_realtime("beside")
+    def _work(self, file: FollowedFile) -> None:
+        while not self._closing.wait(_LOOK_S):
+            if (moment := self._moment) is not None:
+                file.follow(moment, self._closing)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Parts of the recording that cannot be shown, a sentence each."""
+        return tuple(problem for file in self._files for problem in tuple(file.problems.values()))
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Add the recorded state of the arm, and the parts that cannot be shown, to a view of the loop."""
+        if problems := self.problems:
+            view = view._replace(alerts=(*view.alerts, *problems))
+        turn = self._turns.at_playhead()
+        if turn is None:
+            return view
+        arm, words = recorded_look(turn), f"as recorded: {turn.state}: {turn.reason}"
+        height_m = None if arm.hand_m is None else arm.hand_m[2]
+        return view._replace(arm=words, seen_arm=arm, arm_height_m=height_m)
+
+    def n_shown(self) -> dict[str, int]:
+        """Return the number of published frames and chunks of samples, by finger, camera and ``emg``."""
+        return {one.name: one.n_published for one in self._followers}
+
+    def _levels(self, n_channels: int) -> PlayedItems[Intent]:
+        """Return the hand's intents: the muscles' level, or the one imposed instead."""
+        intent = Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL)
+        began = [joined_level(command.level, command.closure) for command in self._commands[:1]]
+        first, imposed, found = _imposed(intent, sum(began) or FIRST_LEVEL), 0.0, list[tuple[int, Intent]]()
+        changes: list[tuple[int, Intent | Imposed]] = [(row.taken_ns, row) for row in self._intents]
+        changes += [(one.t_ns, one) for one in self._imposed]
+        for tick_ns, change in sorted(changes, key=lambda one: one[0]):
+            if isinstance(change, Imposed):
+                imposed = joined_level(change.level, change.closure)
+                at = replace(intent, t_ns=tick_ns)
+            elif (now := self._measured.intent(change)) is not None:
+                at = intent = now
+            else:
+                continue
+            found.append((tick_ns, _imposed(at, imposed) if imposed else at))
+        return PlayedItems(found, self._playhead, first)
+
+
+def _topics(feed: RecordFeed, bus: Bus, players: Sequence[Player]) -> dict[str, Follower]:
+    """Return the follower of each topic of the recording that a subscriber wants."""
+    head, topics = feed.head, dict[str, Follower]()
+    if bus.wants(MeasuredPicture):
+        for finger in head.baselines:
+            follower = PlayedFinger(finger, head, bus)
+            topics |= {f"/tactile/{finger}/image": follower, f"/tactile/{finger}/frame": follower}
+    if bus.wants(EmgSamples) and (maxima := head.calibration.emg) is not None:
+        topics[EmgSamples.topic] = PlayedSamples(maxima, bus)
+    for player in players:
+        topics |= player.topics(feed.reader.path, feed.epoch_ns, bus)
+    return topics
+
+
+def _imposed(intent: Intent, level: float) -> Intent:
+    """Return an intent that requests a level set against the muscles."""
+    whole, closure = split_level(level)
+    return replace(intent, level=whole, closure=closure)
+
+
+def played_looks(looks: list[HandLook], playhead: Playhead) -> Callable[[int, float], HandLook | None]:
+    """Return the function that gives the recorded looks at hand and arm, each at the tick at which it came then."""
+    track = Track(looks, playhead)
+
+    def look(t_ns: int, _level: float) -> HandLook | None:
+        if (found := next(track.due(), None)) is None:
+            return None
+        return replace(found, t_ns=t_ns, seen_ns=found.seen_ns + playhead.shift_ns)
+
+    return look
