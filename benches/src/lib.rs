@@ -54,6 +54,7 @@ pub fn kernels() -> Vec<Kernel> {
         all.push(tactile("touch_tracker", "touched-thrice", size, move || tracker(size, 3)));
         all.push(tactile("touch_tracker", "untouched", size, move || tracker(size, 0)));
     }
+    all.push(tactile("touch_tracker", "face-5-N", FINGER, tracker_of_face));
     let options =
         Options { difference: Difference::Rectified, spread: Spread::Intensity, ..Options::default() };
     all.push(tactile("contact_metrics", "rectified-intensity", FINGER, move || metrics(FINGER, options)));
@@ -136,6 +137,32 @@ fn tracker(size: (usize, usize), presses: usize) -> Run {
     Box::new(move || {
         let touch = tracker.update(black_box(frame.view()), None, false);
         black_box(touch.expect("the pictures are alike"));
+    })
+}
+
+/// A tracker on a simulated fingertip that a face presses: frames that differ by their noise, as a camera's do.
+fn tracker_of_face() -> Run {
+    let mut gel = Gel::new(Setup { seed: 5, ..Setup::default() }).expect("a spread within bounds");
+    let mut painted = |presses: &[Indenter], number| {
+        let mut picture = vec![0; PICTURE];
+        gel.press(presses, 0.0).expect("a shape");
+        gel.paint(number, &mut picture).expect("a picture's buffer");
+        Array3::from_shape_vec((FINGER.0, FINGER.1, CHANNELS), picture).expect("a picture's values")
+    };
+    let rest: Vec<_> = (0..30).map(|number| painted(&[], number)).collect();
+    let face = indenter(Shape::Box { half: [20.0; 3] }, 5.0);
+    let pressed: Vec<_> = (30..70).map(|number| painted(&[face], number)).collect();
+    let mut tracker =
+        TouchTracker::new(rest[0].view(), TrackerOptions::default()).expect("a picture of three colours");
+    for image in rest.iter().chain(&pressed) {
+        tracker.update(image.view(), None, false).expect("the pictures are alike");
+    }
+    let mut next = pressed.into_iter().cycle();
+    Box::new(move || {
+        let image = next.next().expect("it goes round");
+        let touch = tracker.update(black_box(image.view()), None, false).expect("the pictures are alike");
+        assert!(touch.in_contact, "what is counted is a contact");
+        black_box(touch);
     })
 }
 

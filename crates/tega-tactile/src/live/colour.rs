@@ -14,8 +14,10 @@ const ROUNDS: usize = 3;
 const GAIN_COUNTS: f32 = 64.0;
 /// Added to the gain's normal equation, so that an even gel says nothing about gain: a variance of one count.
 const GAIN_HOLD: f64 = 1.0 / (64.0 * 64.0);
-/// Sums of a fit: of weights with 1, x, y, x², xy, y², b, bx, by, b², and of the value with 1, x, y, b.
-pub(crate) const SUMS: usize = 14;
+/// Sums of a fit that its colours share: of weights with 1, x, y, x², xy, y².
+const SHARED: usize = 6;
+/// Those of one colour: of weights with b, bx, by, b², and of the value with 1, x, y, b.
+const OWN: usize = 8;
 
 /// The share of Σ e² over which one cell outweighs all others.
 const LONE_SHARE: f32 = 0.8;
@@ -131,10 +133,10 @@ impl Colour {
             let [a, b, c] = &self.left;
             trust([a, b, c], &mut self.weights);
             self.weights.iter_mut().skip(cells).for_each(|w| *w = 0.0);
+            let shared = shared_sums(&self.weights, [&self.x, &self.y]);
             for (c, fit) in fits.iter_mut().enumerate() {
                 let places = [&self.x[..], &self.y, &self.gel[c]];
-                let sums = fit_sums(&self.weights, places, &self.pooled[c]);
-                *fit = solve(&sums);
+                *fit = solve(&shared, &own_sums(&self.weights, places, &self.pooled[c]));
                 without_fit(&self.pooled[c], places, *fit, &mut self.left[c]);
                 self.left[c].iter_mut().skip(cells).for_each(|v| *v = 0.0);
             }
@@ -240,32 +242,34 @@ fn trust([a, b, c]: [&[f32]; 3], weights: &mut [f32]) {
     }
 }
 
-/// The weighted sums that a fit of level, x, y and gain needs; see [`SUMS`].
+/// The weighted sums of places; see [`SHARED`].
 #[inline(always)]
-fn fit_sums(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; SUMS] {
-    let mut sums = [[0f32; LANES]; SUMS];
+fn shared_sums(weights: &[f32], [x, y]: [&[f32]; 2]) -> [[f32; LANES]; SHARED] {
+    let mut sums = [[0f32; LANES]; SHARED];
+    let places = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0);
+    for (w, (x, y)) in weights.as_chunks::<LANES>().0.iter().zip(places) {
+        for l in 0..LANES {
+            let (wx, wy) = (w[l] * x[l], w[l] * y[l]);
+            let terms = [w[l], wx, wy, wx * x[l], wx * y[l], wy * y[l]];
+            for k in 0..SHARED {
+                sums[k][l] += terms[k];
+            }
+        }
+    }
+    sums
+}
+
+/// The weighted sums of a colour's gel and values; see [`OWN`].
+#[inline(always)]
+fn own_sums(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; OWN] {
+    let mut sums = [[0f32; LANES]; OWN];
     let chunks = weights.as_chunks::<LANES>().0.iter().zip(z.as_chunks::<LANES>().0);
     let places = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0).zip(b.as_chunks::<LANES>().0);
     for ((w, z), ((x, y), b)) in chunks.zip(places) {
         for l in 0..LANES {
-            let (wx, wy, wb, wz) = (w[l] * x[l], w[l] * y[l], w[l] * b[l], w[l] * z[l]);
-            let terms = [
-                w[l],
-                wx,
-                wy,
-                wx * x[l],
-                wx * y[l],
-                wy * y[l],
-                wb,
-                wb * x[l],
-                wb * y[l],
-                wb * b[l],
-                wz,
-                wz * x[l],
-                wz * y[l],
-                wz * b[l],
-            ];
-            for k in 0..SUMS {
+            let (wb, wz) = (w[l] * b[l], w[l] * z[l]);
+            let terms = [wb, wb * x[l], wb * y[l], wb * b[l], wz, wz * x[l], wz * y[l], wz * b[l]];
+            for k in 0..OWN {
                 sums[k][l] += terms[k];
             }
         }
@@ -291,9 +295,10 @@ fn energy_sums([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
 
 /// Solves the normal equations of these sums; zeros where they have no answer. A call, as [`total`] is.
 #[inline(never)]
-fn solve(sums: &[[f32; LANES]; SUMS]) -> [f32; 4] {
-    let [n, x, y, xx, xy, yy, b, bx, by, bb, z, zx, zy, zb] =
-        sums.map(|lanes| lanes.iter().map(|&v| f64::from(v)).sum::<f64>());
+fn solve(shared: &[[f32; LANES]; SHARED], own: &[[f32; LANES]; OWN]) -> [f32; 4] {
+    let sum = |lanes: [f32; LANES]| lanes.iter().map(|&v| f64::from(v)).sum::<f64>();
+    let [n, x, y, xx, xy, yy] = shared.map(sum);
+    let [b, bx, by, bb, z, zx, zy, zb] = own.map(sum);
     let hold = 1e-6 * n + f64::MIN_POSITIVE;
     let mut m = [
         [n + hold, x, y, b, z],

@@ -126,7 +126,7 @@ impl DentReader {
         evidence: &Evidence<'_>,
     ) -> Dent {
         let mut peaks = maps(self, white, grid);
-        let area = counted(&self.dent, level.level());
+        let area = cells_over(&self.dent, level.level());
         if filter.take([&mut self.change, &mut self.depth_mm], [area, peaks[1]], evidence) {
             peaks = combined(self);
         }
@@ -206,23 +206,26 @@ tega_simd::dispatched! {
 
 tega_simd::dispatched! {
     /// See [`count`].
-    counted = count, (dent: &[f32], level: f32) -> f32
+    cells_over = count, (dent: &[f32], level: f32) -> f32
 }
 
 /// Cells over a level, those about it counted by degrees.
 #[inline(always)]
 fn count(dent: &[f32], level: f32) -> f32 {
     let from = level / RIM - 0.5;
+    let degree = |v: f32| {
+        let over = v * (1.0 / RIM) - from;
+        let over = if over > 0.0 { over } else { 0.0 };
+        if over < 1.0 { over } else { 1.0 }
+    };
     let mut sums = [0f32; LANES];
     let (chunks, rest) = dent.as_chunks::<LANES>();
     for chunk in chunks {
         for lane in 0..LANES {
-            sums[lane] += (chunk[lane] * (1.0 / RIM) - from).clamp(0.0, 1.0);
+            sums[lane] += degree(chunk[lane]);
         }
     }
-    for (sum, v) in sums.iter_mut().zip(rest) {
-        *sum += (v * (1.0 / RIM) - from).clamp(0.0, 1.0);
-    }
+    sums.iter_mut().zip(rest).for_each(|(sum, v)| *sum += degree(*v));
     total(&sums)
 }
 

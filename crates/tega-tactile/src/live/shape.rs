@@ -56,14 +56,16 @@ impl Moments {
 struct Span {
     cells: [usize; 2],
     pixels: Range<usize>,
+    /// Its own of [`Side::shares`].
+    shares: Range<usize>,
 }
 
 /// One side of the picture, cut at the middles of its cells.
 #[derive(Debug, Clone, Default)]
 struct Side {
     spans: Vec<Span>,
-    /// Share of the way from the middle of a pixel's first cell to that of its second.
-    shares: Vec<f32>,
+    /// Share of the way from the middle of a pixel's first cell to that of its second; no number past the end of a span.
+    shares: Vec<[f32; LANES]>,
 }
 
 impl Side {
@@ -73,17 +75,32 @@ impl Side {
             k if k > cells => length,
             k => ((k - 1) * side + side / 2).min(length),
         };
-        let spans = (0..=cells).map(|k| Span {
-            cells: [k.saturating_sub(1), k.min(cells.saturating_sub(1))],
-            pixels: edge(k)..edge(k + 1),
-        });
-        let spans: Vec<Span> = spans.collect();
-        let share = |pixel: usize, [first, second]: [usize; 2]| {
-            if first == second { 0.0 } else { (pixel as f32 + 0.5) / side as f32 - 0.5 - first as f32 }
-        };
-        let shares =
-            spans.iter().flat_map(|span| span.pixels.clone().map(move |pixel| share(pixel, span.cells)));
-        Self { shares: shares.collect(), spans }
+        let (mut spans, mut shares) = (Vec::with_capacity(cells + 1), vec![]);
+        for k in 0..=cells {
+            let (pixels, between) =
+                (edge(k)..edge(k + 1), [k.saturating_sub(1), k.min(cells.saturating_sub(1))]);
+            let [first, second] = between;
+            let share = |pixel: usize| (pixel as f32 + 0.5) / side as f32 - 0.5 - first as f32;
+            let before = shares.len();
+            for start in pixels.clone().step_by(LANES) {
+                shares.push(std::array::from_fn(|lane| match start + lane {
+                    pixel if pixel >= pixels.end => f32::NAN,
+                    pixel => {
+                        if first == second {
+                            0.0
+                        } else {
+                            share(pixel)
+                        }
+                    }
+                }));
+            }
+            spans.push(Span { cells: between, pixels, shares: before..shares.len() });
+        }
+        Self { spans, shares }
+    }
+
+    fn shares_of(&self, span: &Span) -> &[[f32; LANES]] {
+        self.shares.get(span.shares.clone()).unwrap_or_default()
     }
 }
 
@@ -116,7 +133,9 @@ impl Outliner {
     pub fn paint(&self, field: &[f32], level: f32, mut paint: impl FnMut(usize, usize, usize)) -> Moments {
         let mut moments = Moments::default();
         let row_of = |r: usize| field.get(r * self.cols..(r + 1) * self.cols).unwrap_or_default();
-        for Span { cells: [upper, lower], pixels: rows } in &self.down.spans {
+        for below in &self.down.spans {
+            let (Span { cells: [upper, lower], pixels: rows, .. }, down) =
+                (below, self.down.shares_of(below));
             let (upper, lower) = (row_of(*upper), row_of(*lower));
             if !any_above(upper, level) && !any_above(lower, level) {
                 continue;
@@ -126,7 +145,8 @@ impl Outliner {
             let mut left_above = above(0);
             // Spans that are above the level at every corner are taken together.
             let mut whole: Option<Range<usize>> = None;
-            for Span { cells: [l, r], pixels: columns } in &self.across.spans {
+            for beside in &self.across.spans {
+                let Span { cells: [l, r], pixels: columns, .. } = beside;
                 let right_above = above(*r);
                 let corners = left_above + right_above;
                 left_above = right_above;
@@ -138,17 +158,15 @@ impl Outliner {
                 if corners == 0 {
                     continue;
                 }
-                let shares = self.across.shares.get(columns.clone()).unwrap_or_default();
-                let down = self.down.shares.get(rows.clone()).unwrap_or_default();
-                for (y, share) in rows.clone().zip(down) {
-                    let left = upper[*l] + share * (lower[*l] - upper[*l]);
-                    let right = upper[*r] + share * (lower[*r] - upper[*r]);
-                    // Along a row the field is a straight line: above the level on one side of it.
-                    let n = count_above(shares, left, right - left, level);
-                    if n > 0 {
-                        let first = if right > left { columns.end - n } else { columns.start };
-                        moments.add(first..first + n, y..y + 1);
-                        paint(y, first, first + n);
+                let ends = [[upper[*l], lower[*l]], [upper[*r], lower[*r]]];
+                for (down, first) in down.iter().zip(rows.clone().step_by(LANES)) {
+                    let runs = Runs::of(ends, down, self.across.shares_of(beside), columns.len(), level);
+                    runs.add(&mut moments, columns.start, first);
+                    for (y, (n, skip)) in (first..).zip(runs.lengths.into_iter().zip(runs.skips)) {
+                        if n > 0 {
+                            let start = columns.start + skip as usize;
+                            paint(y, start, start + n as usize);
+                        }
                     }
                 }
             }
@@ -183,13 +201,62 @@ fn any_above(values: &[f32], level: f32) -> bool {
     values.iter().map(|v| u32::from(*v > level)).sum::<u32>() > 0
 }
 
-/// Number of shares at which a straight line is above a level.
-#[inline(always)]
-fn count_above(shares: &[f32], start: f32, rise: f32, level: f32) -> usize {
-    let (chunks, rest) = shares.as_chunks::<LANES>();
-    let above = |share: &f32| u32::from(start + share * rise > level);
-    let whole: u32 = chunks.iter().map(|chunk| chunk.iter().map(above).sum::<u32>()).sum();
-    (whole + rest.iter().map(above).sum::<u32>()) as usize
+/// Up to [`LANES`] rows of pixels between four cells: in each, how many pixels are above the level, and how many before them are not.
+///
+/// Along a row the field is a straight line: above the level on one side of it.
+struct Runs {
+    lengths: [u32; LANES],
+    skips: [u32; LANES],
+}
+
+impl Runs {
+    /// The runs between cells left and right, upper and lower, at shares of the way `down` and `across`, the latter for `width` pixels.
+    #[inline(always)]
+    fn of(
+        [left, right]: [[f32; 2]; 2],
+        down: &[f32; LANES],
+        across: &[[f32; LANES]],
+        width: usize,
+        level: f32,
+    ) -> Self {
+        // A share that is no number is above nothing.
+        let at = |[upper, lower]: [f32; 2]| down.map(|share| upper + share * (lower - upper));
+        let (left, right) = (at(left), at(right));
+        let rise: [f32; LANES] = std::array::from_fn(|lane| right[lane] - left[lane]);
+        let mut lengths = [0u32; LANES];
+        for across in across {
+            for share in across {
+                for lane in 0..LANES {
+                    lengths[lane] += u32::from(left[lane] + share * rise[lane] > level);
+                }
+            }
+        }
+        let mut skips = [0u32; LANES];
+        for lane in 0..LANES {
+            skips[lane] = if right[lane] > left[lane] { width as u32 - lengths[lane] } else { 0 };
+        }
+        Self { lengths, skips }
+    }
+
+    /// Adds the pixels, the first of which lies in this column and row.
+    #[inline(always)]
+    fn add(&self, moments: &mut Moments, column: usize, row: usize) {
+        // Sums over n pixels from s on: of 1, of twice their place and of six times its square, whole in 32 bits.
+        let mut sums = [0u32; 5];
+        for (lane, (&n, &s)) in self.lengths.iter().zip(&self.skips).enumerate() {
+            let (y, pairs) = (lane as u32, n * n - n);
+            let squares = 2 * pairs * n - pairs;
+            let terms = [n, 2 * n * s + pairs, n * y, 6 * (n * s * s + pairs * s) + squares, n * y * y];
+            sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+        }
+        let [n, x, y, x_square, y_square] = sums.map(u64::from);
+        let (x, x_square) = (x / 2, x_square / 6);
+        let (column, row) = (column as u64, row as u64);
+        moments.area += n;
+        moments.x += n * column + x;
+        moments.y += n * row + y;
+        moments.square += (n * column + 2 * x) * column + x_square + (n * row + 2 * y) * row + y_square;
+    }
 }
 
 #[cfg(test)]
