@@ -56,8 +56,8 @@ def _show(found: Inspection) -> None:
             end = f"{int(step['to_ns']) / 1e9:g} s" if step["to_ns"] else "its end"
             what += f", {int(step['from_ns']) / 1e9:g} s to {end}"
         console.print(f"  made by {step['made_by']} from {what}", markup=False)
-    for line in (*(f"{name}: {label}" for name, label in found.sources.items()), *found.absent):
-        console.print(f"  {line}", markup=False)
+    for source in (*(f"{name}: {label}" for name, label in found.sources.items()), *found.absent):
+        console.print(f"  {source}", markup=False)
     table = Table(box=None, pad_edge=True)
     for column in (
         "stream",
