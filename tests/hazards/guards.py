@@ -598,7 +598,7 @@ GUARDS: Final = (
     ),
     Guard(
         "the hand's torque has the vendor's ceiling",
-        "torque_limits=TORQUE_LIMITS * o.torque_share",
+        "torque_limits=TORQUE_LIMITS * self.torque_share",
         "torque_limits=TORQUE_LIMITS",
         f"{_LOST}no_torque_is_beyond_the_share_that_is_set",
     ),

@@ -23,7 +23,8 @@ pytest.importorskip("av", reason="needs the extra tega[lerobot]")
 
 @pytest.fixture
 def config(tmp_path: Path) -> SessionConfig:
-    return check_tree(tree(tmp_path / "session"), {}, base=Path.cwd()).config
+    made_up = {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 1.5}}
+    return check_tree(tree(tmp_path / "session") | {"emg": made_up}, {}, base=Path.cwd()).config
 
 
 def test_a_session_is_observed_under_the_names_of_the_export(config: SessionConfig, tmp_path: Path) -> None:
