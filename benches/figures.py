@@ -51,8 +51,8 @@ def measure() -> None:
     command = [python, "-m", "tega.ui.cli", "bench", "--json", "--picture", str(PICTURE)]
     sources = (PROJECT / "python", PROJECT / "tools" / "figures")
     env = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sources))}
-    said = subprocess.run(command, check=True, env=env, stdout=subprocess.PIPE, text=True).stdout
-    RESULTS.write_text(json.dumps(rounded(json.loads(said)), indent=1) + "\n", encoding="utf-8")
+    message = subprocess.run(command, check=True, env=env, stdout=subprocess.PIPE, text=True).stdout
+    RESULTS.write_text(json.dumps(rounded(json.loads(message)), indent=1) + "\n", encoding="utf-8")
 
 
 def rounded(tree: Any) -> Any:
@@ -99,10 +99,10 @@ def contact(results: dict[str, Any]) -> str:
         worst = {key: max((r["error"][key] for r in own if r["error"]), default=None) for key in ERRORS}
         name = f"**{variant}**" if variant.startswith("TEGA") else variant
         times = [f"{r['to_floor']:.2f} ({r['time']['median_us']:.1f} µs)" for r in own]
-        shown = [
+        displayed = [
             f"{value:,.0f}" if key == "eda_pixels" and value else error(value) for key, value in worst.items()
         ]
-        lines.append([name, *times, *shown])
+        lines.append([name, *times, *displayed])
     return table(["", *LAWS.values(), *ERRORS.values()], lines)
 
 

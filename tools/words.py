@@ -97,12 +97,12 @@ def report() -> str:
     lines += [f"{name}: {n} words, more than {LONGEST_PAGE}" for name, n in long.items() if n > LONGEST_PAGE]
     pattern = retired()
     for page in user_pages():
-        said = prose(page).partition("## Words that are not used")[0]
-        lines += [f"{page.name}: retired word {word!r}" for word in sorted(set(pattern.findall(said)))]
+        message = prose(page).partition("## Words that are not used")[0]
+        lines += [f"{page.name}: retired word {word!r}" for word in sorted(set(pattern.findall(message)))]
     sources = [*PROJECT.glob("*.md"), *DOCS.rglob("*.md"), PROJECT / "mkdocs.yml"]
-    shown = "\n".join(page.read_text("utf-8") for page in sources)
+    displayed = "\n".join(page.read_text("utf-8") for page in sources)
     pictures = sorted(path for path in (DOCS / "images").glob("*.*") if path.suffix != ".py")
-    lines += [f"no page shows {path.name}" for path in pictures if f"images/{path.name}" not in shown]
+    lines += [f"no page shows {path.name}" for path in pictures if f"images/{path.name}" not in displayed]
     return "\n".join(lines)
 
 

@@ -254,7 +254,7 @@ def bench() -> None:
     _save_svg(figure, "setup-bench.svg")
 
 
-class Moment(NamedTuple):
+class Snapshot(NamedTuple):
     """What one picture of the animation shows."""
 
     t_s: float
@@ -266,14 +266,14 @@ class Moment(NamedTuple):
 
 def animation(name: str = "bottle") -> None:
     """Record one simulated lift and draw it, twice as fast as it goes."""
-    moments: list[Moment] = []
+    moments: list[Snapshot] = []
 
     def see(state: ViewState) -> None:
         t_s = state.loop.t_ns / 1e9
         if state.poses is not None and (not moments or t_s >= moments[-1].t_s + FRAME_S - 1e-6):
             motors = np.zeros(40) if state.loop.vest is None else state.loop.vest.x40()
             level = 1 if state.loop.intent is None else state.loop.intent.level
-            moments.append(Moment(t_s, np.array(state.poses), np.array(motors), int(level), 0.0))
+            moments.append(Snapshot(t_s, np.array(state.poses), np.array(motors), int(level), 0.0))
 
     plans = plan_trials([name], ["haptic"], [1])
     _, (course,) = run_demo(plans, real_time=False, observer=see)
@@ -293,7 +293,7 @@ def animation(name: str = "bottle") -> None:
     )
 
 
-def _frame(moment: Moment, shapes: Any, name: str) -> Image.Image:
+def _frame(moment: Snapshot, shapes: Any, name: str) -> Image.Image:
     figure = Figure(figsize=(7.2, 3.6), dpi=100)
     # Square, so that nothing of the table is cut off at a side.
     scene = figure.add_axes((0.0, -0.04, 0.485, 0.97), projection="3d", computed_zorder=False)

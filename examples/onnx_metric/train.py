@@ -106,8 +106,8 @@ def main() -> None:
         others = [pair for name, pair in presses.items() if name != held]
         rest, targets = (np.concatenate(part) for part in zip(*others, strict=True))
         for name, make in kinds.items():
-            said = np.full(len(y), targets.mean()) if make is None else make().fit(rest, targets).predict(x)
-            errors[name].append(float(np.sqrt(np.mean((said - y) ** 2))))
+            text = np.full(len(y), targets.mean()) if make is None else make().fit(rest, targets).predict(x)
+            errors[name].append(float(np.sqrt(np.mean((text - y) ** 2))))
         row = "  ".join(f"{name} {errors[name][-1]:5.2f} N" for name in kinds)
         print(f"{held:28} n = {len(y):3}  RMSE: {row}")
     wins = sum(a < b for a, b in zip(errors["network"], errors["linear"], strict=True))

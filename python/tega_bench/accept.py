@@ -12,7 +12,7 @@ from tega.ui.cli.options import echo_json, json_option
 _FAILED = 3
 
 
-class _Asked:
+class _Requested:
     """The person at the terminal."""
 
     def say(self, text: str) -> None:
@@ -83,7 +83,7 @@ def acceptance(
         )
     loaded = load_config(config, sets=sets).config
     case = acceptance_case(loaded, device)
-    report = accept_device(loaded, case, _Unasked() if yes else _Asked(), answered=not yes)
+    report = accept_device(loaded, case, _Unasked() if yes else _Requested(), answered=not yes)
     data, text = write_report(report, out)
     if as_json:
         steps = [{"name": s.name, "status": s.status, "measured": s.measured} for s in report.steps]

@@ -133,15 +133,15 @@ def onset(
 
 def _keep(measured: Iterator[tuple[OnsetRecord, str]], home: CalibrationFolder, *, as_json: bool) -> None:
     """Keep each record with the calibrations, and print it."""
-    told = []
-    for record, said in measured:
+    reported = []
+    for record, text in measured:
         file = home.keep_onset(record)
-        told.append({"file": str(file), "record": _plain(record)})
+        reported.append({"file": str(file), "record": _plain(record)})
         if not as_json:
-            click.echo(said)
+            click.echo(text)
             click.echo(f"  kept in {file}")
     if as_json:
-        echo_json(told)
+        echo_json(reported)
 
 
 def _beside(config: Path | None) -> Path:
@@ -154,7 +154,7 @@ def _read(wav: Path, log_file: Path) -> Iterator[tuple[OnsetRecord, str]]:
 
     log = read_log(log_file)
     record = record_of(found_in(*read_wav(wav), log), log)
-    yield record, _said(record)
+    yield record, _text(record)
 
 
 def _measure(
@@ -173,13 +173,13 @@ def _measure(
             )  # fmt: skip
         with Microphone(microphone) as ear:
             log = _played(wanted, motor)
-            samples = ear.heard()
+            samples = ear.received()
         if keep is not None:
             name = f"{log.made:%Y%m%d-%H%M%S}-motor{motor:02}"
             write_wav(keep / f"{name}.wav", samples, ear.rate_hz)
             write_log(log, keep / f"{name}.json")
         record = record_of(found_in(samples, ear.rate_hz, log), log)
-        yield record, _said(record)
+        yield record, _text(record)
 
 
 def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, as_json: bool) -> None:
@@ -219,7 +219,7 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
         worn = worn_vest(settings.vest, dose_file(settings.calibration))
         opened: Any = watched_vest(stack.enter_context(worn))
         clicks_s = clicks()
-        with progress_bar() as shown:
+        with progress_bar() as displayed:
             bursts_s, unsent = play_bursts(
                 opened,
                 motor,
@@ -228,7 +228,7 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
                 bursts=wanted.bursts,
                 clock=SystemClock(),
                 stop=stop,
-                told=lambda done, total: shown(f"motor {motor}", done, total),
+                reported=lambda done, total: displayed(f"motor {motor}", done, total),
             )
         clicks_s += clicks()
         info = opened.info
@@ -287,7 +287,7 @@ def _plain(record: OnsetRecord) -> dict[str, Any]:
     return plain
 
 
-def _said(record: OnsetRecord) -> str:
+def _text(record: OnsetRecord) -> str:
     from tega.setup.calibration.identify import motor_place
 
     low, high = record.middle_half_ms

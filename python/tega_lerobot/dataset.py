@@ -19,7 +19,7 @@ from tega.errors import ConfigError, RecordingError
 from tega.recording.copies import note_copy
 from tega.recording.mcap_folder import recorded_task
 from tega.recording.origin import origins, span
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
 from tega_lerobot.episode import Episode, read_episode
@@ -89,7 +89,7 @@ def export_lerobot(
         raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
     shapes = {}
     for name, video in scenes.items():
-        plain_name(name, what="camera", source="--scene")
+        plain_name(name, subject="camera", source="--scene")
         shapes[name] = check_scene(video)
     folder.mkdir(parents=True, exist_ok=True)
     for path in paths:
@@ -106,7 +106,7 @@ def export_lerobot(
     return folder
 
 
-@tells_damage
+@reports_damage
 def _add(path: Path, dataset: _Dataset, fps: int, task: str) -> None:
     """Read a recording and add it; whatever its content leads to on the way is damage of that file."""
     dataset.add(read_episode(path, fps=fps), task)
@@ -142,7 +142,7 @@ class _Dataset:
         if not self._features:
             self._features = features
             for finger, shape in self._shapes(episode).items():
-                plain_name(finger, what="finger", source=episode.path.name)
+                plain_name(finger, subject="finger", source=episode.path.name)
                 key = f"observation.images.{finger}"
                 self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
         elif features != self._features:
@@ -181,7 +181,9 @@ class _Dataset:
         known |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
         stats = {name: figures(values) for name, values in rows.items()}
         stats |= {f"observation.images.{f}": c.episode.figures() for f, c in self._cameras.items()}
-        known |= {f"stats/{name}/{what}": v for name, known_ in stats.items() for what, v in known_.items()}
+        known |= {
+            f"stats/{name}/{subject}": v for name, known_ in stats.items() for subject, v in known_.items()
+        }
         self._episodes.append(known)
         self._sources.append(_source(episode, number))
         self._n_frames += n

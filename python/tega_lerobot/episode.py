@@ -14,7 +14,7 @@ from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import span
 from tega.records import Contact, HandCommand
 from tega.records.schema import read
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega_lerobot.streams import (
     ARM_MEASURED,
     ARM_TARGET,
@@ -60,7 +60,7 @@ class Episode(NamedTuple):
         n_frames: How many.
         columns: By name of the feature, pictures left out.
         shapes: Height and width of the pictures, by finger.
-        shown: By finger, how many frames show each of its pictures, in the order of the file.
+        displayed: By finger, how many frames show each of its pictures, in the order of the file.
         markers: Marked moments, in the order of their times.
         tables: The recording's metadata.
     """
@@ -71,30 +71,30 @@ class Episode(NamedTuple):
     n_frames: int
     columns: dict[str, Column]
     shapes: dict[str, tuple[int, int]]
-    shown: dict[str, NDArray[np.int64]]
+    displayed: dict[str, NDArray[np.int64]]
     markers: list[EpisodeMarker]
     tables: dict[str, dict[str, str]]
 
     def pictures(self) -> Iterator[tuple[str, NDArray[np.uint8], int]]:
         """Read the pictures: finger, picture as uint8 (H, W, 3) in BGR, and how many frames in a row show it."""
-        places = dict.fromkeys(self.shown, 0)
+        places = dict.fromkeys(self.displayed, 0)
         messages = McapReader(self.path).messages(lambda topic: topic.endswith("/image"))
         for message, decoding in decode_ahead(messages):
             finger = _finger(message, "/image")
             if finger:
-                shown, place = self.shown.get(finger, ()), places.get(finger, 0)
-                if place >= len(shown):  # two topics share a finger's name
+                displayed, place = self.displayed.get(finger, ()), places.get(finger, 0)
+                if place >= len(displayed):  # two topics share a finger's name
                     raise RecordingError(
                         f"{self.path.name}: damaged, or not written by TEGA: pictures of {finger} in two topics",
                         "inspect says how far it can be read",
                     )
-                n_frames = int(shown[place])
+                n_frames = int(displayed[place])
                 places[finger] = place + 1
                 if n_frames and decoding is not None:
                     yield finger, decoding.result(), n_frames
 
 
-@tells_damage
+@reports_damage
 def read_episode(path: Path, *, fps: int) -> Episode:
     """Read a recording, pictures left out, and lay its streams on frames of a fixed rate.
 
@@ -145,12 +145,12 @@ def read_episode(path: Path, *, fps: int) -> Episode:
     end_ns = max((s.times[-1] for topic, s in used.items() if topic.startswith(led)), default=begin_ns)
     n_frames = _count_frames(path.name, end_ns - begin_ns, fps)
     grid_ns = begin_ns + np.arange(n_frames, dtype=np.int64) * _S // fps
-    columns, shown = columns_of(used, grid_ns, samples), {}
+    columns, displayed = columns_of(used, grid_ns, samples), {}
     for finger in shapes:
         newest = used[f"/tactile/{finger}/image"].newest(grid_ns)
-        shown[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))
+        displayed[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))
     markers.sort()
-    return Episode(path, fps, begin_ns, int(n_frames), columns, shapes, shown, markers, reader.metadata)
+    return Episode(path, fps, begin_ns, int(n_frames), columns, shapes, displayed, markers, reader.metadata)
 
 
 def _count_frames(name: str, length_ns: int, fps: int) -> int:

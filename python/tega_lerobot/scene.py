@@ -54,7 +54,7 @@ def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
     """
     names = filmed_cameras(McapReader(recording))
     for name in names:
-        plain_name(name, what="camera", source=recording.name)
+        plain_name(name, subject="camera", source=recording.name)
         export_camera(recording, name, beside / f"{name}.mp4")
     return {name: beside / f"{name}.mp4" for name in names}
 

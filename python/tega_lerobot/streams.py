@@ -117,12 +117,12 @@ def columns_of(
     contacts = [topic for topic in sorted(streams) if topic.endswith("/contact")]
     if contacts:
         by_finger = [streams[topic].at(grid_ns) for topic in contacts]
-        for feature, part, what in (
+        for feature, part, subject in (
             ("observation.touch", slice(0, 3), ("eda", "cci", "in_contact")),
             ("observation.touch_si", slice(3, None), _MEASURED),
         ):
             values = np.concatenate([rows[:, part] for rows in by_finger], axis=1)
-            names = [f"{topic.split('/')[2]}.{name}" for topic in contacts for name in what]
+            names = [f"{topic.split('/')[2]}.{name}" for topic in contacts for name in subject]
             if part.start == 0 or any(np.isfinite(_all(streams[topic])[:, part]).any() for topic in contacts):
                 columns[feature] = Column(values, names)
     images = [
@@ -145,14 +145,14 @@ def columns_of(
     arm = streams.get(ARM_MEASURED)
     if arm is not None:
         columns["observation.arm"] = Column(arm.at(grid_ns), [f"arm.{name}" for name in PoseNumbers.table])
-    asked: list[Column] = []
+    requested: list[Column] = []
     if hand := streams.get("/hand/frames"):
-        asked.append(Column(hand.at(grid_ns), list(CLOSURE)))
+        requested.append(Column(hand.at(grid_ns), list(CLOSURE)))
     if arm is not None:
-        asked.append(Column(_targets(streams.get(ARM_TARGET), arm, grid_ns), list(ARM_ACTION)))
-    if asked:
-        values = np.concatenate([column.values for column in asked], axis=1)
-        columns["action"] = Column(values, [name for column in asked for name in column.names])
+        requested.append(Column(_targets(streams.get(ARM_TARGET), arm, grid_ns), list(ARM_ACTION)))
+    if requested:
+        values = np.concatenate([column.values for column in requested], axis=1)
+        columns["action"] = Column(values, [name for column in requested for name in column.names])
     return columns
 
 

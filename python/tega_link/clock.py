@@ -13,7 +13,7 @@ import msgspec
 from tega_link.messages import Ping, Pong, decode, encode
 
 _PERIOD_NS = 200_000_000
-_MOST_ASKED = 100
+_MOST_REQUESTS = 100
 WINDOW_NS = 10_000_000_000
 
 
@@ -85,7 +85,7 @@ class PeerClock:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._estimate = ClockEstimate()
-        self._asked: dict[int, None] = {}
+        self._requested: dict[int, None] = {}
         self._next_ns = 0
         self._send_ping: Callable[[bytes], None] = lambda _message: None
         self._send_pong: Callable[[bytes], None] = lambda _message: None
@@ -102,33 +102,33 @@ class PeerClock:
         self._next_ns = now_ns + _PERIOD_NS
         with self._lock:
             t0_ns = time.monotonic_ns()
-            self._asked[t0_ns] = None
-            while len(self._asked) > _MOST_ASKED:
-                del self._asked[next(iter(self._asked))]
+            self._requested[t0_ns] = None
+            while len(self._requested) > _MOST_REQUESTS:
+                del self._requested[next(iter(self._requested))]
         self._send_ping(encode(Ping(session, t0_ns)))
 
-    def hear(self, key: str, data: bytes, session: int) -> None:
+    def receive(self, key: str, data: bytes, session: int) -> None:
         """Process a ping or pong of a session; those of another session or unreadable ones are ignored."""
         now_ns = time.monotonic_ns()
         try:
-            heard = decode(Ping, data) if key.endswith("/ping") else decode(Pong, data)
+            received = decode(Ping, data) if key.endswith("/ping") else decode(Pong, data)
         except msgspec.DecodeError:
             return
-        if heard.session != session:
+        if received.session != session:
             return
-        if isinstance(heard, Ping):
-            self._send_pong(encode(Pong(session, heard.t0_ns, now_ns, time.monotonic_ns())))
+        if isinstance(received, Ping):
+            self._send_pong(encode(Pong(session, received.t0_ns, now_ns, time.monotonic_ns())))
             return
         with self._lock:
-            if heard.t0_ns in self._asked:  # what we asked, and only once
-                del self._asked[heard.t0_ns]
-                self._estimate.add(heard.t0_ns, heard.t1_ns, heard.t2_ns, now_ns)
+            if received.t0_ns in self._requested:  # what we asked, and only once
+                del self._requested[received.t0_ns]
+                self._estimate.add(received.t0_ns, received.t1_ns, received.t2_ns, now_ns)
 
     def forget(self) -> None:
         """Restart the estimate, with another machine."""
         with self._lock:
             self._estimate.forget()
-            self._asked.clear()
+            self._requested.clear()
             self._next_ns = 0
 
     def offset(self, now_ns: int) -> Offset | None:

@@ -39,7 +39,7 @@ class Commands:
 
     Attributes:
         blocks: Levels for the loop.
-        way: How long commands took, by the clock's estimate.
+        route: How long commands took, by the clock's estimate.
         n: Commands for the hand that were taken in.
         rate_hz: Recent rate of commands.
     """
@@ -66,7 +66,7 @@ class Commands:
         self._level: tuple[int, float | None] = (0, None)
         self._counted = (0, 0)
         self.blocks: LiveStream[Intent] = LiveStream(clock=clock)
-        self.way = Histogram()
+        self.route = Histogram()
         self.n = 0
         self.rate_hz = 0.0
 
@@ -105,7 +105,7 @@ class Commands:
         if found is None:
             return None
         command, now_ns, offset = found
-        self.way.add(now_ns - offset.ours(command.sent_ns))
+        self.route.add(now_ns - offset.ours(command.sent_ns))
         self.n += 1
         self._hand_ns = offset.earliest(command.sent_ns)
         self._pass_on(command, offset.ours(0 if command.intent is None else command.intent.t_ns), now_ns)
@@ -113,13 +113,13 @@ class Commands:
 
     def _pass_on(self, command: HandMessage, block_ns: int, now_ns: int) -> None:
         """Give a new block of EMG to the loop."""
-        start_ns, asked = self._start_ns, command.intent
-        if start_ns is None or asked is None or not self._has_hand:
+        start_ns, requested = self._start_ns, command.intent
+        if start_ns is None or requested is None or not self._has_hand:
             return
         t_ns = self.blocks.end_ns
-        level = asked.level, asked.closure
-        if asked.t_ns > self._block_ns:
-            self._block_ns = asked.t_ns
+        level = requested.level, requested.closure
+        if requested.t_ns > self._block_ns:
+            self._block_ns = requested.t_ns
             # Never in the future, whatever the other clock says, nor back where its estimate has moved a little.
             t_ns = max(min(block_ns, now_ns) - start_ns, t_ns)
             self._stamp(t_ns, now_ns)
@@ -127,7 +127,7 @@ class Commands:
             return  # else the operator's guard has another level for that block
         self._level = level
         # One channel, as the source has it: the level itself.
-        intent = msgspec.structs.replace(asked, t_ns=t_ns, taken_ns=0, channels=level[:1])
+        intent = msgspec.structs.replace(requested, t_ns=t_ns, taken_ns=0, channels=level[:1])
         self.blocks.put(intent, use_by_ns=self._hand_ns + self._ttl_ns)
 
     def arm(self, data: bytes) -> ArmMessage | None:
@@ -142,7 +142,7 @@ class Commands:
         if tracker is not None and pose is not None and pose.t_ns > self._pose_ns:
             self._pose_ns = pose.t_ns
             seen = StampedPose(offset.ours(pose.t_ns), pose.position, pose.quaternion, pose.valid)
-            tracker.see(seen, use_by_ns=self._arm_ns + self._ttl_ns)
+            tracker.observe(seen, use_by_ns=self._arm_ns + self._ttl_ns)
         return command
 
     def _accepted(
@@ -166,21 +166,21 @@ class Commands:
 
     def switch(self, name: str) -> tuple[int, bool, bool]:
         """Return when a switch was last received, whether that is fresh, and whether it counts as held."""
-        said, heard_ns = self._switches, self._arm_ns
-        if said is None:
-            return heard_ns, False, False
-        fresh = self._clock() - heard_ns <= self._ttl_ns
+        text, received_ns = self._switches, self._arm_ns
+        if text is None:
+            return received_ns, False, False
+        fresh = self._clock() - received_ns <= self._ttl_ns
         if name == "clutch":
             # Through a silence it stays as it was: the chain lets go by itself, and wants it pressed anew. A session
             # that begins with it pressed has nobody who took hold.
-            return heard_ns, fresh, said.clutch and self._clutch_was_open
-        return heard_ns, fresh, fresh and (said.dead_man if name == "dead_man" else said.recover)
+            return received_ns, fresh, text.clutch and self._clutch_was_open
+        return received_ns, fresh, fresh and (text.dead_man if name == "dead_man" else text.recover)
 
     def missing(self, name: str) -> str:
         """Return that there is no command of the leader's that may be used, ``""`` if there is."""
-        heard_ns, refused = self._hand_ns, self._gates["hand"].last
+        received_ns, refused = self._hand_ns, self._gates["hand"].last
         now_ns = self._clock()
-        if heard_ns and now_ns - heard_ns <= self._ttl_ns:
+        if received_ns and now_ns - received_ns <= self._ttl_ns:
             return ""
         why = f"; the newest was refused: {refused}" if refused else ""
         offset = self._offset(now_ns)
@@ -189,9 +189,9 @@ class Commands:
                 f", since the way there and back takes {offset.round_trip_ns / 1e6:.0f} ms "
                 f"and net.ttl_ms is {self._ttl_ns / 1e6:g}"
             )
-        if not heard_ns:
+        if not received_ns:
             return f"link: no command from {name!r} yet{why}"
-        return f"link: no command from {name!r} for {(now_ns - heard_ns) / 1e9:.1f} s{why}"
+        return f"link: no command from {name!r} for {(now_ns - received_ns) / 1e9:.1f} s{why}"
 
     def count_rate(self, now_ns: int) -> None:
         """Count how many commands come a second."""

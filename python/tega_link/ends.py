@@ -154,7 +154,7 @@ class FarHand(Opened):
 
     def __init__(self, robot: str, *, answered: Callable[[int], tuple[int, int] | None]) -> None:
         self._info = DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True)
-        self.asked: tuple[int, float | None] | None = None
+        self.requested: tuple[int, float | None] | None = None
         self.angles: tuple[float, ...] = ()
         self.answered_ns = answered
 
@@ -180,12 +180,12 @@ class FarHand(Opened):
 
         A reflex's addition is sent with the level, as one move: the fast reflex is at the other station.
         """
-        self.asked = split_level(level + added)
+        self.requested = split_level(level + added)
         return ()
 
     def limp(self) -> Sequence[CanFrame]:
         """Ask for nothing any more; the robot's station holds, and then does what its settings say."""
-        self.asked = None
+        self.requested = None
         return ()
 
 
@@ -194,11 +194,11 @@ class FarSwitch(Opened):
 
     Args:
         name: Name of the switch.
-        look: Returns when it was last received, whether that is fresh, and whether it is held.
+        check: Returns when it was last received, whether that is fresh, and whether it is held.
     """
 
-    def __init__(self, name: str, look: Callable[[], tuple[int, bool, bool]]) -> None:
-        self._name, self._look = name, look
+    def __init__(self, name: str, check: Callable[[], tuple[int, bool, bool]]) -> None:
+        self._name, self._check = name, check
         self._was_held, self._sequence = False, 0
         self._info = DeviceInfo(driver="net", kind="input", label=f"the operator's {name}", live=True)
 
@@ -215,12 +215,12 @@ class FarSwitch(Opened):
 
     def state(self) -> InputReading:
         """Return the state of the switch now."""
-        t_ns, live, held = self._look()
+        t_ns, live, held = self._check()
         return InputReading(t_ns, live, _STILL, frozenset({self._name}) if held else frozenset())
 
     def events(self) -> Sequence[InputEvent]:
         """Return whether it went down or up since the last call."""
-        t_ns, _, held = self._look()
+        t_ns, _, held = self._check()
         if held == self._was_held:
             return ()
         self._was_held = held
@@ -255,7 +255,7 @@ class FarTracker(Opened):
     def close(self) -> None:
         """Do nothing: the operator's station closes the tracker."""
 
-    def see(self, pose: StampedPose, *, use_by_ns: int) -> None:
+    def observe(self, pose: StampedPose, *, use_by_ns: int) -> None:
         """Take in a pose that may be used until some time of our clock; in a thread of the link's."""
         self._poses.append((pose, use_by_ns))
 

@@ -59,19 +59,19 @@ class IntentSender:
         """Note the newest intent, its times by the monotonic clock."""
         self._newest = intent
 
-    def say_hand(self) -> None:
+    def lead_hand(self) -> None:
         """Send the hand's command."""
-        asked = None if self.hand is None else self.hand.asked
+        requested = None if self.hand is None else self.hand.requested
         wanted = None
-        if asked is not None:
-            wanted = replace(self._newest, level=asked[0], closure=asked[1])
+        if requested is not None:
+            wanted = replace(self._newest, level=requested[0], closure=requested[1])
         stamp = self._stamp("hand")
         self._send_hand(encode(HandMessage(**stamp, intent=wanted)))
         self.n += 1
         if wanted is not None:
             self._sent.append(stamp["sent_ns"])
 
-    def say_arm(self) -> None:
+    def lead_arm(self) -> None:
         """Send the forearm's pose and the held switches."""
         may_move = self._guard is not None and self._guard.state == "active"
         self._send_arm(encode(ArmMessage(**self._stamp("arm"), **self._forearm.facts(may_move=may_move))))
@@ -80,7 +80,7 @@ class IntentSender:
         """Send that nothing is wanted and nothing held any more."""
         if self.hand is not None:
             self.hand.limp()
-        self.say_hand()
+        self.lead_hand()
         self._send_arm(encode(ArmMessage(**self._stamp("arm"))))
 
     def _answered_ns(self, since_ns: int) -> tuple[int, int] | None:

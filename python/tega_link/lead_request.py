@@ -29,7 +29,7 @@ class Lead:
     Args:
         link: The link; it is open before anything is asked.
         join: The request; its session number is drawn here.
-        anew: Called when a new session begins.
+        renewed: Called when a new session begins.
         given: Called with the robot's welcome, before the lead counts as given.
 
     Attributes:
@@ -41,9 +41,9 @@ class Lead:
     """
 
     def __init__(
-        self, link: Link, join: Join, *, anew: Callable[[], None], given: Callable[[Welcome], None]
+        self, link: Link, join: Join, *, renewed: Callable[[], None], given: Callable[[Welcome], None]
     ) -> None:
-        self._link, self._join, self._anew, self._given = link, join, anew, given
+        self._link, self._join, self._renewed, self._given = link, join, renewed, given
         self._answered = threading.Event()
         self._next_ns = 0
         self._end_life: Callable[[], None] = lambda: None
@@ -64,11 +64,11 @@ class Lead:
             self.session = secrets.randbits(62) | 1
             self._end_life()
             self._end_life = self._link.lives(f"operator/{name}/{self.session:x}")
-            self._anew()
+            self._renewed()
         join = msgspec.structs.replace(self._join, session=self.session)
-        self._link.asks(f"join/{name}", encode(join), self._hear, timeout_s=_ASK_S)
+        self._link.asks(f"join/{name}", encode(join), self._receive, timeout_s=_ASK_S)
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         """Take in the answer, in a thread of the link's."""
         if self.has:
             return

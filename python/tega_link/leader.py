@@ -38,7 +38,7 @@ class Leadership:
 
     def ask(self, join: Join, now_ns: int) -> Refused | None:
         """Process a request for the lead; return why it is refused, ``None`` if it is given."""
-        self.look(now_ns)
+        self.check(now_ns)
         if (refused := self._refusal(join)) is not None:
             return refused
         if self.session == 0:
@@ -76,11 +76,11 @@ class Leadership:
                 f"robot {robot!r} has an arm, and this station has no dead-man switch", "set [input.dead_man]"
             )
         if frame and join.frame != frame:
-            said = (
+            text = (
                 f"gives poses in the axes {join.frame!r}" if join.frame else "has nothing that leads an arm"
             )
             return Refused(
-                f"robot {robot!r} has an arm that wants poses in the axes {frame!r}; this station {said}",
+                f"robot {robot!r} has an arm that wants poses in the axes {frame!r}; this station {text}",
                 "set [net.tracker] or [input.motion] here, or arm.mapping.frame in the robot's settings",
             )
         return None
@@ -96,7 +96,7 @@ class Leadership:
         self._free()
         return True
 
-    def look(self, now_ns: int) -> bool:
+    def check(self, now_ns: int) -> bool:
         """Return whether the leader has gone without ever having given a sign of life."""
         if (
             self.session == 0
@@ -119,7 +119,7 @@ class Reception:
         lock: The station's; held while who leads changes.
         robot: The robot's name.
         begin: Called with a session that begins, or ``None`` when there is none any more, with the lock held.
-        tell: Called with a sentence on each event.
+        notify: Called with a sentence on each event.
 
     Attributes:
         welcome: The message to a new leader; ``None`` before the robot can be led.
@@ -132,21 +132,21 @@ class Reception:
         *,
         robot: str,
         begin: Callable[[int | None], None],
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
     ) -> None:
         self._leader, self._lock, self._robot = leader, lock, robot
-        self._begin, self._tell = begin, tell
+        self._begin, self._notify = begin, notify
         self.welcome: Welcome | None = None
 
     def is_leader(self, key: str) -> bool:
         """Return whether a key such as ``cmd/NAME/hand`` is the leader's."""
         return self._leader.session != 0 and key.split("/")[1] == self._leader.name
 
-    def join(self, key: str, asked: bytes) -> bytes:
+    def join(self, key: str, requested: bytes) -> bytes:
         """Return the answer to a question under ``join/NAME``."""
         now_ns = time.monotonic_ns()
         try:
-            join = decode(Join, asked)
+            join = decode(Join, requested)
         except msgspec.DecodeError:
             return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
         if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
@@ -159,10 +159,10 @@ class Reception:
             if refused is None and before != join.session:
                 self._begin(join.session)
         if refused is not None:
-            self._tell(f"operator {join.name!r} was refused: {refused.why}")
+            self._notify(f"operator {join.name!r} was refused: {refused.why}")
             return encode(refused)
         if before != join.session:
-            self._tell(f"operator {join.name!r} leads")
+            self._notify(f"operator {join.name!r} leads")
         return encode(msgspec.structs.replace(self.welcome, sent_ns=now_ns))
 
     def watch(self, key: str, alive: bool) -> None:  # noqa: FBT001  # the link's signature
@@ -177,16 +177,16 @@ class Reception:
             if gone:
                 self._begin(None)
         if gone:
-            self._tell(f"operator {name!r} is gone")
+            self._notify(f"operator {name!r} is gone")
 
-    def look(self, now_ns: int) -> int:
+    def check(self, now_ns: int) -> int:
         """Return the leader's session, 0 for none; who asked and never gave a sign of life leads no more."""
         with self._lock:
             name = self._leader.name
-            gone = self._leader.look(now_ns)
+            gone = self._leader.check(now_ns)
             if gone:
                 self._begin(None)
             session = self._leader.session
         if gone:
-            self._tell(f"operator {name!r} asked and then went")
+            self._notify(f"operator {name!r} asked and then went")
         return session

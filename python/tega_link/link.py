@@ -28,7 +28,7 @@ _QUEUE = 16
 _RETRY_MS = (100, 500)
 # Messages that may wait for the sender's thread; of more the oldest are left out, since what is old is of no use.
 _MOST_WAITING = 1000
-_TOLD_S = 1.0
+_REPORTED_S = 1.0
 
 
 class Channel(Enum):
@@ -136,7 +136,7 @@ class Link(Opened):
     @property
     def problem(self) -> str:
         """Why messages were not sent within the last second, and how many so far; ``""`` while all are."""
-        if not self._refused or time.monotonic() - self._refused_s > _TOLD_S:
+        if not self._refused or time.monotonic() - self._refused_s > _REPORTED_S:
             return ""
         return f"link: {self.n_unsent} messages were not sent: {self._refused}"
 
@@ -158,12 +158,12 @@ class Link(Opened):
     def _put(publisher: Any, message: bytes) -> None:
         publisher.put(message)
 
-    def hears(self, key: str, heard: Callable[[str, bytes], None]) -> None:
+    def receives(self, key: str, received: Callable[[str, bytes], None]) -> None:
         """Call a function with every message under a key expression: the key after the root, and the message."""
         cut = len(self.root) + 1
 
         def callback(sample: Any) -> None:
-            heard(str(sample.key_expr)[cut:], sample.payload.to_bytes())
+            received(str(sample.key_expr)[cut:], sample.payload.to_bytes())
 
         self._kept.append(self._session.declare_subscriber(f"{self.root}/{key}", callback))
 
@@ -173,8 +173,8 @@ class Link(Opened):
 
         def callback(query: Any) -> None:
             with query:
-                asked = b"" if query.payload is None else query.payload.to_bytes()
-                query.reply(query.key_expr, answer(str(query.key_expr)[cut:], asked))
+                requested = b"" if query.payload is None else query.payload.to_bytes()
+                query.reply(query.key_expr, answer(str(query.key_expr)[cut:], requested))
 
         self._kept.append(self._session.declare_queryable(f"{self.root}/{key}", callback))
 
@@ -295,9 +295,9 @@ def _access(net: NetSection) -> dict[str, Any]:
         if net.station == "operator":
             ours.append(rule(f"from {name}", _ALL, "ingress", ["**"]))
         else:
-            heard = ["state", "event", "clock/*", "tactile/**"]
+            received = ["state", "event", "clock/*", "tactile/**"]
             ours += [
-                rule(f"{name} hears", ["declare_subscriber"], "ingress", heard),
+                rule(f"{name} hears", ["declare_subscriber"], "ingress", received),
                 rule(f"{name} says", ["put"], "ingress", [f"cmd/{name}/**"]),
                 rule(f"{name} asks", ["query"], "ingress", [f"join/{name}"]),
                 rule(f"{name} lives", ["liveliness_token"], "ingress", [f"operator/{name}/*"]),

@@ -43,16 +43,16 @@ class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
 
     def malformed(self) -> str:
         """Return why the command cannot be used, ``""`` if it can."""
-        asked = self.intent
-        if asked is None:
+        requested = self.intent
+        if requested is None:
             return ""
-        if asked.closure is not None and not 0.0 <= asked.closure <= 1.0:
-            return f"closure {asked.closure} is not from 0 to 1"
-        if asked.confidence is not None and not 0.0 <= asked.confidence <= 1.0:
-            return f"confidence {asked.confidence} is not from 0 to 1"
-        if not all(map(math.isfinite, asked.activity)):
+        if requested.closure is not None and not 0.0 <= requested.closure <= 1.0:
+            return f"closure {requested.closure} is not from 0 to 1"
+        if requested.confidence is not None and not 0.0 <= requested.confidence <= 1.0:
+            return f"confidence {requested.confidence} is not from 0 to 1"
+        if not all(map(math.isfinite, requested.activity)):
             return "an activity is not finite"
-        return "" if 1 <= asked.level <= 5 else f"level {asked.level} is not from 1 to 5"
+        return "" if 1 <= requested.level <= 5 else f"level {requested.level} is not from 1 to 5"
 
 
 class ArmMessage(Stamped, frozen=True, tag="ArmCommand", kw_only=True):

@@ -50,8 +50,8 @@ def open_station(config: SessionConfig, bus: Bus, *, stop: Callable[[], bool]) -
             f"[{table}] stands in the {net.station}'s settings, but belongs to the {other}",
             f"move it to the settings of the {other}'s station",
         )
-    if net.keys is not None and (said := check_expiry(net.keys)):
-        bus.publish(Notice(text=said))
+    if net.keys is not None and (message := check_expiry(net.keys)):
+        bus.publish(Notice(text=message))
     if operator:
         return OperatorStation(config, bus, stop)
     return RobotStation(config, bus)

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.loop.inbox.inputs import Inputs
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.moment import LoopView
     from tega.loop.sinks import Sinks
+    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
 
 
@@ -56,7 +56,7 @@ class OperatorStation(Station):
             dead_man=config.input.dead_man is not None,
             muscles=config.emg is not None,
         )
-        self._lead = Lead(self._link, join, anew=self._clock.forget, given=self._welcomed)
+        self._lead = Lead(self._link, join, renewed=self._clock.forget, given=self._welcomed)
         self._state: State | None = None
         self._state_ns = 0
         self._states, self._events = StampGate(ttl_ns=10**12), StampGate(ttl_ns=10**12)
@@ -88,11 +88,11 @@ class OperatorStation(Station):
             link.sends(f"{mine}/clock/ping", Channel.COMMAND),
             link.sends(f"{mine}/clock/pong", Channel.COMMAND),
         )
-        link.hears("state", self._hear_state)
-        link.hears("event", self._hear_event)
-        link.hears("clock/*", lambda key, data: self._clock.hear(key, data, self._lead.session))
-        link.hears("tactile/features/*", self._hear_feature)
-        link.hears("tactile/image/*", self._hear_image)
+        link.receives("state", self._receive_state)
+        link.receives("event", self._receive_event)
+        link.receives("clock/*", lambda key, data: self._clock.receive(key, data, self._lead.session))
+        link.receives("tactile/features/*", self._receive_feature)
+        link.receives("tactile/image/*", self._receive_image)
         self._start()
         try:
             self._lead.await_yes(self.net, self._stop)
@@ -179,10 +179,10 @@ class OperatorStation(Station):
     def alert(self) -> str:
         """Return the problem that the robot's station reports."""
         state = self._state
-        said = () if state is None else [a for a in state.alerts if not a.startswith("link: ")]
-        return f"robot: {'; '.join(said)}" if said else ""
+        text = () if state is None else [a for a in state.alerts if not a.startswith("link: ")]
+        return f"robot: {'; '.join(text)}" if text else ""
 
-    def shown(self, view: LoopView) -> LoopView:
+    def displayed(self, view: LoopView) -> LoopView:
         """Complete a moment with how link and arm are."""
         state = self._state
         devices = view.devices | {"hand"}
@@ -194,12 +194,12 @@ class OperatorStation(Station):
         state, robot = self._state, self.net.robot
         if not self._lead.has:
             return f"robot {robot} does not answer"
-        said = f"leads {robot}"
+        text = f"leads {robot}"
         if state is not None and state.state:
-            said += f" ({state.state}: {state.reason})" if state.state != "active" else " (active)"
-        if (way := self._touch.way).n:
-            said += f", touch on the way {way.at(0.5) / 1e6:.1f} ms"
-        return f"{said}, {self._clock.words}"
+            text += f" ({state.state}: {state.reason})" if state.state != "active" else " (active)"
+        if (route := self._touch.route).n:
+            text += f", touch on the way {route.at(0.5) / 1e6:.1f} ms"
+        return f"{text}, {self._clock.words}"
 
     def _summary(self) -> dict[str, Any]:
         """Return the counts of the link."""
@@ -223,13 +223,13 @@ class OperatorStation(Station):
         if lost != self._was_lost:
             self._was_lost = lost
             self._n_lost += lost
-            self._tell(f"robot {self.net.robot!r} {'does not answer' if lost else 'answers again'}")
+            self._notify(f"robot {self.net.robot!r} {'does not answer' if lost else 'answers again'}")
         self._touch.mind(lost=lost)
         if lost:
             return
-        self._intent.say_hand()
+        self._intent.lead_hand()
         if self._start_ns is not None and lead.welcome is not None and lead.welcome.arm:
-            self._intent.say_arm()
+            self._intent.lead_arm()
 
     def _welcomed(self, welcome: Welcome) -> None:
         """Listen to a robot's station from its beginning."""
@@ -242,9 +242,9 @@ class OperatorStation(Station):
         self._numbers.clear()
         self._state, self._state_ns = None, now_ns
         if self._lead.n:
-            self._tell(f"robot {self.net.robot!r} is led again")
+            self._notify(f"robot {self.net.robot!r} is led again")
 
-    def _hear_state(self, _key: str, data: bytes) -> None:
+    def _receive_state(self, _key: str, data: bytes) -> None:
         now_ns = time.monotonic_ns()
         try:
             state = decode(State, data)
@@ -272,9 +272,9 @@ class OperatorStation(Station):
     def _lose_lead(self, why: str) -> None:
         self._lead.lose()
         self._state = None
-        self._tell(f"robot {self.net.robot!r} is asked for the lead again: {why}")
+        self._notify(f"robot {self.net.robot!r} is asked for the lead again: {why}")
 
-    def _hear_event(self, _key: str, data: bytes) -> None:
+    def _receive_event(self, _key: str, data: bytes) -> None:
         now_ns = time.monotonic_ns()
         try:
             event = decode(Change, data)
@@ -283,12 +283,12 @@ class OperatorStation(Station):
         with self._lock:
             refusal = self._events.refusal(event, now_ns, self._clock.offset(now_ns))
         if refusal in {"", "no clock"}:
-            self._tell(f"robot {self.net.robot!r}: {event.change.state}: {event.change.reason}")
+            self._notify(f"robot {self.net.robot!r}: {event.change.state}: {event.change.reason}")
 
-    def _hear_feature(self, key: str, data: bytes) -> None:
+    def _receive_feature(self, key: str, data: bytes) -> None:
         with self._lock:
             now_ns = time.monotonic_ns()
             self._touch.feature(key.rpartition("/")[2], data, now_ns, self._clock.offset(now_ns))
 
-    def _hear_image(self, key: str, data: bytes) -> None:
+    def _receive_image(self, key: str, data: bytes) -> None:
         self._touch.image(key.rpartition("/")[2], data, self._clock.offset(time.monotonic_ns()))

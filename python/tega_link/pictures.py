@@ -53,7 +53,7 @@ class PictureSender:
             self._sends[name] = self._link.sends(f"tactile/image/{name}", Channel.IMAGE)
             self.sent[name] = 0
 
-    def see(self, picture: Picture) -> None:
+    def observe(self, picture: Picture) -> None:
         """Note a fingertip's newest picture."""
         self._newest[picture.finger] = picture
 
@@ -88,12 +88,12 @@ class PictureSender:
             import cv2
         except ImportError:
             return
-        told: dict[str, int] = {}
+        reported: dict[str, int] = {}
         while not self._leaving.wait(self._period_s):
             for name, frame in list(self._newest.items()):
-                if not self._wanted() or told.get(name) == frame.seq:
+                if not self._wanted() or reported.get(name) == frame.seq:
                     continue
-                told[name] = frame.seq
+                reported[name] = frame.seq
                 jpeg = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, self._quality])[1]
                 image = Image(
                     session=self._session,

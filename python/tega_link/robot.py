@@ -56,7 +56,7 @@ class RobotStation(Station):
         leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
         self._leader = leader
         self._reception = Reception(
-            leader, self._lock, robot=net.own_name, begin=self._begin_session, tell=self._tell
+            leader, self._lock, robot=net.own_name, begin=self._begin_session, notify=self._notify
         )
         self._tracker = FarTracker(frame) if arm is not None else None
         self._commands = Commands(
@@ -87,14 +87,14 @@ class RobotStation(Station):
         self._clock.open(link.sends("clock/ping", Channel.COMMAND), link.sends("clock/pong", Channel.COMMAND))
         for finger in self._config.tactile.in_use():
             self._features[finger] = link.sends(f"tactile/features/{finger}", Channel.FEATURES)
-        link.hears("cmd/*/hand", self._hear_command)
-        link.hears("cmd/*/arm", self._hear_command)
-        link.hears("cmd/*/emg", self._hear_samples)
-        link.hears("cmd/*/clock/*", self._hear_clock)
+        link.receives("cmd/*/hand", self._receive_command)
+        link.receives("cmd/*/arm", self._receive_command)
+        link.receives("cmd/*/emg", self._receive_samples)
+        link.receives("cmd/*/clock/*", self._receive_clock)
         link.watches("operator/*/*", self._reception.watch)
         link.answers("join/*", self._reception.join)
         self._start()
-        self._tell(f"robot {self.net.own_name!r} waits for an operator at {self.net.listen}")
+        self._notify(f"robot {self.net.own_name!r} waits for an operator at {self.net.listen}")
 
     def end(self) -> None:
         """Hand nothing more to the recording."""
@@ -121,7 +121,7 @@ class RobotStation(Station):
                 wanted=lambda: self._leader.session != 0,
             )
             self._pictures.open(prepared.fingers)
-            self._bus.subscribe(Picture, self._pictures.see, name="link")
+            self._bus.subscribe(Picture, self._pictures.observe, name="link")
         if self._has_hand:
             prepared = prepared._replace(muscles=far_muscles(self._muscles, self._commands.blocks))
         return prepared
@@ -199,13 +199,13 @@ class RobotStation(Station):
         if not self._leader.session:
             return "waits for an operator"
         commands = self._commands
-        said = f"led by {self._leader.name}, {commands.rate_hz:.0f} commands/s"
-        if commands.way.n:
-            said += f", way {commands.way.at(0.5) / 1e6:.1f} ms"
-        said += f", {self._clock.words}"
+        text = f"led by {self._leader.name}, {commands.rate_hz:.0f} commands/s"
+        if commands.route.n:
+            text += f", way {commands.route.at(0.5) / 1e6:.1f} ms"
+        text += f", {self._clock.words}"
         if refused := commands.refused:
-            said += ", refused: " + ", ".join(f"{n} {why}" for why, n in refused.items())
-        return said
+            text += ", refused: " + ", ".join(f"{n} {why}" for why, n in refused.items())
+        return text
 
     def _summary(self) -> dict[str, Any]:
         """Return the counts of the link."""
@@ -213,7 +213,7 @@ class RobotStation(Station):
         with self._lock:
             commands.keep_counts()
         return self._link_summary() | {
-            "way_ms": commands.way.summary_ms() if commands.way.n else None,
+            "way_ms": commands.route.summary_ms() if commands.route.n else None,
             "leaders": self._n_leaders,
             "commands": commands.n,
             "refused_commands": commands.refused_in_all,
@@ -231,16 +231,16 @@ class RobotStation(Station):
         self._n_leaders += session is not None
         self._next_state_ns = 0
 
-    def _hear_clock(self, key: str, data: bytes) -> None:
+    def _receive_clock(self, key: str, data: bytes) -> None:
         if self._reception.is_leader(key):
-            self._clock.hear(key, data, self._leader.session)
+            self._clock.receive(key, data, self._leader.session)
 
-    def _hear_samples(self, key: str, data: bytes) -> None:
+    def _receive_samples(self, key: str, data: bytes) -> None:
         if self._records and self._reception.is_leader(key):
             now_ns = time.monotonic_ns()
             self._samples.take(data, now_ns, self._clock.offset(now_ns))
 
-    def _hear_command(self, key: str, data: bytes) -> None:
+    def _receive_command(self, key: str, data: bytes) -> None:
         commands, for_arm = self._commands, key.endswith("/arm")
         with self._lock:
             if not self._reception.is_leader(key):
@@ -251,17 +251,17 @@ class RobotStation(Station):
                 commands.hand(data)
 
     def _turn(self, now_ns: int) -> None:
-        session = self._reception.look(now_ns)
+        session = self._reception.check(now_ns)
         if session:
             self._clock.ask(session, now_ns)
         self._commands.count_rate(now_ns)
         if now_ns >= self._next_state_ns:
             self._next_state_ns = now_ns + _STATE_NS
-            self._say_state(session)
+            self._send_state_now(session)
 
-    def _say_state(self, session: int) -> None:
+    def _send_state_now(self, session: int) -> None:
         view = self._view
-        said = State(
+        text = State(
             **self._stamp(self._session, "state"),
             leader=session,
             leader_name=self._leader.name,
@@ -269,12 +269,12 @@ class RobotStation(Station):
             problem=self.missing() if session else "",
         )
         if view is not None:
-            said = msgspec.structs.replace(
-                said,
+            text = msgspec.structs.replace(
+                text,
                 state=view.state,
                 reason=view.reason,
                 alerts=tuple(view.alerts),
                 arm=view.arm,
                 angles_rad=tuple(view.angles_rad or ()),
             )
-        self._send_state(encode(said))
+        self._send_state(encode(text))

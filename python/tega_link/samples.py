@@ -91,10 +91,10 @@ class SampleReceiver:
     def take(self, data: bytes, now_ns: int, offset: Offset | None) -> None:
         """Take in a message of the leader's."""
         try:
-            said = decode(Samples, data)
+            text = decode(Samples, data)
         except msgspec.DecodeError:
             return
-        if said.malformed() or self._gate.refusal(said, now_ns, offset) or offset is None:
+        if text.malformed() or self._gate.refusal(text, now_ns, offset) or offset is None:
             return
-        samples = np.frombuffer(said.samples, "<f8").reshape(-1, said.n_channels).astype(np.float64)
-        self._muscles.give(EmgChunk(min(offset.ours(said.t_ns), now_ns), said.first_index, samples))
+        samples = np.frombuffer(text.samples, "<f8").reshape(-1, text.n_channels).astype(np.float64)
+        self._muscles.give(EmgChunk(min(offset.ours(text.t_ns), now_ns), text.first_index, samples))

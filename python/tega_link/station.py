@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from tega.loop.moment import Moment
 from tega.loop.parts import Part
+from tega.loop.snapshot import Snapshot
 from tega.records import RunState
 from tega.records.display import Notice
 from tega.runtime.lifecycle import Opened
@@ -18,7 +18,7 @@ from tega_link.settings import NetSection, net_of
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
 
 
@@ -43,7 +43,7 @@ class Station(Part, Opened):
         self.net: NetSection = net
         self._config, self._bus = config, bus
         bus.subscribe(RunState, self.changed, name="link")
-        bus.subscribe(Moment, self._seen, name="link")
+        bus.subscribe(Snapshot, self._seen, name="link")
         self._link = Link(self.net)
         self._lock = threading.Lock()
         self._clock = PeerClock()
@@ -76,16 +76,16 @@ class Station(Part, Opened):
 
     def changed(self, change: RunState) -> None:
         """Report that the run's state has changed."""
-        self._tell(f"{change.state}: {change.reason}")
+        self._notify(f"{change.state}: {change.reason}")
 
-    def _tell(self, text: str) -> None:
+    def _notify(self, text: str) -> None:
         """Report an event of the link to the person who runs the session."""
         self._bus.publish(Notice(text=text))
 
-    def _seen(self, moment: Moment) -> None:
-        self._view = moment.view
+    def _seen(self, snapshot: Snapshot) -> None:
+        self._view = snapshot.view
 
-    def shown(self, view: LoopView) -> LoopView:
+    def displayed(self, view: LoopView) -> LoopView:
         """Complete a moment for a display."""
         return view._replace(link=self.words)
 
@@ -125,7 +125,7 @@ class Station(Part, Opened):
                 Exception
             ) as error:  # told as long as the run lasts; nothing more is sent, so the other side holds
                 self._error = f"link: no longer served: {error}"
-                self._tell(self._error)
+                self._notify(self._error)
                 return
 
     def _turn(self, now_ns: int) -> None:

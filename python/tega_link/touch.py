@@ -64,7 +64,7 @@ class FarTouch:
         ttl_ns: How old what comes may be.
 
     Attributes:
-        way: How long touch was on its way, by the clock's estimate.
+        route: How long touch was on its way, by the clock's estimate.
     """
 
     def __init__(self, robot: str, *, ttl_ns: int) -> None:
@@ -74,7 +74,7 @@ class FarTouch:
         self._start_ns: int | None = None
         self._ring: Callable[[], None] = lambda: None
         self._readers: list[Reader[TactileFrame]] = []
-        self.way = Histogram()
+        self.route = Histogram()
 
     def welcome(self, welcome: Welcome) -> None:
         """Listen to a robot's station from its beginning."""
@@ -109,8 +109,8 @@ class FarTouch:
             if trace is not None:
                 far.stamp = trace.source(name)
             source = prepared.fingers[name].source
-            tell = partial(_tell, bus, name, start_ns=start_ns)
-            self._readers.append(Reader(f"{name}-pictures-read", partial(read_items, source), tell))
+            notify = partial(_notify, bus, name, start_ns=start_ns)
+            self._readers.append(Reader(f"{name}-pictures-read", partial(read_items, source), notify))
         if bell is not None:
             self._ring = bell.ring
         self._start_ns = start_ns
@@ -143,7 +143,7 @@ class FarTouch:
             return
         use_by_ns = offset.earliest(feature.sent_ns) + self._ttl_ns
         far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature, use_by_ns=use_by_ns)
-        self.way.add(now_ns - offset.ours(feature.sent_ns))
+        self.route.add(now_ns - offset.ours(feature.sent_ns))
         self._ring()
 
     def image(self, name: str, data: bytes, offset: Offset | None) -> None:
@@ -160,11 +160,11 @@ class FarTouch:
     def summary(self) -> dict[str, Any]:
         """Return how much came and how long that took, and how much of it was not used."""
         came = {name: far.report.n_items for name, far in self._fingers.items()}
-        way_ms = self.way.summary_ms() if self.way.n else None
-        return {"way_ms": way_ms, "features": came, "refused_features": refused_by(self._gates.values())}
+        transit_ms = self.route.summary_ms() if self.route.n else None
+        return {"way_ms": transit_ms, "features": came, "refused_features": refused_by(self._gates.values())}
 
 
-def _tell(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> None:
+def _notify(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> None:
     bus.publish(picture_of(finger, frame, received_ns=time.monotonic_ns(), start_ns=start_ns))
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from tega.runtime.lsl import find_streams, hosts_of, load_lsl, to_monotonic_s
 from tega.runtime.stamp_check import is_other_clock
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _WAIT_S = 0.2
 _CONNECT_S = 5.0
 _BUFFER_S = 60
@@ -22,7 +22,7 @@ _AWAY_S = 60.0
 _FORGET_S = 2.0
 
 
-class Heard(NamedTuple):
+class ReceivedMarker(NamedTuple):
     """A marker that came.
 
     Attributes:
@@ -47,11 +47,11 @@ class LslMarkersIn:
 
     Args:
         name: Name of the stream.
-        hear: Called with each marker, in that thread.
+        receive: Called with each marker, in that thread.
 
     Attributes:
         problem: Problem, one sentence; ``""`` while exactly one stream is there and its stamps are plausible.
-        n_heard: Markers so far.
+        n_received: Markers so far.
         n_unstamped: Markers so far with stamps of another clock.
         correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
 
@@ -59,13 +59,13 @@ class LslMarkersIn:
         MissingExtraError: pylsl is not installed.
     """
 
-    def __init__(self, name: str, hear: Callable[[Heard], None]) -> None:
+    def __init__(self, name: str, receive: Callable[[ReceivedMarker], None]) -> None:
         self._name = name
-        self._hear = hear
+        self._receive = receive
         self._lsl = load_lsl("markers.lsl_in")
         self._over = threading.Event()
         self.problem = f"markers: no stream called {name!r} on the network yet"
-        self.n_heard = self.n_unstamped = 0
+        self.n_received = self.n_unstamped = 0
         self.correction_s: float | None = None
         self._other_clock = ""
         self._thread = threading.Thread(target=self._work, name="tega-markers", daemon=True)
@@ -79,7 +79,7 @@ class LslMarkersIn:
     def _work(self) -> None:
         lsl = self._lsl
         while not self._over.is_set():
-            found = find_streams(lsl, "name", self._name, _LOOK_S)
+            found = find_streams(lsl, "name", self._name, _POLL_S)
             if len(found) > 1:
                 self.problem = self._several(found)
             if len(found) != 1:
@@ -121,7 +121,7 @@ class LslMarkersIn:
 
     def _take(self, text: str, stamp_s: float, correction_s: float) -> None:
         self.correction_s = correction_s
-        self.n_heard += 1
+        self.n_received += 1
         received_ns = time.monotonic_ns()
         at_s = stamp_s + correction_s + to_monotonic_s(self._lsl)
         age_s = received_ns * 1e-9 - at_s
@@ -135,4 +135,4 @@ class LslMarkersIn:
             at_ns = received_ns
         else:
             at_ns = round(at_s * 1e9)
-        self._hear(Heard(at_ns, received_ns, text, stamp_s, correction_s))
+        self._receive(ReceivedMarker(at_ns, received_ns, text, stamp_s, correction_s))

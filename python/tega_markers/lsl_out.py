@@ -39,7 +39,7 @@ class LslMarkersOut:
         self._outlet = lsl.StreamOutlet(info)
         self._to_lsl_s = -to_monotonic_s(lsl)
         self._standing: dict[str, tuple[str, int]] = {}
-        self._heard = False
+        self._received = False
         self._lock = threading.Lock()  # the loop greets, the markers' backlog pushes
         self.n_pushed = 0
 
@@ -60,8 +60,8 @@ class LslMarkersOut:
     def greet(self) -> None:
         """Send the present states if a listener has connected; returns at once."""
         with self._lock:
-            heard, self._heard = self._heard, bool(self._outlet.have_consumers())
-            if self._heard and not heard:
+            received, self._received = self._received, bool(self._outlet.have_consumers())
+            if self._received and not received:
                 for text, at_ns in self._standing.values():
                     self._push(text, at_ns)
 

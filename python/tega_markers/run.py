@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
 from tega.records.bus import Backlog
-from tega_markers.lsl_in import Heard, LslMarkersIn
+from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
 from tega_markers.lsl_out import LslMarkersOut
 from tega_markers.lsl_streams import LslStreams
 
@@ -45,25 +45,25 @@ class RunMarkers:
     def __init__(self, settings: MarkersSection, bus: Bus) -> None:
         self._settings = settings
         self._lock = threading.Lock()
-        self._early: list[Heard] = []
+        self._early: list[ReceivedMarker] = []
         self._bus = bus
         self._zero_ns = self._start_ns = 0
         self._counts_real = self._begun = False
         self._waiting = Backlog("markers")
         self._out = None if settings.lsl_out is None else LslMarkersOut(settings.lsl_out)
-        self._in = None if settings.lsl_in is None else LslMarkersIn(settings.lsl_in, self._heard)
+        self._in = None if settings.lsl_in is None else LslMarkersIn(settings.lsl_in, self._received)
         self._streams: LslStreams | None = None
         if settings.lsl_streams:
             prefix = settings.lsl_out or "tega"
             self._streams = LslStreams(settings.lsl_streams, prefix, bus, self._waiting, at_ns=self._at_ns)
         if self._out is not None:
-            told: tuple[tuple[type[Record], Any], ...] = (
+            reported: tuple[tuple[type[Record], Any], ...] = (
                 (RunState, self._state),
                 (Alert, self._alert),
                 (Button, self._button),
                 (Event, self._event),
             )
-            for kind, mark in told:
+            for kind, mark in reported:
                 bus.subscribe(kind, mark, name="markers", backlog=self._waiting)
 
     def problem(self) -> str:
@@ -86,30 +86,30 @@ class RunMarkers:
             self._start_ns = zero_ns if real else time.monotonic_ns()
             self._begun = True
             early, self._early = self._early, []
-        for heard in early:
-            self._heard(heard)
+        for received in early:
+            self._received(received)
         if self._streams is not None:
             self._streams.begin(emg_hz)
-        self._tell("session:start", self._start_ns)
-        self._tell(f"trial:{trial}", self._start_ns)
+        self._notify("session:start", self._start_ns)
+        self._notify(f"trial:{trial}", self._start_ns)
 
     def summary(self) -> dict[str, Any]:
         """Return the counts of markers sent and received."""
-        said: dict[str, Any] = {}
+        message: dict[str, Any] = {}
         if self._out is not None:
-            said["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}
+            message["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}
         if self._streams is not None:
-            said["streams"] = dict(self._streams.n_pushed)
+            message["streams"] = dict(self._streams.n_pushed)
         if self._in is not None:
             correction_s = self._in.correction_s
-            said["in"] = {
+            message["in"] = {
                 "stream": self._settings.lsl_in,
-                "heard": self._in.n_heard,
+                "heard": self._in.n_received,
                 "of_another_clock": self._in.n_unstamped,
                 "clock_correction_s": correction_s,
                 "problem": self._in.problem,
             }
-        return said
+        return message
 
     def close(self) -> None:
         """Stop listening, and take the own stream away."""
@@ -121,24 +121,24 @@ class RunMarkers:
         if self._out is not None:
             self._out.close()
 
-    def _tell(self, text: str, at_ns: int) -> None:
+    def _notify(self, text: str, at_ns: int) -> None:
         if self._out is not None:
             self._out.push(text, at_ns)
 
     def _state(self, change: RunState) -> None:
-        self._tell(f"state:{change.state}", self._at_ns(change.t_ns))
+        self._notify(f"state:{change.state}", self._at_ns(change.t_ns))
 
     def _alert(self, alert: Alert) -> None:
         words = f"fault:{alert.name}:{alert.said}" if alert.said else f"fault-over:{alert.name}"
-        self._tell(words, self._at_ns(alert.t_ns))
+        self._notify(words, self._at_ns(alert.t_ns))
 
     def _button(self, button: Button) -> None:
         if button.seat == "marker" and button.pressed:
             # Devices stamp with the monotonic clock, whatever the session counts from.
-            self._tell(f"pedal:{button.button}", self._zero_ns + button.t_ns)
+            self._notify(f"pedal:{button.button}", self._zero_ns + button.t_ns)
 
     def _event(self, event: Event) -> None:
-        self._tell(f"touch:{event.kind}:{event.finger}".rstrip(":"), self._at_ns(event.t_ns))
+        self._notify(f"touch:{event.kind}:{event.finger}".rstrip(":"), self._at_ns(event.t_ns))
 
     def _at_ns(self, t_ns: int) -> int:
         """Return when on the monotonic clock a time of the session was; now, where that is no real time."""
@@ -146,18 +146,18 @@ class RunMarkers:
             return self._start_ns + t_ns
         return time.monotonic_ns() - round(self._waiting.waited_s * 1e9)
 
-    def _heard(self, heard: Heard) -> None:
+    def _received(self, received: ReceivedMarker) -> None:
         with self._lock:
             if not self._begun:
-                self._early.append(heard)
+                self._early.append(received)
                 return
         start_ns = self._start_ns
         marker = HeardMarker(
-            t_ns=heard.at_ns - start_ns,
-            received_ns=heard.received_ns - start_ns,
-            text=heard.text,
+            t_ns=received.at_ns - start_ns,
+            received_ns=received.received_ns - start_ns,
+            text=received.text,
             source=f"lsl:{self._settings.lsl_in}",
-            stamp_s=heard.stamp_s,
-            correction_s=heard.correction_s,
+            stamp_s=received.stamp_s,
+            correction_s=received.correction_s,
         )
         self._bus.publish(marker)

@@ -166,5 +166,5 @@ class OnnxModel:
             )
         return made
 
-    def _unfit(self, said: str) -> ConfigError:
-        return ConfigError(f"{self._name}: {said}"[:500], "export it again, or correct its card")
+    def _unfit(self, text: str) -> ConfigError:
+        return ConfigError(f"{self._name}: {text}"[:500], "export it again, or correct its card")

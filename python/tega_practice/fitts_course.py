@@ -86,7 +86,7 @@ class FittsCourse:
     """A test that goes on.
 
     Args:
-        asked: The movements.
+        requested: The movements.
         dwell_s: So long the cursor has to stay in a target.
         timeout_s: After so long the next target comes anyway.
 
@@ -95,13 +95,13 @@ class FittsCourse:
     """
 
     def __init__(
-        self, asked: Sequence[FittsMovement], *, dwell_s: float = DWELL_S, timeout_s: float = TIMEOUT_S
+        self, requested: Sequence[FittsMovement], *, dwell_s: float = DWELL_S, timeout_s: float = TIMEOUT_S
     ) -> None:
         if not 0 < dwell_s < timeout_s:
             raise InvalidValueError(
                 f"dwell_s = {dwell_s:g} s has to be above 0 and under timeout_s = {timeout_s:g} s"
             )
-        self._asked, self._dwell_s, self._timeout_s = list(asked), dwell_s, timeout_s
+        self._requested, self._dwell_s, self._timeout_s = list(requested), dwell_s, timeout_s
         self._n = 0
         self.movements: list[Movement] = []
         self._last: tuple[float, float] | None = None
@@ -114,7 +114,7 @@ class FittsCourse:
     @property
     def target(self) -> Target | None:
         """Target that is asked for now; ``None`` at the end."""
-        return self._asked[self._n].target if self._n < len(self._asked) else None
+        return self._requested[self._n].target if self._n < len(self._requested) else None
 
     @property
     def inside(self) -> bool:
@@ -124,7 +124,7 @@ class FittsCourse:
     @property
     def left(self) -> int:
         """Movements still to be made."""
-        return len(self._asked) - self._n
+        return len(self._requested) - self._n
 
     def take(self, t_s: float, closure: float) -> None:
         """Take the cursor's next place.
@@ -147,14 +147,14 @@ class FittsCourse:
         else:
             self._path += abs(closure - self._last[1])
         self._last = (t_s, closure)
-        self._look(t_s, closure)
+        self._check(t_s, closure)
 
     def _begin(self, t_s: float, closure: float) -> None:
         self._began, self._path, self._overshoots = (t_s, closure), 0.0, 0
         self._entry = None
 
-    def _look(self, t_s: float, closure: float) -> None:
-        target = self._asked[self._n].target
+    def _check(self, t_s: float, closure: float) -> None:
+        target = self._requested[self._n].target
         if target.holds(closure):
             if self._entry is None:
                 self._entry = (t_s, closure, self._path)
@@ -170,20 +170,20 @@ class FittsCourse:
     def _end(
         self, t_s: float, closure: float, entry: tuple[float, float, float], endpoint: float | None
     ) -> None:
-        asked = self._asked[self._n]
-        if asked.counts:
+        requested = self._requested[self._n]
+        if requested.counts:
             self.movements.append(
                 Movement(
-                    distance=asked.distance,
-                    width=asked.target.width,
-                    centre=asked.target.centre,
+                    distance=requested.distance,
+                    width=requested.target.width,
+                    centre=requested.target.centre,
                     start=self._began[1],
                     entry=entry[1],
                     endpoint=endpoint,
                     time_s=entry[0] - self._began[0],
                     path=entry[2],
                     overshoots=self._overshoots,
-                    inside_at_start=asked.target.holds(self._began[1]),
+                    inside_at_start=requested.target.holds(self._began[1]),
                 )
             )
         self._n += 1

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from tega.config.calibration.records import utc_now
-from tega.config.choose import decoder_told
+from tega.config.choose import decoder_choice
 from tega.config.person import whose
 from tega.errors import DeviceUnavailableError
 from tega.runtime.guide import Bar, Guide
@@ -69,7 +69,7 @@ def fitts_test(
     person, folder = whose(config.calibration)
     course = FittsCourse(fitts_plan(seed, movements=movements), dwell_s=dwell_s, timeout_s=timeout_s)
     step = CLOSURE_STEP
-    with MuscleLoop(config, settings=settings, what="a Fitts test") as muscles:
+    with MuscleLoop(config, settings=settings, subject="a Fitts test") as muscles:
         guide.part(
             "Fitts test",
             f"Bring the end of the lower bar into the upper one, and keep it there for {dwell_s:g} s: fast and exact.",
@@ -92,7 +92,7 @@ def fitts_test(
             guide.show("Hold" if course.inside else "Go", _bars(target, closure), None)
         device, driver = muscles.device, muscles.driver
     score = fitts_score(course.movements, cursor_step=step)
-    decoder, options = decoder_told(config)
+    decoder, options = decoder_choice(config)
     record = FittsRecord(
         person=person,
         device=device,
@@ -118,8 +118,8 @@ def fitts_test(
 
 def _bars(target: Target, closure: float) -> list[Bar]:
     """Show levels, 1 to 5, as practice does; the target from its lower to its upper end."""
-    said = f"{1 + 4 * target.centre:.1f} ± {2 * target.width:.2f} level"
+    text = f"{1 + 4 * target.centre:.1f} ± {2 * target.width:.2f} level"
     return [
-        Bar("target", (1 + 4 * target.high) / 5, said, low=(1 + 4 * target.low) / 5),
+        Bar("target", (1 + 4 * target.high) / 5, text, low=(1 + 4 * target.low) / 5),
         Bar("you", (1 + 4 * closure) / 5, f"{1 + 4 * closure:.2f}"),
     ]

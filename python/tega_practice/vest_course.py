@@ -29,7 +29,7 @@ BASE: Final = 0.4
 """Firmness of the lighter of two touches that are compared, as a share of the maximum."""
 
 _GAP_S = 0.5
-_IN_A_ROW, _MOST_ASKED = 4, 12
+_IN_A_ROW, _MOST_REQUESTS = 4, 12
 
 
 def learn_vest(
@@ -87,7 +87,7 @@ def learn_vest(
         mapping=chosen.name,
         options=json.dumps(msgspec.to_builtins(chosen.options, enc_hook=str)),
         seed=seed,
-        right_percent=round(100 * fmean(shown == said for _, shown, said, _ in answers), 1),
+        right_percent=round(100 * fmean(displayed == text for _, displayed, text, _ in answers), 1),
         chance_percent=round(100 * fmean(1 / n for *_, n in answers), 1),
         difference_percent=None if threshold is None else round(100 * threshold, 1),
         dose_s=round(lesson.dose_s() - before_s, 2),
@@ -102,26 +102,29 @@ def _teach(lesson: Lesson, guide: Guide, mapping: str) -> None:
     for aspect in lesson.aspects:
         guide.ready(f"Next: {aspect.name}")
         while True:
-            for shown in aspect.cues:
-                guide.say(f"Now: {shown.words}")
-                lesson.play(shown)
+            for displayed in aspect.cues:
+                guide.say(f"Now: {displayed.words}")
+                lesson.play(displayed)
                 lesson.pause(_GAP_S)
             if guide.ask("Once more?", {"y": "yes", "n": "no"}) == "n":
                 break
 
 
 def _practise(lesson: Lesson, aspect: Aspect, guide: Guide, chance: random.Random) -> None:
-    guide.part(f"Practice: {aspect.name}", f"{_IN_A_ROW} right answers in a row, or {_MOST_ASKED} questions.")
+    guide.part(
+        f"Practice: {aspect.name}", f"{_IN_A_ROW} right answers in a row, or {_MOST_REQUESTS} questions."
+    )
     row = 0
-    for n in range(_MOST_ASKED):
-        shown = chance.choice(aspect.cues)
+    for n in range(_MOST_REQUESTS):
+        displayed = chance.choice(aspect.cues)
         guide.show(aspect.name, [Bar("in a row", row / _IN_A_ROW, f"{row} of {_IN_A_ROW}")], None)
-        right = _asked(lesson, aspect, shown, guide, again=True) == shown.key
+        right = _requested(lesson, aspect, displayed, guide, again=True) == displayed.key
         guide.say(
-            f"Right: {shown.words}" if right else f"No: {shown.words}", tone="good" if right else "warn"
+            f"Right: {displayed.words}" if right else f"No: {displayed.words}",
+            tone="good" if right else "warn",
         )
         row = row + 1 if right else 0
-        if row == _IN_A_ROW or n + 1 == _MOST_ASKED:
+        if row == _IN_A_ROW or n + 1 == _MOST_REQUESTS:
             return
 
 
@@ -141,13 +144,13 @@ def _compare(lesson: Lesson, guide: Guide, chance: random.Random) -> float | Non
         for one in pair:
             lesson.play(one)
             lesson.pause(_GAP_S)
-        said = guide.ask("Which was firmer?", {"1": "the first", "2": "the second"})
-        right = pair[int(said) - 1].words == "the firmer"
+        text = guide.ask("Which was firmer?", {"1": "the first", "2": "the second"})
+        right = pair[int(text) - 1].words == "the firmer"
         guide.say("Right" if right else "No, the other one", tone="good" if right else "warn")
         stairs.answer(right=right)
     found = stairs.threshold
-    told = "not settled" if found is None else f"{100 * found:.0f} % of the maximum"
-    guide.say(f"Smallest difference of firmness: {told}", tone="plain" if found is None else "good")
+    reported = "not settled" if found is None else f"{100 * found:.0f} % of the maximum"
+    guide.say(f"Smallest difference of firmness: {reported}", tone="plain" if found is None else "good")
     return found
 
 
@@ -156,26 +159,26 @@ def _test(
 ) -> list[tuple[str, str, str, int]]:
     """Ask about every aspect equally often, each of its answers equally often, in an order of chance."""
     each = questions / len(lesson.aspects)
-    asked = [
-        (aspect, shown)
+    requested = [
+        (aspect, displayed)
         for aspect in lesson.aspects
-        for shown in aspect.cues * max(2, round(each / len(aspect.cues)))
+        for displayed in aspect.cues * max(2, round(each / len(aspect.cues)))
     ]
-    chance.shuffle(asked)
-    guide.part("Test", f"{len(asked)} questions. Nothing is said about right and wrong until the end.")
+    chance.shuffle(requested)
+    guide.part("Test", f"{len(requested)} questions. Nothing is said about right and wrong until the end.")
     guide.ready("Attend to the vest")
     answers = []
-    for n, (aspect, shown) in enumerate(asked):
-        guide.show("Test", [Bar("done", n / len(asked), f"{n} of {len(asked)}")], None)
-        said = _asked(lesson, aspect, shown, guide, again=False)
-        answers.append((aspect.name, shown.key, said, len(aspect.cues)))
+    for n, (aspect, displayed) in enumerate(requested):
+        guide.show("Test", [Bar("done", n / len(requested), f"{n} of {len(requested)}")], None)
+        text = _requested(lesson, aspect, displayed, guide, again=False)
+        answers.append((aspect.name, displayed.key, text, len(aspect.cues)))
     return answers
 
 
-def _asked(lesson: Lesson, aspect: Aspect, shown: Cue, guide: Guide, *, again: bool) -> str:
+def _requested(lesson: Lesson, aspect: Aspect, displayed: Cue, guide: Guide, *, again: bool) -> str:
     """Play and ask, again as often as that is the answer."""
     answers = {**words_of(aspect), **({"a": "again"} if again else {})}
     while True:
-        lesson.play(shown)
-        if (said := guide.ask(aspect.question, answers)) != "a" or not again:
-            return said
+        lesson.play(displayed)
+        if (text := guide.ask(aspect.question, answers)) != "a" or not again:
+            return text

@@ -16,13 +16,13 @@ class AspectScore(NamedTuple):
 
     Attributes:
         aspect: Aspect of touch in question.
-        asked: How many.
+        requested: How many.
         right: Share of right answers, 0 to 1.
         chance: Share that guessing gives.
     """
 
     aspect: str
-    asked: int
+    requested: int
     right: float
     chance: float
 
@@ -74,7 +74,7 @@ class VestSkillRecord(
         found = []
         for aspect in aspects:
             rows = [row for row in self.answers if row[0] == aspect]
-            right = fmean(shown == said for _, shown, said, _ in rows)
+            right = fmean(displayed == text for _, displayed, text, _ in rows)
             found.append(AspectScore(aspect, len(rows), right, fmean(1 / max(row[3], 1) for row in rows)))
         return found
 

@@ -155,13 +155,13 @@ class Lesson:
         tip = getattr(options, "picture_px", (320, 240))
         self._size = tip[0] - 1, tip[1] - 1
         self._end = getattr(options, "tip", "up")
-        self.aspects = tuple(aspect for aspect in all_aspects(self._fingers) if self._tells(aspect))
+        self.aspects = tuple(aspect for aspect in all_aspects(self._fingers) if self._reports(aspect))
         if not self.aspects:
             raise CalibrationError(
                 "the mapping shows no contact differently from another", "tega-teleop stages"
             )
 
-    def play(self, shown: Cue) -> None:
+    def play(self, displayed: Cue) -> None:
         """Play a cue, 2.6 s; the vest is silent after it, however it ends.
 
         Raises:
@@ -172,12 +172,12 @@ class Lesson:
         lowered = self._lowered()
         with self.silence():
             start_ns = self._clock.now_ns()
-            for t_ns, frame in self.frames(shown):
+            for t_ns, frame in self.frames(displayed):
                 self._clock.sleep_until(start_ns + t_ns)
                 sent = self._vest.write(self._now_ns(), frame)
                 if frame.intensities.any() and not sent.intensities.any() and self._lowered() == lowered:
                     notes = "; ".join(self._vest.info.notes) or "its link was down"
-                    raise DeviceUnavailableError(f"the vest did not show {shown.words!r}: {notes}")
+                    raise DeviceUnavailableError(f"the vest did not show {displayed.words!r}: {notes}")
         if self._lowered() > lowered:
             raise CalibrationError(
                 "motors are warm, or the day's vibration is nearly used up: the vest showed less than was asked for",
@@ -200,7 +200,7 @@ class Lesson:
         """Return the most driven motor's used dose of the day, seconds of full drive; 0 without a budget."""
         return float(self._vest.budget.dose_s.max()) if isinstance(self._vest, BudgetedVest) else 0.0
 
-    def frames(self, shown: Cue) -> list[tuple[int, MotorLevels]]:
+    def frames(self, displayed: Cue) -> list[tuple[int, MotorLevels]]:
         """Return the frames of a cue, with their times, nanoseconds from its beginning."""
         loop = self._loop()
         found, touched = [], False
@@ -208,18 +208,20 @@ class Lesson:
             t_ns = n * _REFRESH_NS
             t_s, before_s = t_ns * 1e-9, (t_ns - _REFRESH_NS) * 1e-9
             on = _TOUCHES_S <= t_s < _LETS_GO_S
-            press = (shown.press if t_s < _CHANGES_S else shown.then) if on else None
+            press = (displayed.press if t_s < _CHANGES_S else displayed.then) if on else None
             kinds = []
             if on != touched:
                 kinds.append("contact" if on else "release")
-            if shown.slips and before_s < _CHANGES_S <= t_s:
+            if displayed.slips and before_s < _CHANGES_S <= t_s:
                 kinds.append("slip")
             touched = on
             contacts = {
-                f: self._contact(f, t_ns, press if f == shown.finger else None) for f in self._fingers
+                f: self._contact(f, t_ns, press if f == displayed.finger else None) for f in self._fingers
             }
-            events = tuple(Event(t_ns=t_ns, finger=shown.finger, kind=kind, confidence=1.0) for kind in kinds)
-            found.append((t_ns, loop.shown(t_ns, contacts, events if loop.mapping.wants_events else ())))
+            events = tuple(
+                Event(t_ns=t_ns, finger=displayed.finger, kind=kind, confidence=1.0) for kind in kinds
+            )
+            found.append((t_ns, loop.displayed(t_ns, contacts, events if loop.mapping.wants_events else ())))
         return found
 
     def _loop(self) -> TouchLoop:
@@ -249,7 +251,7 @@ class Lesson:
             broad=press.eda / (press.cci + press.eda),
         )
 
-    def _tells(self, aspect: Aspect) -> bool:
+    def _reports(self, aspect: Aspect) -> bool:
         """Whether every answer of an aspect is shown otherwise than the rest."""
         steps = {b"".join(frame.levels.tobytes() for _, frame in self.frames(one)) for one in aspect.cues}
         return len(steps) == len(aspect.cues) > 1

@@ -12,7 +12,7 @@ from tega.recording.copies import note_copy
 from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import McapReader, table_ns
 from tega.recording.origin import LEAD_IN
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega_ros2.convert import Converter
 from tega_ros2.definitions import load_rosbags
@@ -20,7 +20,7 @@ from tega_ros2.definitions import load_rosbags
 _VERSION = 9
 
 
-@tells_damage
+@reports_damage
 def export_bag(path: Path, folder: Path) -> Path:
     """Write one recording as a bag.
 
@@ -52,7 +52,7 @@ def export_bag(path: Path, folder: Path) -> Path:
         for name, data in reader.files.items():
             if name != LEAD_IN:
                 attached.mkdir(exist_ok=True)
-                (attached / plain_name(name, what="attachment", source=path.name)).write_bytes(data)
+                (attached / plain_name(name, subject="attachment", source=path.name)).write_bytes(data)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise

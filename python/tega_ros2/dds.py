@@ -219,17 +219,17 @@ class DdsNode:
 
     def _field(self, of: tuple[Any, Any]) -> Any:
         """Return the type of a field from rosbags' description of it: node type, then name or element and length."""
-        node, what = of
+        node, subject = of
         match node.name:
             case "BASE":
-                name = what[0]
+                name = subject[0]
                 return _SCALARS.get(name) or getattr(self._scalars, _OCTETS.get(name, name))
             case "NAME":
-                return self.type(what)
+                return self.type(subject)
             case "ARRAY":
-                return self._scalars.array[self._field(what[0]), what[1]]
+                return self._scalars.array[self._field(subject[0]), subject[1]]
             case _:
-                return self._scalars.sequence[self._field(what[0])]
+                return self._scalars.sequence[self._field(subject[0])]
 
 
 def _load(module: str) -> Any:

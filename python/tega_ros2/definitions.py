@@ -123,9 +123,9 @@ class Definitions:
             return [f"{kind}[] {field.name}"]
         return [f"{kind} {field.name}", *([f"bool has_{field.name}"] if field.has_presence else [])]
 
-    def _foreign(self, what: str) -> RecordingError:
+    def _foreign(self, subject: str) -> RecordingError:
         return RecordingError(
-            f"{self._source}: {what} cannot be a message of ROS 2",
+            f"{self._source}: {subject} cannot be a message of ROS 2",
             "export it as csv, or name a recording of TEGA",
         )
 

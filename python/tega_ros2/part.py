@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from tega.errors import ConfigError
-from tega.loop.hand_look import hand_closure as closure_scale
+from tega.loop.hand_poll import hand_closure as closure_scale
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.records.display import Notice
 from tega.runtime.threads import run_realtime

@@ -85,9 +85,9 @@ def _angles(turn: Vector) -> str:
     return _numbers((roll, pitch, math.atan2(turn[1, 0], turn[0, 0])))
 
 
-def _towards(way_m: Vector) -> str:
+def _towards(travel_m: Vector) -> str:
     """Return roll, pitch and yaw that turn z into a direction."""
-    x, y, z = way_m / np.linalg.norm(way_m)
+    x, y, z = travel_m / np.linalg.norm(travel_m)
     return _numbers((math.asin(-y), math.atan2(x, z), 0.0))
 
 

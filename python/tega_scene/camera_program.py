@@ -13,16 +13,16 @@ from tega.runtime.every import every
 from tega.runtime.object_pipe import program_pipes, receive_object
 from tega_scene.filming import Filming
 
-_TOLD_S = 0.25
+_REPORTED_S = 0.25
 # Where the run has no real-time priority it goes first so.
 _NICE = 5
 
 
 def main() -> None:
     """Film from the run's word on until its input ends."""
-    asked, answers = program_pipes()
+    requested, answers = program_pipes()
     try:
-        camera, shows, gives_way = receive_object(asked)
+        camera, shows, gives_way = receive_object(requested)
     except EOFError:  # the run was killed as soon
         return
     if gives_way and hasattr(os, "nice"):
@@ -40,10 +40,10 @@ def main() -> None:
         return
     answers.say("open")
     film.start()
-    with every(lambda: answers.say("tally", film.tally), every_s=_TOLD_S):
+    with every(lambda: answers.say("tally", film.tally), every_s=_REPORTED_S):
         with suppress(EOFError):
-            film.begin(receive_object(asked))
-            receive_object(asked)  # nothing more is asked: this waits for the end
+            film.begin(receive_object(requested))
+            receive_object(requested)  # nothing more is asked: this waits for the end
         film.leave()
     answers.say("tally", film.tally)
 

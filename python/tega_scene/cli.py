@@ -131,7 +131,7 @@ def calibrate(*, source: str, out: Path, size: str, as_json: bool) -> None:
     from tega_scene.lens import save_lens
     from tega_scene.sources import calibrate_from
 
-    lens = calibrate_from(source, parse_size(size), tell=lambda line: click.echo(line, err=True))
+    lens = calibrate_from(source, parse_size(size), notify=lambda line: click.echo(line, err=True))
     save_lens(out, lens)
     if as_json:
         echo_json(msgspec.to_builtins(lens))

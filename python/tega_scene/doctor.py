@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega_scene.settings import SceneConfig
 
-_LOOK_S, _ASKED_S = 2.0, 0.02
+_POLL_S, _REQUESTED_S = 2.0, 0.02
 # A camera that is open may send what it kept before what is of now.
 _FIRST_S: Final = 6.0
 _SLOW: Final = 0.9
@@ -35,10 +35,10 @@ def check_scene(config: SessionConfig) -> list[Finding]:
     if not cameras:
         return []
     with ThreadPoolExecutor(len(cameras)) as pool:
-        return list(pool.map(_look, cameras))
+        return list(pool.map(_check, cameras))
 
 
-def _look(camera: SceneConfig) -> Finding:
+def _check(camera: SceneConfig) -> Finding:
     check, name = f"scene.{camera.name}", f"scene camera {camera.source}"
     try:
         if camera.lens is not None and camera.layout is not None:
@@ -72,10 +72,10 @@ def _look(camera: SceneConfig) -> Finding:
     film.start()
     begin_s = time.monotonic()
     while film.is_alive and not film.tally.seen and time.monotonic() < begin_s + _FIRST_S:
-        time.sleep(_ASKED_S)
+        time.sleep(_REQUESTED_S)
     before, begin_s = film.tally.seen, time.monotonic()
-    while film.is_alive and time.monotonic() < begin_s + _LOOK_S:
-        time.sleep(_ASKED_S)
+    while film.is_alive and time.monotonic() < begin_s + _POLL_S:
+        time.sleep(_REQUESTED_S)
     tally, rate_hz = film.tally, (film.tally.seen - before) / (time.monotonic() - begin_s)
     film.leave()
     measured = {"rate_hz": round(rate_hz, 1), "dropped_pictures": float(tally.dropped)}

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
 
 _OPEN_S: Final = 30.0
-_LOOK_S: Final = 0.05
+_POLL_S: Final = 0.05
 _LEAVE_S: Final = 8.0
 _AGAIN_S: Final = (1.0, 10.0)
 
@@ -136,7 +136,7 @@ class _FilmingProcess:
     def wait_open(self, stop: Callable[[], bool]) -> None:
         """Wait until the camera is open."""
         until_s = time.monotonic() + _OPEN_S
-        while not self._opened.wait(_LOOK_S):
+        while not self._opened.wait(_POLL_S):
             if stop():
                 raise KeyboardInterrupt
             if time.monotonic() > until_s:
@@ -150,7 +150,7 @@ class _FilmingProcess:
         """Have it filmed from a time of the machine's clock."""
         with self._lock:
             self._start_ns = start_ns
-            self._tell(self._since_ns())
+            self._notify(self._since_ns())
 
     @property
     def tally(self) -> CameraTally:
@@ -188,7 +188,7 @@ class _FilmingProcess:
         process = start_child("tega_scene.camera_program", stdout=subprocess.PIPE)
         self._process = process
         with run_realtime("beside") as real_time:
-            self._tell((self.camera, self._shows, not real_time))
+            self._notify((self.camera, self._shows, not real_time))
         return process
 
     def _since_ns(self) -> int:
@@ -196,17 +196,17 @@ class _FilmingProcess:
         assert self._start_ns is not None
         return self._start_ns + max(0, round(1e6 * self.camera.late_ms))
 
-    def _tell(self, what: Any) -> None:
+    def _notify(self, subject: Any) -> None:
         pipe = self._process.stdin
         assert isinstance(pipe, io.BufferedWriter)
         with contextlib.suppress(OSError, ValueError):  # it has died, which the thread hears
-            send_object(pipe, what)
+            send_object(pipe, subject)
 
     @run_realtime("beside")
     def _work(self) -> None:
         again = Reopening(*_AGAIN_S)
         while True:
-            filmed = self._hear(again)
+            filmed = self._receive(again)
             if self._leaving.is_set() or self._failed is not None:
                 return
             code = _closed(self._process, _LEAVE_S)
@@ -223,9 +223,9 @@ class _FilmingProcess:
                     return
                 self._process = self._started()
                 if self._start_ns is not None:
-                    self._tell(self._since_ns())
+                    self._notify(self._since_ns())
 
-    def _hear(self, again: Reopening) -> bool:
+    def _receive(self, again: Reopening) -> bool:
         """Process the output until it ends; return whether the camera was open."""
         pipe, is_open = self._process.stdout, False
         assert isinstance(pipe, io.BufferedReader)

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 _LATE: Final = 1.5
 _LEAVE_S: Final = 5.0
-_LOOK_S: Final = 0.05
+_POLL_S: Final = 0.05
 # A second's half of Full HD, 100 MB: a machine that is busy for longer loses pictures.
 _MOST_WAITING: Final = 16
-_SHOWN_S: Final = 0.2
-_SHOWN_PX: Final = 360
+_DISPLAYED_S: Final = 0.2
+_DISPLAYED_PX: Final = 360
 _AGAIN_S: Final = (1.0, 10.0)
 # Who had to wait for so much of the time between two pictures, so often in a row, has come to those of now. A camera
 # that sends still faster than its settings say is believed after some seconds.
@@ -91,12 +91,12 @@ class Filming:
         )
         self._pictures: Generator[NDArray[np.uint8]] | None = None
         self._leaving, self._begun, self._all_read = threading.Event(), threading.Event(), threading.Event()
-        self._since_ns = self._shown_ns = self._last_ns = 0
+        self._since_ns = self._displayed_ns = self._last_ns = 0
         self._waiting: deque[tuple[int, NDArray[np.uint8]]] = deque()
         self._there = threading.Condition()
         self._threads = [
-            threading.Thread(target=work, name=f"scene-{camera.name}-{what}", daemon=True)
-            for what, work in (("read", self._read), ("encode", self._encode))
+            threading.Thread(target=work, name=f"scene-{camera.name}-{subject}", daemon=True)
+            for subject, work in (("read", self._read), ("encode", self._encode))
         ]
         self.tally = CameraTally()
 
@@ -165,7 +165,7 @@ class Filming:
                         if self._leaving.is_set():
                             return
                         again.works()
-                        self._see(image)
+                        self._observe(image)
             except DeviceUnavailableError as error:
                 if not (self._live and self._reopens):
                     raise
@@ -179,26 +179,26 @@ class Filming:
 
     def _paced(self, pictures: Generator[NDArray[np.uint8]]) -> Generator[NDArray[np.uint8]]:
         """Return pictures as they come: a camera's from the first of now on, a file's at its rate."""
-        start_s = asked_s = time.monotonic()
+        start_s = requested_s = time.monotonic()
         to_wait_for = _IN_A_ROW if self._live else 0
         for number, image in enumerate(pictures):
             now_s = time.monotonic()
             if to_wait_for and now_s - start_s < _READY_S and not self._leaving.is_set():
-                waited = (now_s - asked_s) * self._camera.rate_hz > _WAITED
-                to_wait_for, asked_s = to_wait_for - 1 if waited else _IN_A_ROW, now_s
+                waited = (now_s - requested_s) * self._camera.rate_hz > _WAITED
+                to_wait_for, requested_s = to_wait_for - 1 if waited else _IN_A_ROW, now_s
                 continue
             to_wait_for = 0
             if not self._live:
                 self._leaving.wait(max(0.0, start_s + number / self._camera.rate_hz - now_s))
             yield image
 
-    def _see(self, image: NDArray[np.uint8]) -> None:
+    def _observe(self, image: NDArray[np.uint8]) -> None:
         t_ns = time.monotonic_ns()
         self._check(image)
         self.tally.trouble = ""
-        if self._show is not None and t_ns - self._shown_ns >= _SHOWN_S * 1e9:
-            self._shown_ns = t_ns
-            self._show(t_ns, shrunk(image, _SHOWN_PX))
+        if self._show is not None and t_ns - self._displayed_ns >= _DISPLAYED_S * 1e9:
+            self._displayed_ns = t_ns
+            self._show(t_ns, shrunk(image, _DISPLAYED_PX))
         if not self._begun.is_set() or t_ns < self._since_ns:
             return
         tally = self.tally
@@ -234,7 +234,7 @@ class Filming:
                     if ended:
                         break
                     with self._there:
-                        self._there.wait(_LOOK_S)
+                        self._there.wait(_POLL_S)
                     continue
                 self._give(self._encoder.encode(image, t_ns))
                 self.tally.pictures += 1

@@ -21,7 +21,7 @@ import numpy as np
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
-from tega.runtime.files.foreign_file import read_words, tells_damage
+from tega.runtime.files.foreign_file import read_words, reports_damage
 from tega.runtime.files.whole_file import write_whole
 from tega_scene.decode import SceneDecoder
 from tega_scene.offset_file import LEAST_LATE_S, MOST_LATE_S, CameraOffset
@@ -99,7 +99,7 @@ def read_flashes(path: Path) -> list[tuple[int, bool]]:
     return edges
 
 
-@tells_damage
+@reports_damage
 def measure_offset(recording: Path, name: str, flashes: Path) -> CameraOffset:
     """Estimate a camera's offset from its recorded video.
 
@@ -174,9 +174,9 @@ def estimate_offset(
         )
     lit = shade > (light + dark) / 2
     gaps = []
-    for moment_s, is_on in zip(at_s, on, strict=True):
+    for instant_s, is_on in zip(at_s, on, strict=True):
         change = np.flatnonzero((lit[1:] == is_on) & (lit[:-1] != is_on))
-        middles = (t_s[change] + t_s[change + 1]) / 2 - moment_s
+        middles = (t_s[change] + t_s[change + 1]) / 2 - instant_s
         near = np.abs(middles - coarse_s)
         if len(near) and near.min() < _HELD_S[0] / 2:
             gaps.append(float(middles[near.argmin()]))

@@ -73,10 +73,10 @@ def own_film(recording: Path, camera: str | None, beside: Path) -> OwnFilm:
     if camera is None:
         able = [name for name in names if _LENS.format(name) in reader.files] or names
         if len(able) != 1:
-            told = f"cameras {', '.join(able)}: say which" if able else "no scene camera filmed it"
-            raise RecordingError(f"{recording.name}: {told}", "name one of [[scene]], or a video")
+            reported = f"cameras {', '.join(able)}: say which" if able else "no scene camera filmed it"
+            raise RecordingError(f"{recording.name}: {reported}", "name one of [[scene]], or a video")
         camera = able[0]
-    plain_name(camera, what="camera", source=recording.name)
+    plain_name(camera, subject="camera", source=recording.name)
     video = beside / f"{camera}.mp4"
     export_camera(recording, camera, video)
     lens = layout = None

@@ -12,7 +12,7 @@ from tega.errors import RecordingError
 from tega.recording.mcap_index import open_indexed
 from tega.recording.replay.followed_file import NEVER_NS, FollowedFile, Follower, PlayedMoment
 from tega.records.display import DisplayPicture
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega_scene.decode import SceneDecoder, note_key
 from tega_scene.offset_file import read_offsets
 from tega_scene.record import scene_epoch
@@ -47,8 +47,8 @@ class PlayedCamera(Follower):
         self._keys_ns, self._bus = sorted(keys_ns), bus
         self._decoder: SceneDecoder | None = None
         self._decoded_ns = -1
-        self._tells_none = not self._keys_ns
-        self._shown_ns: int | None = None
+        self._reports_none = not self._keys_ns
+        self._displayed_ns: int | None = None
 
     def begin(self, at_ns: int, *, jumped: bool) -> None:
         """Go on from the last picture before a place that stands alone; from the first one after it, if there is none.
@@ -62,7 +62,7 @@ class PlayedCamera(Follower):
         else:
             self.since_ns = self._decoded_ns + 1
 
-    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:  # noqa: ARG002  # it is told in settle
+    def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:  # noqa: ARG002  # it is told in settle
         """Decode the next picture.
 
         Raises:
@@ -73,25 +73,25 @@ class PlayedCamera(Follower):
         self._decoder.take(known_ns, message.value.data)
         self._decoded_ns = known_ns
 
-    def settle(self, moment: PlayedMoment) -> None:
+    def settle(self, snapshot: PlayedMoment) -> None:
         """Report the newest frame, and that there is none once it is a second old.
 
         Raises:
             RecordingError: It cannot be converted; once, that there is none.
         """
-        if self._tells_none:
-            self._tells_none = False
+        if self._reports_none:
+            self._reports_none = False
             raise RecordingError(_NO_KEY)
         newest = None if self._decoder is None else self._decoder.image()
-        if newest is not None and moment.at_ns - newest[0] <= _OLD_NS:
-            self._shown_ns, image = newest
+        if newest is not None and snapshot.at_ns - newest[0] <= _OLD_NS:
+            self._displayed_ns, image = newest
             self.n_published += 1
-            self._tell(self._shown_ns + moment.shift_ns, image)
-        elif self._shown_ns is not None and not 0 <= moment.at_ns - self._shown_ns <= _OLD_NS:
-            self._shown_ns = None
-            self._tell(moment.at_ns + moment.shift_ns, None)
+            self._notify(self._displayed_ns + snapshot.shift_ns, image)
+        elif self._displayed_ns is not None and not 0 <= snapshot.at_ns - self._displayed_ns <= _OLD_NS:
+            self._displayed_ns = None
+            self._notify(snapshot.at_ns + snapshot.shift_ns, None)
 
-    def _tell(self, t_ns: int, image: NDArray[np.uint8] | None) -> None:
+    def _notify(self, t_ns: int, image: NDArray[np.uint8] | None) -> None:
         self._bus.publish(DisplayPicture(name=self.name, t_ns=t_ns, image=image))
 
     def skip(self, known_ns: int) -> None:
@@ -101,7 +101,7 @@ class PlayedCamera(Follower):
         self._decoder = None
 
 
-@tells_damage
+@reports_damage
 def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int) -> FollowedFile:
     """Open a scene recording, to be played beside a recording of the same machine.
 

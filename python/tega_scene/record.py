@@ -21,7 +21,7 @@ import msgspec
 from tega.errors import RecordingError
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader, table_ns
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.lifecycle import require
@@ -66,7 +66,7 @@ def record_cameras(
     writers: dict[str, _Writer] = {}
     lock = threading.Lock()
     for name, source in cameras.items():
-        plain_name(name, what="camera", source="--camera")
+        plain_name(name, subject="camera", source="--camera")
         settings = SceneConfig(
             name=name, source=source, width=size[0], height=size[1], rate_hz=rate_hz, video=video
         )
@@ -88,8 +88,8 @@ def record_cameras(
             film.leave()
         tallies = {name: film.tally for name, film in films.items()}
         for name, tally in tallies.items():
-            told = {key: str(value) for key, value in msgspec.to_builtins(tally).items()}
-            file.metadata(f"{TABLE}.{name}", told)
+            reported = {key: str(value) for key, value in msgspec.to_builtins(tally).items()}
+            file.metadata(f"{TABLE}.{name}", reported)
         file.close()
     return tallies
 
@@ -107,7 +107,7 @@ def _write(
             file.write(SceneVideo(camera=camera, t_ns=t_ns, data=data, video=video), t_ns)
 
 
-@tells_damage
+@reports_damage
 def export_camera(recording: Path, name: str, out: Path) -> int:
     """Write a camera of a recording as MP4, without re-encoding, and its time code beside it.
 
@@ -126,7 +126,7 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
         MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
     """
     av = require("av", driver="export", extra="lerobot")
-    plain_name(name, what="camera", source=recording.name)
+    plain_name(name, subject="camera", source=recording.name)
     topic = f"/scene/{name}/video"
     reader = McapReader(recording)
     times: list[int] = []
@@ -180,9 +180,9 @@ def scene_epoch(reader: McapReader) -> int:
         if epoch_ns is not None and start_ns is not None:
             return epoch_ns - start_ns
     if (epoch_ns := table_ns(table, "epoch_ns")) is None:
-        told = table.get("epoch_ns", "")[:40]
+        reported = table.get("epoch_ns", "")[:40]
         raise RecordingError(
-            f"{reader.path.name}: {TABLE} has no epoch_ns, so its times have no clock: {told!r}"
+            f"{reader.path.name}: {TABLE} has no epoch_ns, so its times have no clock: {reported!r}"
         )
     return epoch_ns
 

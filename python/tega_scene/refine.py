@@ -57,8 +57,10 @@ def refined_corners(
         return dict(corners_m)
     step = max(1, len(useful) // _MOST_PICTURES)
     useful = useful[::step][:_MOST_PICTURES]
-    rays = [lens.rays(np.concatenate([one[tag] for tag in shown])) for _, shown, one in useful]
-    weights = [np.concatenate([corner_weights(one[tag]) for tag in shown]) for _, shown, one in useful]
+    rays = [lens.rays(np.concatenate([one[tag] for tag in displayed])) for _, displayed, one in useful]
+    weights = [
+        np.concatenate([corner_weights(one[tag]) for tag in displayed]) for _, displayed, one in useful
+    ]
     places = [(pose.position_m, pose.rotation) for pose, _, _ in useful]
     now = {tag: np.array(corners) for tag, corners in corners_m.items()}
     moved = {tag: np.zeros(6) for tag in tags}
@@ -67,14 +69,14 @@ def refined_corners(
     prior = np.array([SHIFT_M] * 3 + [TURN_RAD] * 3)
     for round_ in range(_ROUNDS):
         rows, lefts = [], []
-        for k, (_, shown, _) in enumerate(useful):
+        for k, (_, displayed, _) in enumerate(useful):
             position, rotation = places[k]
-            points = np.concatenate([now[tag] for tag in shown])
+            points = np.concatenate([now[tag] for tag in displayed])
             left, slope = residuals(points, rays[k], position, rotation)
             row = np.zeros((len(left), n_poses + 6 * len(tags)))
             row[:, 6 * k : 6 * k + 6] = slope
             per_point = slope[:, :3] @ rotation  # how what is seen changes as a point moves on the body
-            for number, tag in enumerate(shown):
+            for number, tag in enumerate(displayed):
                 at = slice(8 * number, 8 * number + 8)
                 if round_ >= _ROUNDS // 2 and np.abs(left[at]).max() * lens.fx > _STRANGE_PX:
                     left[at] = row[at] = 0.0  # half hidden there, or misread

@@ -124,7 +124,7 @@ def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tu
     found: list[SceneConfig] = []
     for number, given in enumerate(cameras):
         key = f"scene[{number}]"
-        plain_name(given.name, what="camera", source="scene")
+        plain_name(given.name, subject="camera", source="scene")
         local = given.source if is_camera(given.source) else str(base / Path(given.source).expanduser())
         one = msgspec.structs.replace(given, source=local)
         if one.width % 2 or one.height % 2:

@@ -83,8 +83,8 @@ def _headed(title: str) -> PrintedPage:
         PrintedRect(_EDGE_MM, 10.0, 0.4, 4.4),
         PrintedRect(_EDGE_MM + 99.6, 10.0, 0.4, 4.4),
     ]
-    told = "From mark to mark 100.0 mm: print at 100 %, without fitting to the page, and measure."
-    return PrintedPage(bar, [(_EDGE_MM, 8.0, title), (_EDGE_MM, 17.5, told)])
+    reported = "From mark to mark 100.0 mm: print at 100 %, without fitting to the page, and measure."
+    return PrintedPage(bar, [(_EDGE_MM, 8.0, title), (_EDGE_MM, 17.5, reported)])
 
 
 def tag_pages(layout: TagLayout) -> list[PrintedPage]:

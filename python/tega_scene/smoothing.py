@@ -60,13 +60,13 @@ def smoothed(
         return Course(*np.full((3, len(at_s)), np.nan))
     t, y, sigma = t_s[good], values[good], np.maximum(errors[good], 1e-6)
     value, slope, error = np.empty((3, len(at_s)))
-    for k, moment in enumerate(at_s):
-        first, last = np.searchsorted(t, (moment - 3 * KERNEL_S, moment + 3 * KERNEL_S))
+    for k, snapshot in enumerate(at_s):
+        first, last = np.searchsorted(t, (snapshot - 3 * KERNEL_S, snapshot + 3 * KERNEL_S))
         kernel = KERNEL_S
         if last - first < 4:
             first, last = max(0, min(first, len(t) - 2) - 2), min(len(t), last + 2)
-            kernel = max(kernel, float(np.abs(t[first:last] - moment).max()) / 2)
-        x = t[first:last] - moment
+            kernel = max(kernel, float(np.abs(t[first:last] - snapshot).max()) / 2)
+        x = t[first:last] - snapshot
         weight = np.exp(-0.5 * (x / kernel) ** 2) / sigma[first:last] ** 2
         s0, s1, s2 = weight.sum(), weight @ x, weight @ x**2
         det = s0 * s2 - s1**2
@@ -121,10 +121,10 @@ def _few_parabolas(
     late = place - first
     early, weight = 1 - late, 1 / sigma**2
     # Row i of a band has the normal matrix's entries (i, i), (i, i - 1), (i, i - 2), (i, i - 3).
-    told, right = np.zeros((m, 4)), np.zeros(m)
-    np.add.at(told[:, 0], first, weight * early**2)
-    np.add.at(told[:, 0], first + 1, weight * late**2)
-    np.add.at(told[:, 1], first + 1, weight * early * late)
+    reported, right = np.zeros((m, 4)), np.zeros(m)
+    np.add.at(reported[:, 0], first, weight * early**2)
+    np.add.at(reported[:, 0], first + 1, weight * late**2)
+    np.add.at(reported[:, 1], first + 1, weight * early * late)
     np.add.at(right, first, weight * early * y)
     np.add.at(right, first + 1, weight * late * y)
     usual = float(np.median(sigma))
@@ -132,7 +132,7 @@ def _few_parabolas(
     value = np.zeros(m)
     for _ in range(_ROUNDS):
         cost = _CHANGE_COST / usual / np.maximum(np.abs(change), 1e-4 * usual)
-        band = told.copy()
+        band = reported.copy()
         for i in range(4):
             for j in range(i + 1):
                 band[i : m - 3 + i, i - j] += cost * _THIRD[i] * _THIRD[j]

@@ -46,8 +46,8 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
         capture = cv2.VideoCapture(full_source(source), cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
         fix = "is the address right, its sender on, and the network up?"
     else:
-        place, way_in = camera_place(f"camera:{source}" if source.isdecimal() else source)
-        capture = cv2.VideoCapture(place, getattr(cv2, way_in))
+        place, access = camera_place(f"camera:{source}" if source.isdecimal() else source)
+        capture = cv2.VideoCapture(place, getattr(cv2, access))
         fix = "another program may use it, or your user may not read it; tega-teleop doctor lists cameras"
     if not capture.isOpened():
         capture.release()
@@ -108,13 +108,13 @@ def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
         capture.release()
 
 
-def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], None]) -> Lens:
+def calibrate_from(source: str, size: tuple[int, int], *, notify: Callable[[str], None]) -> Lens:
     """Calibrate a lens from a camera, a video or a folder, and say meanwhile where the board is wanted.
 
     Args:
         source: As of :func:`open_pictures`.
         size: As of :func:`open_pictures`.
-        tell: Called with a line for the person who holds the board.
+        notify: Called with a line for the person who holds the board.
 
     Raises:
         CalibrationError: There are too few views, or they do not fit a flat board.
@@ -122,7 +122,7 @@ def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], 
         RecordingError: There is no such file, or it has no pictures.
     """
     calibration: LensCalibration | None = None
-    said = ""
+    text = ""
     live = is_camera(source)
     for image in open_pictures(source, size):
         calibration = calibration or LensCalibration(image.shape[1], image.shape[0])
@@ -130,11 +130,11 @@ def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], 
         wish = calibration.wish()
         if live and not wish:
             break
-        if live and (taken or not said) and wish != said:
-            tell(f"{len(calibration.views)} views; {wish}")
-            said = wish
+        if live and (taken or not text) and wish != text:
+            notify(f"{len(calibration.views)} views; {wish}")
+            text = wish
     if calibration is None:
         raise RecordingError(f"{source}: has no pictures")
     if (wish := calibration.wish()) and not live:
-        tell(f"{len(calibration.views)} views; better would be: {wish}")
+        notify(f"{len(calibration.views)} views; better would be: {wish}")
     return calibration.solve()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tega.records import Intent
     from tega.runtime.device_items import EmgChunk
 
-HandWay: TypeAlias = Literal["decoder", "drive", "aim"]
+HandRoute: TypeAlias = Literal["decoder", "drive", "aim"]
 """Source of the hand's level, see above."""
 
 

@@ -55,7 +55,7 @@ Condition = Literal[
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
 """Haptic, non-haptic, the sham arms, event-gated, the positive controls, and the arms with a reflex."""
 
-Tells: TypeAlias = Literal[
+Reports: TypeAlias = Literal[
     "touch", "events", "true slips", "true force", "true force, equal steps", "true force, linear"
 ]
 """Content of the vest's frames: the loop's measurements, or the truth of the simulated world."""
@@ -67,7 +67,7 @@ WornOn: TypeAlias = Literal["own", "clear", "none"]
 _OF_FRAMES: Final = frozenset({"informative", "permuted", "inverted", "half"})
 """Shams that make the worn frame from the frame that the loop made."""
 
-ReflexTells: TypeAlias = Literal["none", "touch", "true slips"]
+ReflexReports: TypeAlias = Literal["none", "touch", "true slips"]
 """Source of a reflex's slips: the loop's measurements, or the world's truth."""
 
 
@@ -75,26 +75,26 @@ class Arm(NamedTuple):
     """One condition of a comparison.
 
     Attributes:
-        tells: Content of the frames.
+        reports: Content of the frames.
         sham: Change between these frames and the worn ones, see :func:`tega_sim.operator.sham_vest`.
         skin: Skin under the motors.
         reflex: Source of the reflex's slips, if there is a reflex.
     """
 
-    tells: Tells = "touch"
+    reports: Reports = "touch"
     sham: ShamName = "informative"
     skin: WornOn = "own"
-    reflex: ReflexTells = "none"
+    reflex: ReflexReports = "none"
 
     @property
     def pulses(self) -> bool:
         """Whether pulses announce events, which the person knows."""
-        return self.tells in {"events", "true slips"}
+        return self.reports in {"events", "true slips"}
 
     @property
     def hangs_on_pictures(self) -> bool:
         """Whether the worn frames, or the reflex, depend on the fingertips' camera frames."""
-        return self.reflex == "touch" or (self.tells in {"touch", "events"} and self.sham in _OF_FRAMES)
+        return self.reflex == "touch" or (self.reports in {"touch", "events"} and self.sham in _OF_FRAMES)
 
 
 ARMS: Final[dict[Condition, Arm]] = {

@@ -14,13 +14,13 @@ from tega.config.choose import chosen_stage
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
 from tega.haptics import MotorLevels
-from tega.loop.beside import look_on
-from tega.loop.hand_look import HandLooks
+from tega.loop.beside import measure_beside_on
 from tega.loop.hand_output import HandOutput
+from tega.loop.hand_poll import HandPolls
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView, Moment, Moments
+from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
@@ -173,7 +173,7 @@ class Lift:
                 f"condition {plan.condition!r} cannot be recorded: the settings name no reflex",
                 'name one, such as stages.reflex.name = "grip", or choose another condition',
             )
-        self._beside = self._look_on()
+        self._beside = self._check_on()
 
     @property
     def fatigue(self) -> float:
@@ -206,7 +206,9 @@ class Lift:
         rig, world = self.rig, self.rig.world
 
         if observer is not None:
-            self._bus.subscribe(Moment, lambda moment: observer(self._moment(moment.view)), vital=True)
+            self._bus.subscribe(
+                Snapshot, lambda snapshot: observer(self._snapshot(snapshot.view)), vital=True
+            )
         clock = PausableClock(paused, SystemClock() if real_time else ManualClock())
         pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
@@ -231,9 +233,9 @@ class Lift:
                 hand,
                 guard=guard,
                 devices=frozenset({"emg", "hand", "vest"}),
-                complete=[] if self._reflex is None else [self._reflex.shown],
+                complete=[] if self._reflex is None else [self._reflex.displayed],
             ),
-            look=self._looks() if self._lab.config.stages.slips == "hand" else None,
+            poll_hand=self._hand_polls() if self._lab.config.stages.slips == "hand" else None,
         )
         loop.run(stop=stop)
         self.scorer.close()
@@ -266,12 +268,12 @@ class Lift:
             off_mark_m=off_mark_m,
         )
 
-    def _looks(self) -> HandLooks:
+    def _hand_polls(self) -> HandPolls:
         """Return the looks at hand and arm, as their sensors report them."""
         from tega_sim.world import GRASP_POSES_RAD
 
         rig, world = self.rig, self.rig.world
-        return HandLooks(
+        return HandPolls(
             lambda: encoded(world.angles_rad),
             lambda: rig.act.forearm_m[0],
             ClosureScale(GRASP_POSES_RAD),
@@ -298,7 +300,7 @@ class Lift:
             return StraightBlocks(blocks, lambda: level_of_drive(self.rig.act.excitation, full))
         return blocks
 
-    def _look_on(self) -> BesideNotes | None:
+    def _check_on(self) -> BesideNotes | None:
         """Connect the stages beside the loop; return the object that notes their answers."""
         lab = self._lab
         if not lab.config.stages.beside:
@@ -308,7 +310,7 @@ class Lift:
             self._bus.subscribe(BesideContact, self._streams.beside_contact)
             self._bus.subscribe(BesideIntent, self._streams.beside_levels)
         with ExitStack() as stack:  # nothing in it has a thread of its own
-            look_on(
+            measure_beside_on(
                 stack,
                 lab.config,
                 self._bus,
@@ -340,7 +342,7 @@ class Lift:
         if self._streams is not None:
             self._streams.act(percept, act)
 
-    def _moment(self, view: LoopView) -> ViewState:
+    def _snapshot(self, view: LoopView) -> ViewState:
         """Return what there is to see; nothing in it is written into afterwards."""
         rig, world = self.rig, self.rig.world
         tail = (

@@ -12,7 +12,7 @@ from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError
 from tega.runtime.nearest import nearest_hint
 from tega_sim.beside import BesideResult
-from tega_sim.commanded import HandWay
+from tega_sim.commanded import HandRoute
 from tega_sim.conditions import CONDITIONS, Condition
 from tega_sim.operator.vision import ViewName
 from tega_sim.score import TrialEvent
@@ -64,7 +64,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     view: ViewName = "direct"
     spec: ObjectSpec | None = None
     task: Task = "lift"
-    hand: HandWay = "decoder"
+    hand: HandRoute = "decoder"
 
     @property
     def object_spec(self) -> ObjectSpec:

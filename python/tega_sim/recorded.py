@@ -35,7 +35,7 @@ class LiftRecorder:
         real_time: Whether lifts keep to the machine's clock; otherwise a lift waits for the disk.
 
     Attributes:
-        told: Outcome of each file, in their order.
+        reported: Outcome of each file, in their order.
 
     Raises:
         MissingExtraError: A package of the extra ``record`` is not installed.
@@ -48,7 +48,7 @@ class LiftRecorder:
         self._folder, self._settings = folder, settings or RecordingSection()
         self._real_time = real_time
         self._recording: Recording | None = None
-        self.told: list[dict[str, Any]] = []
+        self.reported: list[dict[str, Any]] = []
 
     def begin(self, lab: Lab, bus: Bus, *, stages: StagesSection, layout: Layout) -> None:
         """Begin the file of a lift.
@@ -112,4 +112,4 @@ class LiftRecorder:
         """Finish the file of a lift, with its result."""
         recording, self._recording = self._recording, None
         if recording is not None:
-            self.told.append(recording.close(msgspec.to_builtins(result)))
+            self.reported.append(recording.close(msgspec.to_builtins(result)))

@@ -9,7 +9,7 @@ import msgspec
 
 from tega.config import FINGERS, ReflexSection
 from tega.config.choose import grip_reflex
-from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.loop.reflex import ReflexArc, ReflexInputs
 from tega.records import Contact, NamedValue
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tega.records import Event
     from tega.records.bus import Bus
     from tega.stages.base import Reflex
-    from tega_sim.conditions import ReflexTells
+    from tega_sim.conditions import ReflexReports
 
 
 FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
@@ -32,7 +32,7 @@ class TrueSlipArc(ReflexArc):
     Args:
         reflex: The stage.
         settings: Its bounds.
-        moment: As of :class:`tega.loop.reflex.ReflexArc`.
+        snapshot: As of :class:`tega.loop.reflex.ReflexArc`.
         slip_mm_s: Returns the present speed of the object through the grasp, mm/s.
         forces_n: Returns the true force on each pad, newtons, thumb first.
     """
@@ -42,11 +42,11 @@ class TrueSlipArc(ReflexArc):
         reflex: Reflex,
         settings: ReflexSection,
         *,
-        moment: Callable[[int], ReflexMoment],
+        snapshot: Callable[[int], ReflexInputs],
         slip_mm_s: Callable[[], float],
         forces_n: Callable[[], Sequence[float]],
     ) -> None:
-        super().__init__(reflex, settings, moment=moment)
+        super().__init__(reflex, settings, snapshot=snapshot)
         self._slip_mm_s, self._forces_n = slip_mm_s, forces_n
 
     def on_event(self, event: Event) -> None:
@@ -69,7 +69,7 @@ class TrueSlipArc(ReflexArc):
 
 def trial_reflex(
     config: SessionConfig,
-    tells: ReflexTells,
+    reports: ReflexReports,
     bus: Bus,
     *,
     closure: Callable[[], float],
@@ -80,16 +80,16 @@ def trial_reflex(
 
     Args:
         config: The trial's settings.
-        tells: Source of its slips, by the condition.
+        reports: Source of its slips, by the condition.
         bus: Receives every addition.
         closure: Returns the hand's closure by its joints, levels.
         slip_mm_s: Returns the speed of the object's slide, mm/s.
         forces_n: Returns the true force on each pad, newtons, thumb first.
     """
     stages = config.stages
-    if tells != "none" and stages.reflex.name is None:
+    if reports != "none" and stages.reflex.name is None:
         stages = msgspec.structs.replace(stages, reflex=FULL_REFLEX)
-    elif tells != "none" and stages.reflex.authority == 0:
+    elif reports != "none" and stages.reflex.authority == 0:
         full = msgspec.structs.replace(stages.reflex, authority=FULL_REFLEX.authority)
         stages = msgspec.structs.replace(stages, reflex=full)
     settings = stages.reflex
@@ -97,10 +97,10 @@ def trial_reflex(
     if reflex is None:
         return None
 
-    def moment(_t_ns: int) -> ReflexMoment:
+    def snapshot(_t_ns: int) -> ReflexInputs:
         measured = closure() if settings.authority > 0 else None
-        return ReflexMoment(settings.authority, allowed=True, measured=measured)
+        return ReflexInputs(settings.authority, allowed=True, measured=measured)
 
-    if tells == "true slips":
-        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n)
-    return ReflexArc(reflex, settings, moment=moment, tell=bus.publish)
+    if reports == "true slips":
+        return TrueSlipArc(reflex, settings, snapshot=snapshot, slip_mm_s=slip_mm_s, forces_n=forces_n)
+    return ReflexArc(reflex, settings, snapshot=snapshot, notify=bus.publish)

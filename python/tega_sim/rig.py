@@ -165,7 +165,7 @@ class TrialRig:
             if due_ns == self._camera_ns:
                 self._expose(due_ns)
             if due_ns == self._act_ns:
-                self._look(due_ns)
+                self._check(due_ns)
             if due_ns == t_ns:
                 return
 
@@ -181,8 +181,8 @@ class TrialRig:
         arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
         # As each finger was in the frame before: the cameras take theirs at one time.
         bearing = [meter.metric.bears_load for meter in self._meters]
-        shown, told = self._bus.wants(Picture), self._bus.wants(MeasuredPicture)
-        unseen = not (self._painted or shown or told)
+        displayed, reported = self._bus.wants(Picture), self._bus.wants(MeasuredPicture)
+        unseen = not (self._painted or displayed or reported)
         for finger, indenters in enumerate(self.world.pads()):
             gel, meter = self._gels[finger], self._meters[finger]
             meter.metric.loaded = any(bearing[:finger] + bearing[finger + 1 :])
@@ -193,14 +193,14 @@ class TrialRig:
                 frame = TactileFrame(
                     arrival_ns, number, self._picture(finger, indenters, number), "simulated frame"
                 )
-                if shown:
+                if displayed:
                     self._bus.publish(picture_of(FINGERS[finger], frame))
                 contact = meter.take(frame)
             if contact is None:
                 continue
             self.measured[finger] = contact
             self._streams[finger].put(contact, next_ns=next_ns)
-            if told:
+            if reported:
                 self._bus.publish(
                     MeasuredPicture(image=self.frames[finger], contact=contact, metric=meter.metric)
                 )
@@ -225,7 +225,7 @@ class TrialRig:
             for k, finger in enumerate(FINGERS)
         }
 
-    def _look(self, t_ns: int) -> None:
+    def _check(self, t_ns: int) -> None:
         """Deliver the EMG of the last 10 ms, score the truth, let the person perceive and act."""
         self._act_ns = t_ns + ACT_NS
         if t_ns:

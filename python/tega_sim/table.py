@@ -50,8 +50,8 @@ def summarise_trials(results: Sequence[TrialResult]) -> list[Row]:
             condition=condition,
             n=len(group),
             **{
-                what: sum(getattr(result, what) for result in group) / len(group)
-                for what in Row.__struct_fields__[3:]
+                subject: sum(getattr(result, subject) for result in group) / len(group)
+                for subject in Row.__struct_fields__[3:]
             },
         )
         for (name, condition), group in groups.items()

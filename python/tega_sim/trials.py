@@ -65,7 +65,7 @@ def run_trials(
     *,
     jobs: int = 1,
     out: Path | None = None,
-    progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None,
+    progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None,
 ) -> list[TrialResult]:
     """Run trials, or those of them that ``out`` does not hold yet.
 

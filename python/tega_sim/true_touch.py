@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
     from tega.stages.base import Mapping as MappingStage
     from tega.stages.base import VestSetup
-    from tega_sim.conditions import Tells
+    from tega_sim.conditions import Reports
     from tega_sim.lab import Lab
     from tega_sim.plan import TrialPlan
     from tega_sim.seams import WorldTruth
 
 
 _FORCE: Final = {"front": "force_n", "back": "force_n", "front_max": FULL_N, "back_max": FULL_N}
-_SHOWN: Final[dict[Tells, StageConfig]] = {
+_DISPLAYED: Final[dict[Reports, StageConfig]] = {
     "true slips": StageConfig("pulses", {"contact": 0.0, "release": 0.0}),
     "true force": StageConfig("columns", _FORCE),
     "true force, equal steps": StageConfig("equal-steps", _FORCE),
@@ -50,7 +50,7 @@ class TrueTouch(TouchLoop):
     reach 3 mm, which cannot be known at the start.
 
     Args:
-        tells: Kind of truth.
+        reports: Kind of truth.
         maxima: As of :class:`tega.loop.touch.TouchLoop`, like the following.
         layout: Which motors the vest has.
         mirror: Which faces have their columns reversed.
@@ -63,7 +63,7 @@ class TrueTouch(TouchLoop):
 
     def __init__(
         self,
-        tells: Tells,
+        reports: Reports,
         maxima: Mapping[str, TouchMaxima],
         *,
         layout: Layout,
@@ -71,11 +71,13 @@ class TrueTouch(TouchLoop):
         felt: FeltMap | None = None,
         mapping: Callable[[VestSetup], MappingStage] | None = None,
     ) -> None:
-        if tells not in _SHOWN:
-            raise InvalidValueError(f"tells = {tells!r} is no truth", f"choose from {', '.join(_SHOWN)}")
+        if reports not in _DISPLAYED:
+            raise InvalidValueError(
+                f"tells = {reports!r} is no truth", f"choose from {', '.join(_DISPLAYED)}"
+            )
         super().__init__(maxima, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
-        shown: Any = vest_mapping(StagesSection(mapping=_SHOWN[tells]), "live")
-        self._told = TouchLoop(maxima, layout=layout, mirror=mirror, felt=felt, mapping=shown)
+        displayed: Any = vest_mapping(StagesSection(mapping=_DISPLAYED[reports]), "live")
+        self._reported = TouchLoop(maxima, layout=layout, mirror=mirror, felt=felt, mapping=displayed)
         self._forces_n: tuple[float, ...] = (0.0,) * len(FINGERS)
         self._slips: list[Event] = []
         self._slid_s: float | None = None
@@ -101,13 +103,13 @@ class TrueTouch(TouchLoop):
             for finger, force_n in zip(FINGERS, self._forces_n, strict=True)
         }
         slips, self._slips = self._slips, []
-        return self._told.shown(t_ns, contacts, slips)
+        return self._reported.displayed(t_ns, contacts, slips)
 
 
 def stages_of(lab: Lab, plan: TrialPlan) -> StagesSection:
     """Return the stages of a trial: those of its settings, with the mapping that its condition has."""
     stages = lab.config.stages
-    if ARMS[plan.condition].tells != "events":
+    if ARMS[plan.condition].reports != "events":
         return stages
     return msgspec.structs.replace(stages, mapping=StageConfig(name="pulses"))
 
@@ -120,9 +122,9 @@ def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
         plan: The trial.
         layout: The vest's layout.
     """
-    config, tells = lab.config, ARMS[plan.condition].tells
+    config, reports = lab.config, ARMS[plan.condition].reports
     mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror
     felt = felt_map(config.vest)
-    if tells in _SHOWN:
-        return TrueTouch(tells, lab.touch, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
+    if reports in _DISPLAYED:
+        return TrueTouch(reports, lab.touch, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
     return TouchLoop(lab.touch, layout=layout, mirror=mirror, felt=felt, mapping=mapping)

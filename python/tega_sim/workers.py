@@ -15,7 +15,7 @@ from tega.runtime.child_process import isolated_workers
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
-_LOOK_S = 0.2
+_POLL_S = 0.2
 
 
 def over_cores(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:
@@ -59,5 +59,5 @@ def _watch(parent: int) -> None:
 def _end_with(parent: int) -> None:
     """End this process when it has another parent than the one that started it."""
     while os.getppid() == parent:
-        time.sleep(_LOOK_S)
+        time.sleep(_POLL_S)
     os._exit(1)

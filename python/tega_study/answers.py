@@ -247,34 +247,34 @@ def _arm(
     )
 
 
-def _by_person(rows: Sequence[TrialCoupling], what: str) -> dict[str, float]:
+def _by_person(rows: Sequence[TrialCoupling], subject: str) -> dict[str, float]:
     """Average over each person's trials: correlations by Fisher's z, slopes plainly."""
     values: dict[str, list[float]] = {}
     for row in rows:
-        value = getattr(row, what)
+        value = getattr(row, subject)
         if value is not None:
             values.setdefault(row.participant, []).append(value)
-    average = _average if what == "slope" else fisher_mean
+    average = _average if subject == "slope" else fisher_mean
     return {person: average(some) for person, some in values.items()}
 
 
 def _contrasts(rows: Sequence[TrialCoupling], signal: str, conditions: Sequence[str]) -> list[Contrast]:
     found = []
-    for what in ("r", "slope"):
+    for subject in ("r", "slope"):
         sides = [
-            _by_person([row for row in rows if (row.signal, row.condition) == (signal, condition)], what)
+            _by_person([row for row in rows if (row.signal, row.condition) == (signal, condition)], subject)
             for condition in conditions[:2]
         ]
         both = [person for person in sides[0] if person in sides[1]]
         if not both:
             continue
 
-        def scaled(value: float, what: str = what) -> float:
-            return math.atanh(min(max(value, -0.999999), 0.999999)) if what == "r" else value
+        def scaled(value: float, subject: str = subject) -> float:
+            return math.atanh(min(max(value, -0.999999), 0.999999)) if subject == "r" else value
 
         off = [scaled(sides[0][person]) - scaled(sides[1][person]) for person in both]
         p = sign_flip(off) if len(both) >= SMALLEST_FOR_P else None
-        found.append(Contrast(signal=signal, what=what, people=len(both), difference=_average(off), p=p))
+        found.append(Contrast(signal=signal, what=subject, people=len(both), difference=_average(off), p=p))
     return found
 
 

@@ -58,7 +58,7 @@ def score_beeps(events: Sequence[JournalEvent], end_ns: int) -> BeepScore:
     return BeepScore(len(reactions_s) + missed, len(reactions_s), n_false, median_s)
 
 
-def said_of_beeps(events: Sequence[JournalEvent], end_ns: int) -> str:
+def beep_sentence(events: Sequence[JournalEvent], end_ns: int) -> str:
     """Return the score as the experimenter reads it behind how a trial went; ``""`` where no beep counts."""
     score = score_beeps(events, end_ns)
     if not score.beeps:

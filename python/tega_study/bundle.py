@@ -22,7 +22,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
 from tega.recording.versions import versions
-from tega.runtime.files.foreign_file import MIB, check_file, parse_json, tells_damage
+from tega.runtime.files.foreign_file import MIB, check_file, parse_json, reports_damage
 from tega.runtime.files.lock import LOCK_SUFFIX
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.files.whole_file import new_file
@@ -189,7 +189,7 @@ def _files_of(folder: Path, participant: str, left_out: list[Path]) -> Iterator[
             if not _belongs(path.relative_to(folder), participant):
                 continue
             try:
-                path_below(folder, path.relative_to(folder).as_posix(), what="file", source=source)
+                path_below(folder, path.relative_to(folder).as_posix(), subject="file", source=source)
             except UnsafeNameError:
                 left_out.append(path)
                 continue
@@ -243,7 +243,7 @@ def _pack(packed: zipfile.ZipFile, name: str, source: BinaryIO, *, named: str) -
     return BundledFile(name, n_bytes, seen.hexdigest(), named)
 
 
-@tells_damage
+@reports_damage
 def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
     """Check a bundle and unpack it into a new folder, whole or not at all.
 
@@ -272,7 +272,7 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
         beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
         try:
             for one in manifest.files:
-                _unpack(packed, one, path_below(beside, one.path, what="file", source=bundle.name), bundle)
+                _unpack(packed, one, path_below(beside, one.path, subject="file", source=bundle.name), bundle)
             _check_belongs(beside, manifest, bundle.name)
             trials = _work_out(beside, manifest, bundle)
             beside.chmod(out.parent.stat().st_mode & 0o777)
@@ -324,7 +324,7 @@ def _check_names(packed: zipfile.ZipFile, manifest: BundleManifest, source: str)
     names = [entry.filename for entry in packed.infolist()]
     listed, paths = [one.entry for one in manifest.files], [one.path for one in manifest.files]
     for name in (*names, *listed, *paths):
-        path_below(Path(), name, what="file", source=source)
+        path_below(Path(), name, subject="file", source=source)
     # Windows and macOS take Events.jsonl and events.jsonl for one file.
     folded = [name.casefold() for name in names]
     if len(set(folded)) < len(folded) or any(len(set(some)) < len(some) for some in (listed, paths)):

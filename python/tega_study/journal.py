@@ -158,5 +158,8 @@ class Journal(JsonLines[JournalEvent]):
 def events_path(folder: Path, participant: str) -> Path:
     """Return where a person's events are."""
     return (
-        folder / "sessions" / plain_name(participant, what="participant", source=folder.name) / "events.jsonl"
+        folder
+        / "sessions"
+        / plain_name(participant, subject="participant", source=folder.name)
+        / "events.jsonl"
     )

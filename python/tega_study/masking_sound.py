@@ -86,7 +86,7 @@ class MaskingSound:
         self._gain = 0.0 if settings.level_dbfs is None else 10 ** (settings.level_dbfs / 20)
         self._tone = beep_tone(max(BEEP_DBFS, settings.level_dbfs or -np.inf))
         self._left = self._tone[:0]  # of the beep that sounds
-        self._asked: deque[None] = deque()
+        self._requested: deque[None] = deque()
         self._sounded_ns: deque[int] = deque()
         self._output = int(settings.output) if settings.output.isdecimal() else settings.output or None
         self._loop = pink_loop()
@@ -172,7 +172,7 @@ class MaskingSound:
 
     def beep(self) -> None:
         """Play a beep with the next block; :meth:`sounded_ns` returns when it leaves the loudspeaker."""
-        self._asked.append(None)
+        self._requested.append(None)
 
     def sounded_ns(self) -> list[int]:
         """Return when beeps left the loudspeaker since the last call, on the machine's monotonic clock, nanoseconds.
@@ -187,8 +187,8 @@ class MaskingSound:
     def _give(self, data: Any, n: int, times: Any, _status: Any) -> None:
         """Fill a block; called by the sound system's own thread."""
         data[:] = self.render(n)
-        if self._asked:
-            self._asked.popleft()
+        if self._requested:
+            self._requested.popleft()
             self._left = self._tone
             late_s = max(0.0, times.outputBufferDacTime - times.currentTime)
             self._sounded_ns.append(time.monotonic_ns() + round(late_s * 1e9))

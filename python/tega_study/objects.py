@@ -68,7 +68,7 @@ def read_objects(folder: Path) -> dict[str, ObjectFacts]:
         ) from error
     for facts in found.values():
         if facts.photo:
-            path_below(folder, facts.photo, what="photo", source=OBJECTS)
+            path_below(folder, facts.photo, subject="photo", source=OBJECTS)
     return found
 
 

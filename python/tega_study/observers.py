@@ -20,7 +20,7 @@ PROPOSED = "proposed"
 
 def observer_path(folder: Path, participant: str, rater: str) -> Path:
     """Return where a rater's events of a session are."""
-    plain_name(rater, what="rater", source=folder.name)
+    plain_name(rater, subject="rater", source=folder.name)
     return events_path(folder, participant).parent / "observers" / f"{rater}.jsonl"
 
 
@@ -41,6 +41,6 @@ def saw_whole(events: Sequence[JournalEvent], trial: int, attempt: int) -> bool:
     )
 
 
-def was_shown_proposals(events: Sequence[JournalEvent]) -> bool:
+def saw_proposals(events: Sequence[JournalEvent]) -> bool:
     """Return whether a rater saw proposals of rule and detector, which raises the agreement with them."""
     return any(e.kind == "session_start" and e.item == PROPOSED for e in events)

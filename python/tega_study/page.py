@@ -202,21 +202,21 @@ def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
     """Return for each direction how often it has the paper's sign, and which parameters reverse it."""
     found = []
     people = [row for row in rows if row.what not in {"arm", "reading"}]
-    for place, asked in enumerate(rows[0].directions if rows else ()):
+    for place, requested in enumerate(rows[0].directions if rows else ()):
         signs = [_as_printed(row.directions[place]) for row in people]
-        told = [row.directions[place].verdict for row in people]
+        reported = [row.directions[place].verdict for row in people]
         base = next((_as_printed(row.directions[place]) for row in people if row.what == "base"), None)
         turned = []
-        for what, some in groupby((row for row in people if row.what != "base"), key=lambda row: row.what):
+        for subject, some in groupby((row for row in people if row.what != "base"), key=lambda row: row.what):
             ends = [row for row in some if _as_printed(row.directions[place]) != base]
             if ends:
-                turned.append(f"{what} (at {' and '.join(str(row.setting) for row in ends)})")
+                turned.append(f"{subject} (at {' and '.join(str(row.setting) for row in ends)})")
         found.append(
             [
-                f"{PAPER_LABELS[asked.metric]}, {asked.object}",
+                f"{PAPER_LABELS[requested.metric]}, {requested.object}",
                 f"{sum(signs)} of {len(signs)}",
-                str(told.count("as printed")),
-                str(told.count("opposite")),
+                str(reported.count("as printed")),
+                str(reported.count("opposite")),
                 ", ".join(turned) or "none",
             ]
         )

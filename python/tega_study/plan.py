@@ -219,9 +219,9 @@ def make_plan(
         InvalidValueError: A value is out of range, or a name comes twice or cannot be used.
     """
     own = (*CODED, *behaviours)
-    for what, names in (("objects", objects), ("conditions", conditions), ("behaviours", own)):
+    for subject, names in (("objects", objects), ("conditions", conditions), ("behaviours", own)):
         if len(set(names)) != len(names):
-            raise InvalidValueError(f"{what} = {', '.join(names)}: a name comes twice", "name each once")
+            raise InvalidValueError(f"{subject} = {', '.join(names)}: a name comes twice", "name each once")
     tests = default_family(objects) if family is None and objects else tuple(family or ())
     known = _tests(objects)
     for test in tests:
@@ -400,6 +400,6 @@ def read_plan(folder: Path) -> StudyPlan:
     except (msgspec.ValidationError, UnicodeDecodeError, csv.Error, TypeError) as error:
         raise RecordingError(f"{folder / 'plan.csv'}: {error}", "restore it from a copy") from error
     for trial in trials:
-        for what in ("participant", "object", "condition"):
-            plain_name(getattr(trial, what), what=what, source=str(folder / "plan.csv"))
+        for subject in ("participant", "object", "condition"):
+            plain_name(getattr(trial, subject), subject=subject, source=str(folder / "plan.csv"))
     return StudyPlan(settings, trials)

@@ -188,7 +188,7 @@ class Commands:
         if self.tracker is not None:
             at_ns = self._last_ns["arm"]
             pose = StampedPose(at_ns, command.position_m, command.quaternion_xyzw, command.valid)
-            self.tracker.see(pose, use_by_ns=at_ns + self._ttl_ns)
+            self.tracker.observe(pose, use_by_ns=at_ns + self._ttl_ns)
 
     def release(self, client: int) -> None:
         """End the lead of a client, if it leads: the run holds from now on."""

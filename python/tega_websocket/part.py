@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import tega
 from tega.loop.inbox.inputs import Inputs
-from tega.loop.moment import Moment
 from tega.loop.parts import Part, PartContext, RunStart
+from tega.loop.snapshot import Snapshot
 from tega.records import HandExchange, HeardMarker, Picture, Record
 from tega.records.bus import Backlog
 from tega.records.display import Notice
@@ -35,7 +35,7 @@ from tega_websocket.settings import WebSocketTable, read_token
 if TYPE_CHECKING:
     from tega.devices.base import Tracker
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
 
 _MOST_WAITING: Final = 2048
 _JPEG_QUALITY: Final = 80
@@ -73,7 +73,7 @@ class WebSocketPart(Part):
             # A hand's exchanges are stamped by another clock, and are not made unless a recording wants them.
             if kind.topic and kind is not HandExchange and (kind is not Picture or self._cv2 is not None):
                 self._bus.subscribe(kind, self._send, name="websocket", backlog=backlog)
-        self._bus.subscribe(Moment, self._seen, name="websocket")
+        self._bus.subscribe(Snapshot, self._seen, name="websocket")
         context.stack.callback(backlog.close)
 
     def open(self) -> None:
@@ -131,8 +131,8 @@ class WebSocketPart(Part):
         counts = {"clients": server.n_clients, "dropped": server.n_dropped, "commands": commands.n}
         return {"websocket": counts | {"refused": dict(commands.refused), "markers": self._n_marks}}
 
-    def _seen(self, moment: Moment) -> None:
-        self._view = moment.view
+    def _seen(self, snapshot: Snapshot) -> None:
+        self._view = snapshot.view
 
     def _send(self, record: Record) -> None:
         """Send a record, in the backlog's thread."""

@@ -133,9 +133,9 @@ class Server:
         self._thread.start()
         ready.event.wait(_START_S)
         if ready.error is not None or not self.port:
-            said = ready.error or "no answer of the system"
+            sentence = ready.error or "no answer of the system"
             raise DeviceUnavailableError(
-                f"websocket: {host}:{port} cannot be served: {said}",
+                f"websocket: {host}:{port} cannot be served: {sentence}",
                 "end the program that has the port, or set websocket.port",
             ) from ready.error
 
@@ -181,7 +181,7 @@ class Server:
             self._handle,
             host,
             port,
-            process_request=self._asked,
+            process_request=self._requested,
             compression=None,
             max_size=MOST_BYTES,
             max_queue=16,
@@ -203,7 +203,7 @@ class Server:
             server.close()
             await server.wait_closed()
 
-    async def _asked(self, connection: Any, request: Any) -> Any:
+    async def _requested(self, connection: Any, request: Any) -> Any:
         """Refuse a connection before it is made; ``None`` lets it in."""
         first = request.path.partition("?")[0].split("/")[1]
         if not hmac.compare_digest(first.encode(), self._token):

@@ -93,10 +93,11 @@ def check_claims(name: str, config: SessionConfig, *, hand: bool, arm: bool) -> 
         ("hand", hand and config.emg is not None, "[emg]"),
         ("arm", arm and config.arm is not None and config.arm.tracker is not None, "arm.tracker"),
     )
-    for what, twice, other in claims:
+    for subject, twice, other in claims:
         if twice:
             raise ConfigError(
-                f"{name}.{what} and {other} both lead the {what}", f"take out {other} or {name}.{what}"
+                f"{name}.{subject} and {other} both lead the {subject}",
+                f"take out {other} or {name}.{subject}",
             )
     if arm and config.arm is None:
         raise ConfigError(f"{name}.arm is set, but there is no [arm]", f"set [arm], or take out {name}.arm")

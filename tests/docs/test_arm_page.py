@@ -45,7 +45,7 @@ def test_its_example_runs() -> None:
 def test_its_numbers_are_the_defaults() -> None:
     text, s = PROOFS.read_text(encoding="utf-8"), ArmSettings()
     low, high = s.limits.low_m, s.limits.high_m
-    for said in (
+    for message in (
         f"x {low[0]:.2f} to {high[0]:.2f}, y ±{high[1]:.2f}, z {low[2]:.2f} to {high[2]:.2f} m; "
         f"{s.limits.tilt_rad} rad",
         f"{s.limits.ahead_m} m, {s.limits.ahead_rad} rad",
@@ -56,7 +56,7 @@ def test_its_numbers_are_the_defaults() -> None:
         f"{s.gate.age_ms:g} ms; {s.gate.ahead_ms:g} ms ahead; {s.gate.step_m:.2f} m or {s.gate.step_rad} rad a step; "
         f"{s.gate.speed_m_s:g} m/s, {s.gate.turn_rad_s:g} rad/s",
     ):
-        assert said in text, said
+        assert message in text, message
     for name in FRAMES:
         assert f"| `{name}` |" in PAGE.read_text(encoding="utf-8")
     for case in CASES:

@@ -62,8 +62,8 @@ def test_the_python_of_a_page_runs(lab: Path, page: str, capsys: pytest.CaptureF
     assert len(blocks) >= 2
     for block in blocks:
         exec(compile(block, page, "exec"), names)
-    said = capsys.readouterr().out
-    assert re.search(r"\d\.\d\d s, thumb: ", said)
+    text = capsys.readouterr().out
+    assert re.search(r"\d\.\d\d s, thumb: ", text)
     import matplotlib.pyplot as plt
 
     plt.close("all")

@@ -34,6 +34,6 @@ def test_the_recording_is_a_lift_of_fifteen_seconds() -> None:
     (size,) = struct.unpack("<Q", data[:8])
     inner = zstandard.ZstdDecompressor().decompress(data[8:], max_output_size=size)
     (n,) = struct.unpack("<Q", inner[:8])
-    told = msgspec.msgpack.decode(inner[8 : 8 + n])
-    assert 12 < told["durationSeconds"] < 20
-    assert len(told["messages"]) > 1000
+    reported = msgspec.msgpack.decode(inner[8 : 8 + n])
+    assert 12 < reported["durationSeconds"] < 20
+    assert len(reported["messages"]) > 1000

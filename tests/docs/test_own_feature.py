@@ -63,8 +63,8 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     (tmp_path / "lab.toml").write_text(LAB.format(firm_from=2))
     assert "grip" in tega(installed, tmp_path, "--help")
-    shown = tega(installed, tmp_path, "config", "show", "lab.toml")
-    assert ["grip.firm_from", "2", "lab.toml:10"] in [line.split() for line in shown.splitlines()]
+    displayed = tega(installed, tmp_path, "config", "show", "lab.toml")
+    assert ["grip.firm_from", "2", "lab.toml:10"] in [line.split() for line in displayed.splitlines()]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 9100))
         printed = tega(installed, tmp_path, "run", "lab.toml", "--stream", "grips", "--json")
@@ -103,8 +103,8 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
 @pytest.mark.slow
 def test_its_check_speaks_in_doctor_and_its_table_is_checked(installed: Path, tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text(LAB.format(firm_from=3))
-    said = tega(installed, tmp_path, "doctor", "lab.toml", code=3)
-    assert "no grip is ever firm" in " ".join(said.split())  # doctor breaks lines
+    message = tega(installed, tmp_path, "doctor", "lab.toml", code=3)
+    assert "no grip is ever firm" in " ".join(message.split())  # doctor breaks lines
     (tmp_path / "lab.toml").write_text(LAB.format(firm_from=5))
     assert "lab.toml:10: grip.firm_from = 5" in tega(
         installed, tmp_path, "config", "check", "lab.toml", code=1
@@ -138,10 +138,10 @@ def test_a_feature_that_fails_to_load_is_named_and_the_rest_works(tmp_path: Path
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-feature\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[tega.features]\nbroken = broken_feature:FEATURE\n")
     (tmp_path / "broken_feature.py").write_text("import a_package_that_is_missing\n")
-    said = tega(tmp_path, tmp_path, "config", "show")
-    assert "feature 'broken' is left out: ModuleNotFoundError" in said
-    assert "pip install --force-reinstall broken-feature" in said
-    assert "session.preset" in said
+    message = tega(tmp_path, tmp_path, "config", "show")
+    assert "feature 'broken' is left out: ModuleNotFoundError" in message
+    assert "pip install --force-reinstall broken-feature" in message
+    assert "session.preset" in message
 
 
 def test_no_file_of_tega_names_the_feature() -> None:

@@ -187,18 +187,18 @@ def test_the_examples_run_in_a_session_and_are_recorded(installed: Installed, tm
     (tmp_path / "lab.toml").write_text(LAB)
     done = run("-c", RUN, str(tmp_path), python=installed.python)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert [row[:2] for row in told["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
-    assert all(n > 10 for *_, n in told["more"])
+    reported = json.loads(done.stdout.splitlines()[-1])
+    assert [row[:2] for row in reported["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
+    assert all(n > 10 for *_, n in reported["more"])
     # The hand was told closures between the levels, as many as the decoder gave.
-    assert told["closures"] > 20
-    assert told["between"] > 10
-    assert 0 <= told["range"][0] < 0.2 < told["range"][1] <= 1
-    assert told["commands"] > 10
-    assert {tuple(row[:2]) for row in told["vest"]} == {("sleeve16", 16)}
-    assert any(lit for _, _, lit, _ in told["vest"])
-    assert 'name = "embedding"' in told["toml"]
-    assert told["same"]
+    assert reported["closures"] > 20
+    assert reported["between"] > 10
+    assert 0 <= reported["range"][0] < 0.2 < reported["range"][1] <= 1
+    assert reported["commands"] > 10
+    assert {tuple(row[:2]) for row in reported["vest"]} == {("sleeve16", 16)}
+    assert any(lit for _, _, lit, _ in reported["vest"])
+    assert 'name = "embedding"' in reported["toml"]
+    assert reported["same"]
 
 
 DEMO = """
@@ -279,14 +279,14 @@ def test_the_examples_run_on_emulated_devices_and_are_recorded(installed: Instal
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     done = run("-c", EMULATED, str(tmp_path), RUN, python=installed.python)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert [row[:2] for row in told["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
-    assert told["between"] > 10, told["range"]
-    assert told["exchanged"] > 100
-    assert {tuple(row[:2]) for row in told["vest"]} == {("sleeve16", 16)}
-    assert any(lit for _, _, lit, _ in told["vest"])
-    assert 'name = "proportional"' in told["toml"]
-    assert told["same"]
+    reported = json.loads(done.stdout.splitlines()[-1])
+    assert [row[:2] for row in reported["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
+    assert reported["between"] > 10, reported["range"]
+    assert reported["exchanged"] > 100
+    assert {tuple(row[:2]) for row in reported["vest"]} == {("sleeve16", 16)}
+    assert any(lit for _, _, lit, _ in reported["vest"])
+    assert 'name = "proportional"' in reported["toml"]
+    assert reported["same"]
 
 
 def test_without_its_package_a_recording_says_what_is_missing(tmp_path: Path) -> None:

@@ -51,11 +51,11 @@ def test_a_setting_of_the_table_is_taken_and_told(place: OpenPlace, item: str) -
     from tega_sim.plan import loop_settings
 
     loaded = load_config(None, environ={}, sets=[*place.needs, item])
-    key, _, said = item.partition("=")
+    key, _, message = item.partition("=")
     value, origin = loaded.values[key]
     assert origin == "--set"
-    plain = said.replace("[", "(").replace("]", ")").lower()
-    assert str(value).lower().replace("'", '"') == plain or float(said) == value
+    plain = message.replace("[", "(").replace("]", ")").lower()
+    assert str(value).lower().replace("'", '"') == plain or float(message) == value
     if _is_everywhere(place):
         assert loop_settings("live", [*place.needs, item]).stages == loaded.config.stages
 
@@ -103,15 +103,15 @@ def test_a_setting_of_the_table_is_run_recorded_and_replayed(
     reader = McapReader(file)
     assert list(reader.messages())
     recorded = check_tree(tomllib.loads(reader.files["session.toml"].decode()), {}, base=tmp_path).values
-    for told in sets:
-        key, _, said = told.partition("=")
+    for reported in sets:
+        key, _, message = reported.partition("=")
         assert key in recorded, f"{key} is not recorded"
         value = recorded[key].value
-        plain = said.replace("[", "(").replace("]", ")").lower()
-        assert str(value).lower().replace("'", '"') == plain or float(said) == value
+        plain = message.replace("[", "(").replace("]", ")").lower()
+        assert str(value).lower().replace("'", '"') == plain or float(message) == value
     assert replay_file(file).same
     # The same recording through the other choice: named as changed, or the same where it makes no difference.
-    again = replay_file(file, sets=[told for told in sets if told.startswith("stages.")])
+    again = replay_file(file, sets=[reported for reported in sets if reported.startswith("stages.")])
     assert again.changed == []
 
 
@@ -175,11 +175,11 @@ def test_every_verb_refuses_an_unknown_option_with_its_place_and_the_nearest_nam
         args += ["--set", "stages.metric.name=reading", "--set", "stages.metric.options.factr=1"]
     with pytest.raises(SystemExit) as done:
         main(args)
-    said = capsys.readouterr().err
-    assert done.value.code == 1, said
-    assert "stages.metric.options.factr: unknown key" in said
-    assert ("lab.toml:4" if how == "FILE" else "--set") in said
-    assert "did you mean 'factor'" in said
+    message = capsys.readouterr().err
+    assert done.value.code == 1, message
+    assert "stages.metric.options.factr: unknown key" in message
+    assert ("lab.toml:4" if how == "FILE" else "--set") in message
+    assert "did you mean 'factor'" in message
 
 
 GROUPS = [

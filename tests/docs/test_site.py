@@ -24,6 +24,6 @@ def test_a_page_from_the_disk_has_a_worker_for_its_search(tmp_path: Path) -> Non
     )
     shutil.copy(DOCS / "file-worker.js", tmp_path)
     with launched() as browser:
-        shown = browser.new_page()
-        shown.goto((tmp_path / "page.html").as_uri())
-        shown.wait_for_function("document.title === '42'", timeout=60_000)
+        displayed = browser.new_page()
+        displayed.goto((tmp_path / "page.html").as_uri())
+        displayed.wait_for_function("document.title === '42'", timeout=60_000)

@@ -15,8 +15,8 @@ from typing import Any
 from reference.parts import observed
 from tega.config import check_tree
 from tega.loop.controls import Controls
-from tega.loop.moment import LoopView
 from tega.loop.session import run_session
+from tega.loop.snapshot import LoopView
 from tega.records import RunState
 from tega.safety.stop import Stop
 from tega_emulators.lab import EmulatedLab, emulated_lab
@@ -77,10 +77,10 @@ class Lab:
         """The run's state now."""
         return self.changes[-1].state if self.changes else "idle"
 
-    def until(self, what: Callable[[], object], *, seconds: float = LONGEST_S) -> float:
+    def until(self, subject: Callable[[], object], *, seconds: float = LONGEST_S) -> float:
         """Wait until something is so and return how long that took; fail after a while."""
         began = time.monotonic()
-        while not what():
+        while not subject():
             if time.monotonic() - began > seconds:
                 raise AssertionError(f"not within {seconds} s; states: {self.changes}, {self.said()}")
             time.sleep(0.002)
@@ -106,7 +106,7 @@ class Lab:
             finally:
                 self.stop.ask("the script is over")
 
-        def look(view: LoopView) -> None:
+        def check(view: LoopView) -> None:
             self.views[:] = [view]
             if observe is not None:
                 observe(view)
@@ -114,8 +114,8 @@ class Lab:
         beside = threading.Thread(target=disturb, daemon=True)
         began: list[bool] = []
 
-        def progress(what: str, _done: int, _total: int) -> None:
-            if what == "running" and not began:
+        def progress(subject: str, _done: int, _total: int) -> None:
+            if subject == "running" and not began:
                 began.append(True)
                 beside.start()
 
@@ -124,7 +124,7 @@ class Lab:
                 check_tree(self.tree, {}, base=self.folder).config,
                 progress=progress,
                 controls=Controls(stop=self.stop, go=lambda: self.may_go),
-                bus=observed(look, on_state=self.changes.append),
+                bus=observed(check, on_state=self.changes.append),
             )
         finally:
             if began:

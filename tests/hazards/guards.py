@@ -129,8 +129,8 @@ GUARDS: Final = (
     ),
     Guard(
         "nobody asks for a stream's rate",
-        "            elif said := self._slow(stream):",
-        '            elif said := "":',
+        "            elif text := self._slow(stream):",
+        '            elif text := "":',
         f"{_LOST}a_slow_camera_does_not_arm",
     ),
     Guard(
@@ -159,7 +159,7 @@ GUARDS: Final = (
     ),
     Guard(
         "a dead-man that says nothing counts as held",
-        "if t_ns - self._heard_ns > limit_ms * 1e6:",
+        "if t_ns - self._received_ns > limit_ms * 1e6:",
         "if False:",
         f"{_LOST}a_dead_man_that_freezes_while_it_is_held_holds",
     ),
@@ -207,7 +207,7 @@ GUARDS: Final = (
     ),
     Guard(
         "the hand's process goes on while the run stands still",
-        "return self._n_words, time.monotonic() - self._last_s if self._heard else 0.0",
+        "return self._n_words, time.monotonic() - self._last_s if self._received else 0.0",
         "return time.monotonic_ns(), 0.0",
         f"{_STOP}a_killed_or_frozen_run_leaves_all_safe",
     ),
@@ -286,14 +286,14 @@ GUARDS: Final = (
     ),
     Guard(
         "the way to the start goes on without a guard of the hand",
-        "may_move=lambda: time.monotonic() >= told_until_s and not hand.unguarded,",
-        "may_move=lambda: time.monotonic() >= told_until_s,",
+        "may_move=lambda: time.monotonic() >= warned_until_s and not hand.unguarded,",
+        "may_move=lambda: time.monotonic() >= warned_until_s,",
         f"{_START}the_way_to_the_start_holds_while_the_hand_s_guard_is_lost",
     ),
     Guard(
         "the loss of the arm's process is not seen",
-        '        if arm.phase in {"faulted", "gone"} and (said := arm.problem):',
-        '        if arm.phase == "faulted" and (said := arm.problem):',
+        '        if arm.phase in {"faulted", "gone"} and (text := arm.problem):',
+        '        if arm.phase == "faulted" and (text := arm.problem):',
         "tests/tega/unit/test_arm_run.py::test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on",
     ),
     Guard(
@@ -329,7 +329,7 @@ GUARDS: Final = (
     ),
     Guard(
         "nobody sees that the guard of the hand is gone",
-        '            self.problem = f"the process that {self._what} was lost; another is being started"',
+        '            self.problem = f"the process that {self._subject} was lost; another is being started"',
         "            return",
         f"{_LOST}the_loss_of_the_hand_s_guard_holds_until_there_is_another",
     ),
@@ -375,7 +375,7 @@ GUARDS: Final = (
     ),
     Guard(
         "every Ctrl-C cuts in",
-        "        elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:",
+        "        elif not self._interrupted and time.monotonic() - self._requested_s > _PATIENCE_S:",
         "        else:",
         f"{_STOP}impatience_stops_as_well",
     ),
@@ -618,8 +618,8 @@ GUARDS: Final = (
 """Every guard, with what shows that it is needed."""
 
 
-def _late(what: str, old: str, new: str, shown_by: str) -> Guard:
-    return Guard(f"{what} takes ten times as long", old, new, shown_by)
+def _late(subject: str, old: str, new: str, shown_by: str) -> Guard:
+    return Guard(f"{subject} takes ten times as long", old, new, shown_by)
 
 
 LATE: Final = (
@@ -655,8 +655,8 @@ LATE: Final = (
     ),
     _late(
         "a look at everything",
-        "_LOOK_NS = 10_000_000",
-        "_LOOK_NS = 100_000_000",
+        "_POLL_NS = 10_000_000",
+        "_POLL_NS = 100_000_000",
         f"{_TIMES}a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look",
     ),
     _late(
@@ -757,7 +757,7 @@ LATE: Final = (
     ),
     _late(
         "a dead-man that says nothing",
-        "if t_ns - self._heard_ns > limit_ms * 1e6:",
+        "if t_ns - self._received_ns > limit_ms * 1e6:",
         "if t_ns - self._heard_ns > limit_ms * 1e7:",
         f"{_TIMES}a_dead_man_that_says_nothing_is_let_go_after_its_time",
     ),

@@ -197,13 +197,13 @@ def _watched(outcome: Outcome, started: Started, begun_s: float, goes_on_s: list
             time.sleep(0.005)
         return Seen(outcome, at_s - begun_s)
     longest_s = PATIENCE_S if outcome == "let go" else _WATCH_S
-    look = started.look()
+    check = started.check()
     while time.monotonic() - begun_s < longest_s:
-        look = started.look()
-        if look["off_s"] > begun_s and not look["servo_on"]:
-            zero_s = max(look["zero_s"], begun_s)  # it may have been at zero before
-            old = bool(goes_on_s) and look["pushed_s"] > goes_on_s[0]
-            return Seen("let go", zero_s - begun_s, look["off_s"] - begun_s, old)
+        check = started.check()
+        if check["off_s"] > begun_s and not check["servo_on"]:
+            zero_s = max(check["zero_s"], begun_s)  # it may have been at zero before
+            old = bool(goes_on_s) and check["pushed_s"] > goes_on_s[0]
+            return Seen("let go", zero_s - begun_s, check["off_s"] - begun_s, old)
         time.sleep(0.002)
-    steered = look["torques"] > started.torques + 100
+    steered = check["torques"] > started.torques + 100
     return Seen("goes on" if steered else "pushes")

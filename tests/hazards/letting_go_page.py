@@ -60,13 +60,13 @@ def page(seen: Mapping[Cell, Seen]) -> str:
 
 def problem(cell: Cell, seen: Seen) -> str:
     """Return in which respect a cell is not as expected; ``""`` if it is."""
-    asked = expected(cell)
-    if seen.outcome != asked.outcome:
-        return f"{seen.outcome} instead of {asked.outcome}: {seen.words}"
+    requested = expected(cell)
+    if seen.outcome != requested.outcome:
+        return f"{seen.outcome} instead of {requested.outcome}: {seen.words}"
     if seen.old_torque:
         return "torque came after the standstill and before letting go"
-    late = seen.took_s > asked.within_s and seen.outcome not in {"goes on", "pushes"}
-    return f"{seen.took_s:.2f} s is more than {asked.within_s:g} s" if late else ""
+    late = seen.took_s > requested.within_s and seen.outcome not in {"goes on", "pushes"}
+    return f"{seen.took_s:.2f} s is more than {requested.within_s:g} s" if late else ""
 
 
 def _try(cell: Cell) -> Seen | None:
@@ -90,9 +90,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", default=[], metavar="WORD", help="cells with all of these words")
     parser.add_argument("--jobs", type=int, default=2, help="cells at once")
-    asked = parser.parse_args(arguments)
-    chosen = [cell for cell in CELLS if all(word in " | ".join(cell) for word in asked.only)]
-    with ThreadPoolExecutor(asked.jobs) as pool:
+    requested = parser.parse_args(arguments)
+    chosen = [cell for cell in CELLS if all(word in " | ".join(cell) for word in requested.only)]
+    with ThreadPoolExecutor(requested.jobs) as pool:
         tried = zip(chosen, pool.map(_try, chosen), strict=True)
         seen = {cell: outcome for cell, outcome in tried if outcome is not None}
     put_table(PAGE, page(seen), name=_NAME)

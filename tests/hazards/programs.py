@@ -33,7 +33,7 @@ from tega_emulators.vests import seen_by
 __all__ = ["SUBJECTS", "Started", "Subject"]
 
 TIGHT: Final = CLOSURE_POSES_RAD[4]
-_LOOK_S: Final = 0.01
+_POLL_S: Final = 0.01
 _TRIES: Final = 10
 # Tests may themselves run under nohup, whose children ignore SIGHUP.
 _FIRST: Final = (
@@ -92,7 +92,7 @@ class Program:
         # A read that waits would keep the terminal open.
         with contextlib.suppress(OSError):
             while not self._closing.is_set():
-                if not select.select([self._master], [], [], _LOOK_S)[0]:
+                if not select.select([self._master], [], [], _POLL_S)[0]:
                     continue
                 piece = os.read(self._master, 65536)
                 self._err.write(piece)
@@ -157,9 +157,9 @@ class Started:
             self.roles["hand process"] = begun_by(main, "tega.devices.hand.hand_program")
             self.roles["guard"] = begun_by(main, "tega.devices.hand.hand_guard")
             assert [len(pids) for pids in self.roles.values()] == [1, 1, 1], self.roles
-        self.torques = 0 if hand is None else self.look()["torques"]
+        self.torques = 0 if hand is None else self.check()["torques"]
 
-    def look(self) -> dict[str, Any]:
+    def check(self) -> dict[str, Any]:
         """Return the state of the emulated hand."""
         assert self._hand is not None
         return self._hand.say("look")
@@ -169,9 +169,9 @@ class Started:
         if self._vest is not None:
             at_s, motors = seen_by(self._vest).history[-1]
             return 0.0 if any(motors) else max(float(at_s), since_s)
-        look = self.look()
-        opened = np.abs(np.array(look["angles_rad"]) - TIGHT).max() > 0.3
-        return float(look["t_s"]) if opened else 0.0
+        check = self.check()
+        opened = np.abs(np.array(check["angles_rad"]) - TIGHT).max() > 0.3
+        return float(check["t_s"]) if opened else 0.0
 
     def scope(self) -> list[int]:
         """Return every process of the program, with its shell."""
@@ -240,9 +240,9 @@ def _await_push(hand: Emulator, program: Program, *, tight: bool = True) -> None
 
     def pushes() -> bool:
         assert program.process.poll() is None, program.said
-        look = hand.say("look")
-        there = np.abs(np.array(look["angles_rad"]) - TIGHT).max() < 0.15
-        return bool(look["servo_on"] and any(look["duties"]) and (there or not tight))
+        check = hand.say("look")
+        there = np.abs(np.array(check["angles_rad"]) - TIGHT).max() < 0.15
+        return bool(check["servo_on"] and any(check["duties"]) and (there or not tight))
 
     until(pushes)
 

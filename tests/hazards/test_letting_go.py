@@ -22,7 +22,7 @@ TIMES = 10
 
 @pytest.mark.parametrize("cell", CELLS, ids=lambda cell: f"{cell.event}, {cell.targets} of {cell.subject}")
 def test_a_cell_of_the_table(cell: Cell, tmp_path: Path) -> None:
-    seen, asked = try_cell(cell, tmp_path), expected(cell)
-    assert seen.outcome == asked.outcome, seen
+    seen, requested = try_cell(cell, tmp_path), expected(cell)
+    assert seen.outcome == requested.outcome, seen
     assert not seen.old_torque
-    assert seen.took_s <= TIMES * asked.within_s
+    assert seen.took_s <= TIMES * requested.within_s

@@ -20,7 +20,7 @@ from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD, TORQUE_LIMITS
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.recording.inspection import inspect_file
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
@@ -339,7 +339,7 @@ def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Pat
     held = next(k for k, change in enumerate(made.changes) if "lets go of the hand was lost" in change.reason)
     assert made.changes[held].state == "hold"
     assert "active" in states(made)[held:]
-    assert any("lets go of the hand was lost" in said for said in made.summary["safety"]["alerts"])
+    assert any("lets go of the hand was lost" in message for message in made.summary["safety"]["alerts"])
     found = inspect_file(tmp_path / "recorded" / made.summary["recording"]["file"])
     assert any("lets go of the hand was lost" in event.text for event in found.states)
 

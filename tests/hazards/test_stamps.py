@@ -42,31 +42,31 @@ ON_THE_WAY_S: Final = 0.2
 OPENS: Final = {"hold_ms": 0.0}
 
 
-def opening(look: dict[str, Any]) -> bool:
+def opening(check: dict[str, Any]) -> bool:
     """Whether the emulated fingers have left the tight pose."""
-    return bool(np.abs(np.array(look["angles_rad"]) - TIGHT).max() > 0.3)
+    return bool(np.abs(np.array(check["angles_rad"]) - TIGHT).max() > 0.3)
 
 
-def let_go(look: dict[str, Any]) -> bool:
+def let_go(check: dict[str, Any]) -> bool:
     """Whether no motor of the emulated hand pushes."""
-    return not look["servo_on"] and not any(look["duties"])
+    return not check["servo_on"] and not any(check["duties"])
 
 
-def stamped(hand: Emulator, what: Callable[[dict[str, Any]], bool]) -> float:
+def stamped(hand: Emulator, subject: Callable[[dict[str, Any]], bool]) -> float:
     """Wait until the emulated hand is so; return its stamp, seconds."""
     found: list[float] = []
 
     def seen() -> bool:
-        look = hand.say("look")
-        if what(look):
-            found.append(look["t_s"])
+        check = hand.say("look")
+        if subject(check):
+            found.append(check["t_s"])
         return bool(found)
 
     until(seen)
     return found[0]
 
 
-def steered(made: Lab, fault: Callable[[], object], what: Callable[[dict[str, Any]], bool]) -> float:
+def steered(made: Lab, fault: Callable[[], object], subject: Callable[[dict[str, Any]], bool]) -> float:
     """Let a run close the hand, and make a fault; return after how long the hand is so, seconds."""
     took: list[float] = []
 
@@ -74,7 +74,7 @@ def steered(made: Lab, fault: Callable[[], object], what: Callable[[dict[str, An
         made.until(lambda: made.state == "active" and closed(made))
         began_s = time.monotonic()
         fault()
-        took.append(stamped(made.hand, what) - began_s)
+        took.append(stamped(made.hand, subject) - began_s)
 
     made.run(script)
     return took[0]

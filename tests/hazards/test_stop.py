@@ -80,12 +80,12 @@ def test_a_key_stops(tmp_path: Path) -> None:
         running = subprocess.Popen(words, stdin=slave, stderr=slave, stdout=subprocess.PIPE)
         made.running.append(running)
         os.set_blocking(master, False)
-        shown: list[bytes] = []
+        displayed: list[bytes] = []
 
         def drawn() -> bytes:
             with contextlib.suppress(BlockingIOError):
-                shown.append(os.read(master, 65536))
-            return b"".join(shown)
+                displayed.append(os.read(master, 65536))
+            return b"".join(displayed)
 
         made.until(lambda: b"ACTIVE" in drawn() and column(made, 0) and closed(made))
         os.write(master, b" ")
@@ -165,5 +165,5 @@ def test_a_full_disk_ends_the_tables_and_not_the_run(tmp_path: Path) -> None:
         out, _ = running.communicate(timeout=60)
         assert made.limp()
     summary = json.loads(out)
-    assert any("disk: tables are no longer written" in said for said in summary["safety"]["alerts"])
+    assert any("disk: tables are no longer written" in text for text in summary["safety"]["alerts"])
     assert summary["ended"] == "stopped"

@@ -35,7 +35,7 @@ from tega.hand.link import HandLink, Received
 from tega.haptics import vest_frame
 from tega.loop.hand import HAND_TICK_NS
 from tega.loop.inbox.sources import SourceReport
-from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.loop.reflex import ReflexArc, ReflexInputs
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, NamedValue
 from tega.safety.guard import Guard, Watched
@@ -77,10 +77,10 @@ class _Run:
         self.t_ms = 0.0
         self.until(lambda: self.guard.state == "active")
 
-    def until(self, what: Callable[[], bool]) -> float:
+    def until(self, subject: Callable[[], bool]) -> float:
         """Tick until something is so; return for how long, milliseconds."""
         began_ms = self.t_ms
-        while not what():
+        while not subject():
             assert self.t_ms < began_ms + 10_000
             self.t_ms += TICK_MS
             t_ns = round(self.t_ms * MS)
@@ -90,7 +90,7 @@ class _Run:
                 if n:
                     stamps[name], counts[name] = round(n * period_ms * MS), n
             if self.guard.due(t_ns, self.late_ns):
-                self.guard.look(
+                self.guard.check(
                     t_ns,
                     late_ns=self.late_ns,
                     stamps=stamps,
@@ -123,10 +123,10 @@ def test_a_lost_picture_holds_within_120_ms_where_the_settings_say_so() -> None:
     run = _Run(tactile_lost="hold")
     run.silent_from_ms["thumb"] = run.t_ms
     assert 80 < run.held() <= 120 + TICK_MS
-    told = _Run()
-    told.silent_from_ms["thumb"] = told.t_ms
-    assert told.until(lambda: "thumb" in told.guard.alerts) <= 120 + TICK_MS
-    assert told.guard.state == "active"
+    reported = _Run()
+    reported.silent_from_ms["thumb"] = reported.t_ms
+    assert reported.until(lambda: "thumb" in reported.guard.alerts) <= 120 + TICK_MS
+    assert reported.guard.state == "active"
 
 
 def test_a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look() -> None:
@@ -144,10 +144,10 @@ def test_a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look() -> None:
 
 
 def test_what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold() -> None:
-    run, now = _Run(emg_lost_ms=160), ReflexMoment(1.0, True, None)
+    run, now = _Run(emg_lost_ms=160), ReflexInputs(1.0, True, None)
     bounds = ReflexSection(name="grip", authority=1.0, most_levels=1.0)
     arc = ReflexArc(
-        GripReflex(ReflexSetup(("thumb",)), GripReflexOptions()), bounds, moment=lambda _t_ns: now
+        GripReflex(ReflexSetup(("thumb",)), GripReflexOptions()), bounds, snapshot=lambda _t_ns: now
     )
     slips = Contact(finger="thumb", t_ns=0, in_contact=True, more=(NamedValue("incipient", 1.0),))
 
@@ -160,12 +160,12 @@ def test_what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold() -> None:
     run.silent_from_ms["emg"] = run.t_ms
     held_ms = run.until(lambda: run.guard.state == "hold")
     assert held_ms <= 260 + TICK_MS
-    now, began_ms = ReflexMoment(1.0, run.guard.state == "active", None), run.t_ms
+    now, began_ms = ReflexInputs(1.0, run.guard.state == "active", None), run.t_ms
     while ticked({"thumb": slips}) > 3.0:
         assert run.t_ms < began_ms + 1000
     assert run.t_ms - began_ms <= 200 + TICK_MS
     # Its fingers lost, in an active run: as slowly as a slip is forgotten.
-    now = ReflexMoment(1.0, True, None)
+    now = ReflexInputs(1.0, True, None)
     while arc.added < 1.0:
         ticked({"thumb": slips})
     began_ms = run.t_ms
@@ -221,7 +221,7 @@ def stands_still(monkeypatch: pytest.MonkeyPatch) -> Callable[..., float]:
     def stand(guard: Any, whose: Any, words: list[str]) -> float:
         now, let_go_s = SimpleNamespace(s=0.0), list[float]()
 
-        class Heard:
+        class ReceivedMarker:
             def get(self, *, timeout: float | None) -> bytes:
                 if now.s < 0.5:
                     now.s += 0.1
@@ -235,7 +235,7 @@ def stands_still(monkeypatch: pytest.MonkeyPatch) -> Callable[..., float]:
                 return True
 
         monkeypatch.setattr(whose, "let_go", lambda *_: let_go_s.append(now.s))
-        monkeypatch.setattr(guard_process, "hear", Heard)
+        monkeypatch.setattr(guard_process, "receive", ReceivedMarker)
         monkeypatch.setattr(guard_process, "stay_alone", lambda: None)
         monkeypatch.setattr(guard_process, "_answer", lambda _line: None)
         monkeypatch.setattr(sys, "argv", ["guard", *words])
@@ -433,7 +433,7 @@ def test_a_guard_that_stands_still_is_replaced_within_two_seconds(monkeypatch: p
         for _ in range(60):
             guard.beat()
             now_s[0] += 0.101
-            if guard._asked_s - guard._heard_s > guard_process.DEAF_S:
+            if guard._requested_s - guard._received_s > guard_process.DEAF_S:
                 break
         guard.beat()
         assert now_s[0] - 100.0 <= 2.3
@@ -447,7 +447,7 @@ def test_a_guard_that_stands_still_is_replaced_within_two_seconds(monkeypatch: p
 
 def test_a_dead_man_that_says_nothing_is_let_go_after_its_time() -> None:
     pedal = Pedal(PedalOptions(report="joystick", vendor_id=0x05F3, button_byte=3, silent_after_ms=100.0))
-    pedal._there, pedal._heard_ns = True, 0
+    pedal._there, pedal._received_ns = True, 0
     list(pedal._buttons.take(-1000 * MS, {"1"}))
     list(pedal._buttons.settle(0))
     assert pedal._buttons.held
@@ -469,14 +469,14 @@ def test_a_message_older_than_100_ms_is_not_used() -> None:
 
 def test_a_page_without_news_says_so_after_a_second_and_a_half() -> None:
     server = pytest.importorskip("tega.ui.view.browser.server")
-    told_s: list[float] = []
-    page = SimpleNamespace(paint_state=lambda _loop, *, age_s, **_words: told_s.append(age_s))
+    reported_s: list[float] = []
+    page = SimpleNamespace(paint_state=lambda _loop, *, age_s, **_words: reported_s.append(age_s))
     view = SimpleNamespace(
         _newest=(10.0, SimpleNamespace(loop=None)),
-        _told_age_s=0.0,
+        _reported_age_s=0.0,
         page=page,
         problem="",
     )
     for tenth in range(31):
-        server.BrowserView._tell_age(view, 10.0 + tenth / 10)
-    assert told_s[0] == pytest.approx(1.5, abs=0.11)
+        server.BrowserView._report_age(view, 10.0 + tenth / 10)
+    assert reported_s[0] == pytest.approx(1.5, abs=0.11)

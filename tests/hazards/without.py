@@ -128,7 +128,7 @@ class Copy:
             start_new_session=True,
         )
         try:
-            said, _ = running.communicate(timeout=more * _LONGEST_S)
+            message, _ = running.communicate(timeout=more * _LONGEST_S)
         except subprocess.TimeoutExpired:
             return "unproven", f"it did not end within {more * _LONGEST_S:g} s"
         finally:
@@ -136,7 +136,7 @@ class Copy:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(running.pid, signal.SIGKILL)
             running.wait()
-        lines = [line.strip() for line in said.splitlines() if line.strip()]
+        lines = [line.strip() for line in message.splitlines() if line.strip()]
         wrong = [line for line in lines if line.startswith(("E  ", "failed:")) or "Error: " in line]
         # 1 is a test that failed; anything else is pytest that found none, or was told nonsense.
         outcomes: dict[int, Outcome] = {0: "passes", 1: "fails"}
@@ -262,23 +262,23 @@ def main() -> int:
     parser.add_argument("--unseen", action="store_true", help="only what the page has not as seen to fail")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="so many at once")
     parser.add_argument("--page", action="store_true", help="write tests/hazards/guards-seen.md")
-    asked = parser.parse_args()
+    requested = parser.parse_args()
     # A job in the background is deaf to Ctrl-C, and so are its children.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    chosen = [guard for guard in (*GUARDS, *LATE) if asked.only in f"{guard.what} {guard.shown_by}"]
-    if asked.third:
-        third = dt.datetime.now(tz=dt.UTC).toordinal() if asked.third == "today" else int(asked.third)
+    chosen = [guard for guard in (*GUARDS, *LATE) if requested.only in f"{guard.what} {guard.shown_by}"]
+    if requested.third:
+        third = dt.datetime.now(tz=dt.UTC).toordinal() if requested.third == "today" else int(requested.third)
         chosen = chosen[third % 3 :: 3]
-    if asked.unseen:
+    if requested.unseen:
         seen = {key for key, row in read_page().items() if row[3] == "fails"}
         chosen = [guard for guard in chosen if (guard.what, guard.shown_by) not in seen]
     commit = _commit()
 
     def done(one: Tried) -> None:
-        if asked.page:  # line by line: who ends it early keeps what was seen
+        if requested.page:  # line by line: who ends it early keeps what was seen
             write_page([one], commit)
 
-    tried = try_all(chosen, jobs=asked.jobs, done=done)
+    tried = try_all(chosen, jobs=requested.jobs, done=done)
     # Where several run at once a device may be late; what proves nothing is asked again alone.
     again = [k for k, one in enumerate(tried) if one.said.startswith("unproven")]
     if again:

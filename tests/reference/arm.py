@@ -58,7 +58,7 @@ class Obedience:
         self.tick: tuple[float, np.ndarray, np.ndarray] | None = None
         self.moved_m = 0.0
 
-    def see(self, command: ArmCommand) -> None:
+    def observe(self, command: ArmCommand) -> None:
         target, limits = command.target, self.limits
         if target is None:
             self.last = self.tick = None
@@ -75,16 +75,16 @@ class Obedience:
         assert tilt <= limits.tilt_rad + GIVE_RAD, tilt
         if self.last is not None:
             dt_s = (command.t_ns - self.last[0]) / 1e9
-            way = place - self.last[1].position_m
+            route = place - self.last[1].position_m
             turn = (
                 Rotation.from_quat(q) * Rotation.from_quat(self.last[1].quaternion_xyzw).inv()
             ).as_rotvec()
             if dt_s <= 0:
-                assert not way.any(), "moved in no time"
+                assert not route.any(), "moved in no time"
                 assert not (q - self.last[1].quaternion_xyzw).any(), "turned in no time"
             else:
-                self._moved(dt_s, way / dt_s, turn / dt_s)
-            self.moved_m += float(np.linalg.norm(way))
+                self._moved(dt_s, route / dt_s, turn / dt_s)
+            self.moved_m += float(np.linalg.norm(route))
         self.last = command.t_ns, target
 
     def _moved(self, dt_s: float, v: np.ndarray, w: np.ndarray) -> None:

@@ -8,7 +8,7 @@ from tega.config import load_config
 from tega.setup.doctor import Examination, Finding, examine
 
 
-def told(tmp_path: Path, settings: str) -> Examination:
+def reported(tmp_path: Path, settings: str) -> Examination:
     path = tmp_path / "lab.toml"
     path.write_text(settings)
     examination = examine(load_config(path, environ={}).config, name=path.name)

@@ -58,7 +58,7 @@ def live_levels(means: Sequence[Sequence[float]], maxima: Sequence[float], block
     scaled = [0.8 * m for m in maxima]
     drives: list[float] = []
     levels: list[int] = []
-    present, last_change, asked = 0, 0, 0
+    present, last_change, requested = 0, 0, 0
     out = []
     for row in means:
         now = [v / m for v, m in zip(row, scaled, strict=True)]
@@ -73,10 +73,10 @@ def live_levels(means: Sequence[Sequence[float]], maxima: Sequence[float], block
             levels = [_with_dead_zone(d, old) for d, old in zip(drives, levels, strict=True)]
             wanted = fuse(levels)
             side = (wanted > present) - (wanted < present)
-            asked = asked + side if side * asked > 0 else side
+            requested = requested + side if side * requested > 0 else side
             back = side == -last_change and abs(wanted - present) == 1 and wanted > 1
-            if side and abs(asked) >= (4 if back else 2):
-                present, last_change, asked = wanted, side, 0
+            if side and abs(requested) >= (4 if back else 2):
+                present, last_change, requested = wanted, side, 0
         out.append(present)
     return out
 

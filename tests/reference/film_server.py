@@ -82,10 +82,10 @@ class FilmServer:
 
 def has_rtsp_server() -> bool:
     """Whether GStreamer's RTSP server is installed."""
-    asked = [_SYSTEM_PYTHON, "-c", "import gi; gi.require_version('GstRtspServer', '1.0')"]
+    requested = [_SYSTEM_PYTHON, "-c", "import gi; gi.require_version('GstRtspServer', '1.0')"]
     return (
         Path(_SYSTEM_PYTHON).exists()
-        and not subprocess.run(asked, capture_output=True, check=False).returncode
+        and not subprocess.run(requested, capture_output=True, check=False).returncode
     )
 
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from reference.recordings import baseline, pressed
 from tega.config.choose import preset_metric
 from tega.haptics import FINGERS, intensity, vest_frame
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.records import Intent
 from tega.ui.view.state import EmgTail, Shape, TouchImage, ViewState
 
@@ -41,8 +41,8 @@ class Moments:
         for finger, number in self._seeds.items():
             frame = _enlarged(pressed(_DEPTHS[finger] * squeeze, noise=round(t_s * 60), seed=number))
             metric = preset_metric("live", self._baselines[finger], finger)
-            for moment in range(6):  # one picture, until the memory has settled
-                contact = metric.update(frame, moment * 16_666_667)
+            for snapshot in range(6):  # one picture, until the memory has settled
+                contact = metric.update(frame, snapshot * 16_666_667)
             picture = TouchImage(frame, contact, metric.touch_map())
             cci, eda = (
                 (min(contact.cci / 4, 1.0), min(contact.eda / 20_000, 1.0))

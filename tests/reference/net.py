@@ -43,21 +43,21 @@ class Leader:
         self._say = link.sends(f"cmd/{self.name}/hand", Channel.COMMAND)
         self._say_arm = link.sends(f"cmd/{self.name}/arm", Channel.COMMAND)
         self._pong = link.sends(f"cmd/{self.name}/clock/pong", Channel.COMMAND)
-        link.hears("clock/ping", self._asked)
-        link.hears("state", self._told)
+        link.receives("clock/ping", self._requested)
+        link.receives("state", self._reported)
         self._end = link.lives(f"operator/{self.name}/{self.session:x}")
         return self
 
     def __exit__(self, *_error: object) -> None:
         self.link.close()
 
-    def _asked(self, _key: str, data: bytes) -> None:
+    def _requested(self, _key: str, data: bytes) -> None:
         now_ns, ping = time.monotonic_ns(), decode(Ping, data)
         if ping.session == self.session:
             self._pong(encode(Pong(ping.session, ping.t0_ns, now_ns, time.monotonic_ns())))
             self.clocks += 1
 
-    def _told(self, _key: str, data: bytes) -> None:
+    def _reported(self, _key: str, data: bytes) -> None:
         self.state = decode(State, data)
 
     def _answered(self, data: bytes) -> None:
@@ -72,14 +72,14 @@ class Leader:
         whole: dict[str, Any] = {"session": self.session, "name": self.name, "muscles": True} | facts
         join = Join(**whole)
 
-        def asked() -> bool:
+        def requested() -> bool:
             if self.answer is None or (isinstance(self.answer, Refused) and not self.answer.final):
                 self.link.asks(f"join/{self.name}", encode(join), self._answered, timeout_s=1.0)
                 time.sleep(0.2)
                 return False
             return True
 
-        until(asked)
+        until(requested)
         assert self.answer is not None
         return self.answer
 
@@ -94,7 +94,7 @@ class Leader:
         )
         self._say(encode(command))
 
-    def say_arm(self, *, dead_man: bool = False, clutch: bool = False, recover: bool = False) -> None:
+    def lead_arm(self, *, dead_man: bool = False, clutch: bool = False, recover: bool = False) -> None:
         """Send where the forearm is, which stands still, and what is held."""
         now_ns = time.monotonic_ns()
         command = ArmMessage(

@@ -172,13 +172,15 @@ def mapping_runs(draw: st.DrawFn, kind: Any) -> Run:
 
     def run(options: StageOptions) -> bytes:
         mapping = kind(setup, options)
-        shown = []
+        displayed = []
         for t_ns, contacts, events in ticks():
-            told = [msgspec.structs.replace(one, confidence=confidence) for one in events]
-            levels = mapping.levels(t_ns, contacts, told if mapping.wants_events else ())
-            shown.append(np.clip(levels, 0, 100).tobytes())
-            shown.append(repr([mapping.columns(finger, one) for finger, one in contacts.items()]).encode())
-        return b"".join(shown)
+            reported = [msgspec.structs.replace(one, confidence=confidence) for one in events]
+            levels = mapping.levels(t_ns, contacts, reported if mapping.wants_events else ())
+            displayed.append(np.clip(levels, 0, 100).tobytes())
+            displayed.append(
+                repr([mapping.columns(finger, one) for finger, one in contacts.items()]).encode()
+            )
+        return b"".join(displayed)
 
     return Run(run)
 
@@ -200,8 +202,8 @@ def reflex_runs(draw: st.DrawFn, kind: Any) -> Run:
             share = most * (step % 15) / 15
             more = tuple(NamedValue(name, min(share, 1) if name == "incipient" else share) for name in names)
             seen = {f: msgspec.structs.replace(c, more=more) for f, c in contacts.items()}
-            told = [event for event in events if reflex.wants_events]
-            wishes.append((reflex.wish(t_ns, own, own, seen, told), reflex.cause))
+            reported = [event for event in events if reflex.wants_events]
+            wishes.append((reflex.wish(t_ns, own, own, seen, reported), reflex.cause))
         return _encoded(wishes)
 
     return Run(run)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tega.loop.inbox.prepared import Prepared
-from tega.loop.moment import LoopView, Moment
 from tega.loop.parts import Part
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import RunState
 from tega.records.bus import Bus
 from tega.records.display import Notice
@@ -22,7 +22,7 @@ def observed(
     """Return a bus, with subscribers to moments, states and notices."""
     bus = Bus() if bus is None else bus
     if observer is not None:
-        bus.subscribe(Moment, lambda moment: observer(moment.view), name="display", vital=True)
+        bus.subscribe(Snapshot, lambda snapshot: observer(snapshot.view), name="display", vital=True)
     if on_state is not None:
         bus.subscribe(RunState, on_state, name="states", vital=True)
     if notices is not None:

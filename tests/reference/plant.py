@@ -106,7 +106,7 @@ def grasp(
     seconds: float = 20.0,
     full_effort: float = 0.7,
     name: str = "object",
-    told: Callable[[float], MotorLevels] = told_frame,
+    reported: Callable[[float], MotorLevels] = told_frame,
 ) -> GraspOutcome:
     """Let an operator try once.
 
@@ -118,7 +118,7 @@ def grasp(
         seconds: When it ends at the latest.
         full_effort: Excitation that closes the hand fully.
         name: Of the object, by which the operator remembers it.
-        told: Makes the frame that tells a closure.
+        reported: Makes the frame that tells a closure.
     """
     item = item or Grasp()
     if isinstance(actor, Operator):
@@ -127,13 +127,13 @@ def grasp(
     closure, height_m, slip_m, slip_m_s, left_behind_m = 1.0, 0.0, 0.0, 0.0, 0.1
     lifted = dropped = slipping = deformed = False
     slips, highest_m, held_closure, n_held = 0, 0.0, 0.0, 0
-    made, acts = told(closure), list[Act]()
+    made, acts = reported(closure), list[Act]()
     for tick in range(round(100 * seconds)):
         t_s = tick / 100
         grip = max(closure - TOUCH, 0.0)
         narrower_m = item.narrower_m(closure)
         if tick % 3 == 0:
-            made = told(closure)
+            made = reported(closure)
         force = (grip,) * 4
         scene = WorldTruth(
             t_s, height_m, lifted, force, slip_m, slip_m_s, narrower_m, 0.0, dropped, left_behind_m
@@ -142,8 +142,8 @@ def grasp(
         acts.append(act)
         if act.phase == "done":
             break
-        asked = min(max(4 * act.excitation / full_effort + 0.5, 1.0), 5.0)
-        closure += (asked - closure) * -math.expm1(-0.01 / HAND_S)
+        requested = min(max(4 * act.excitation / full_effort + 0.5, 1.0), 5.0)
+        closure += (requested - closure) * -math.expm1(-0.01 / HAND_S)
         missing, hand_m, slip_m_s = item.need - closure, act.forearm_m[0], 0.0
         if act.phase not in HELD or dropped or grip == 0:
             dropped = dropped or (lifted and height_m > 0.02)

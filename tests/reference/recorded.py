@@ -9,7 +9,7 @@ from tega.recording.replay.feed import RecordFeed
 from tega.records import Contact, EmgSamples, Picture, Record
 from tega.records.schema import own_schema
 from tega.records.types import record_types
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 
 Kind = TypeVar("Kind", bound=Record)
 
@@ -32,7 +32,7 @@ class Recorded:
         return {f: [one for one in self.of(Contact) if one.finger == f] for f in self.head.baselines}
 
 
-@tells_damage
+@reports_damage
 def read_recorded(path: Path, *kinds: type[Record]) -> Recorded:
     """Return the records of a recording: those of some types, or else all but pictures and samples."""
     large = {EmgSamples, Picture}

@@ -41,12 +41,12 @@ class Sink:
         self.sent: list[tuple[int, Any]] = []
         self._fail_at_ns = fail_at_ns
 
-    def write(self, t_ns: int, what: Any) -> Any:
+    def write(self, t_ns: int, subject: Any) -> Any:
         """Keep it, or fail."""
         if self._fail_at_ns is not None and t_ns >= self._fail_at_ns:
             raise DeviceUnavailableError("the cable is out")
-        self.sent.append((t_ns, what))
-        return what
+        self.sent.append((t_ns, subject))
+        return subject
 
 
 class ScriptedCamera:

@@ -89,7 +89,7 @@ def attached(path: Path) -> dict[str, bytes]:
         return {a.name: a.data for a in NonSeekingReader(file).iter_attachments()}
 
 
-def told(path: Path) -> dict[str, dict[str, str]]:
+def reported(path: Path) -> dict[str, dict[str, str]]:
     """Return the metadata, tables of one name joined."""
     tables: dict[str, dict[str, str]] = {}
     with path.open("rb") as file:

@@ -34,7 +34,7 @@ class StandingBench:
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
         """Be armed, begin when told to, and wait for the end."""
-        going.tell("armed", "stands ready")
+        going.notify("armed", "stands ready")
         while not going.over():
             if going.may_go():
                 going.begin(0)

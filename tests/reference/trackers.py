@@ -71,7 +71,7 @@ class Steered:
         self.until(lambda c: c.reason == "the clutch is open", clutch=False)
         self.until(lambda c: c.state == "following")
 
-    def way_m(self, start: StampedPose) -> float:
+    def travel_m(self, start: StampedPose) -> float:
         """Return how far the arm is from where it was."""
         return math.dist(list(start.position_m), list(self.at.position_m))
 

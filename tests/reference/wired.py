@@ -9,9 +9,9 @@ from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import Stream
 from tega.loop.loop import DualLoop
-from tega.loop.moment import Moments
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc
+from tega.loop.snapshot import Moments
 from tega.loop.touch import TouchLoop
 from tega.loop.vest_output import VestOutput
 from tega.records import Contact, Intent
@@ -28,7 +28,7 @@ def wired_loop(
     hands: Sequence[Any] = (),
     bus: Bus | None = None,
     reflex: ReflexArc | None = None,
-    look: Any = None,
+    poll_hand: Any = None,
     **vest: Any,
 ) -> DualLoop:
     """Return a loop with a modelled hand.
@@ -42,7 +42,7 @@ def wired_loop(
         hands: Sinks of the hand's frames.
         bus: Bus of the run; a new one where none is given.
         reflex: Reflex of the hand.
-        look: Looks at hand and arm.
+        poll_hand: Looks at hand and arm.
         vest: Options of the vest's output.
     """
     bus = Bus() if bus is None else bus
@@ -56,7 +56,7 @@ def wired_loop(
         vest=VestOutput(touch, vests, bus=bus, now_ns=pacer.elapsed_ns, **vest),
         bus=bus,
         moments=Moments(
-            bus, None if levels is None else hand, complete=[] if reflex is None else [reflex.shown]
+            bus, None if levels is None else hand, complete=[] if reflex is None else [reflex.displayed]
         ),
-        look=look,
+        poll_hand=poll_hand,
     )

@@ -30,17 +30,17 @@ class Wizard:
     Args:
         words: The command's words.
         answer: Given each prompt (``> …`` or ``? …``); returns what to type, or ``None`` to go away.
-        heard: Given every line, to act on it.
+        received: Given every line, to act on it.
     """
 
     def __init__(
-        self, words: list[str], answer: Answer, heard: Callable[[str], None] = lambda _line: None
+        self, words: list[str], answer: Answer, received: Callable[[str], None] = lambda _line: None
     ) -> None:
         self.lines: list[str] = []
         self.code: int | None = None
         self.out = ""
         self._answer = answer
-        self._heard = heard
+        self._received = received
         command = [sys.executable, "-m", "tega.ui.cli", *words]
         self._process = subprocess.Popen(
             command,
@@ -62,7 +62,7 @@ class Wizard:
             reader.start()
             try:
                 for line in process.stderr:
-                    self._hear(line.rstrip("\n"), process.stdin)
+                    self._receive(line.rstrip("\n"), process.stdin)
                 self.code = code = process.wait(30)
             finally:  # a person who leaves in the middle takes the command along
                 process.kill()
@@ -70,15 +70,15 @@ class Wizard:
         self.out = "".join(out)
         return code
 
-    def _hear(self, line: str, typed: IO[str]) -> None:
+    def _receive(self, line: str, typed: IO[str]) -> None:
         self.lines.append(line)
-        self._heard(line)
+        self._received(line)
         if line.startswith((">", "?")):
-            said = self._answer(line)
-            if said is None:
+            message = self._answer(line)
+            if message is None:
                 typed.close()
             else:
-                typed.write(said + "\n")
+                typed.write(message + "\n")
                 typed.flush()
 
     @property
@@ -87,7 +87,7 @@ class Wizard:
         return "\n".join(self.lines)
 
     @property
-    def told(self) -> Any:
+    def reported(self) -> Any:
         """What it printed on stdout, as JSON."""
         return json.loads(self.out)
 
@@ -114,7 +114,7 @@ class OnScreen:
         self._words = words
         self._answer = answer
         self._text = ""
-        self._asked = False
+        self._requested = False
         self.n_keys = 0
         self.screen = ""
 
@@ -139,7 +139,7 @@ class OnScreen:
                     drawn = os.read(ours, 65536)
                 except OSError:  # the other end has gone
                     return process.wait(30)
-                self._look(drawn.decode("utf-8", "replace"), ours)
+                self._check(drawn.decode("utf-8", "replace"), ours)
                 if self.n_keys > n_keys:
                     until_s, n_keys = time.monotonic() + limit_s, self.n_keys
             return -1
@@ -148,7 +148,7 @@ class OnScreen:
             process.wait()
             os.close(ours)
 
-    def _look(self, drawn: str, ours: int) -> None:
+    def _check(self, drawn: str, ours: int) -> None:
         self._text += drawn
         self.screen += drawn
         # What is drawn comes in panels, and one question that takes a line of its own.
@@ -160,14 +160,14 @@ class OnScreen:
             os.write(ours, typed.encode())
 
     def _typed(self, text: str) -> str:
-        is_question, before = "again" in text, self._asked
-        self._asked = is_question and "Where" not in text
+        is_question, before = "again" in text, self._requested
+        self._requested = is_question and "Where" not in text
         if "press Enter when ready" in text:
             return "\n"
-        if not is_question or (self._asked and before):
+        if not is_question or (self._requested and before):
             return ""
-        said = self._answer(f"? {text}") or ""
-        return said if self._asked else f"{said}\n"
+        message = self._answer(f"? {text}") or ""
+        return message if self._requested else f"{message}\n"
 
 
 def presses(command: Callable[[str], object], firmness: list[float], *, hold_s: float = 0.5) -> None:

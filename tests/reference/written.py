@@ -50,13 +50,13 @@ def mcap_trouble(data: bytes) -> str:
     counts = None if summary is None else summary.statistics
     if counts is None:
         return "no statistics"
-    said = {
+    message = {
         "messages": (counts.message_count, topics.total(), n_indexed),
         "attachments": (counts.attachment_count, kinds["Attachment"]),
         "tables": (counts.metadata_count, kinds["Metadata"]),
         "messages by channel": ({k: n for k, n in counts.channel_message_counts.items() if n}, dict(topics)),
     }
-    return "; ".join(f"{what} {n}" for what, n in said.items() if any(one != n[0] for one in n))
+    return "; ".join(f"{subject} {n}" for subject, n in message.items() if any(one != n[0] for one in n))
 
 
 def watch_recordings(patch: Any) -> list[str]:
@@ -74,19 +74,19 @@ def watch_recordings(patch: Any) -> list[str]:
     finish_live = RecorderProcess.finish
     files: dict[int, Any] = {}
 
-    def look(path: Path) -> None:
-        if said := mcap_trouble(path.read_bytes()):
-            troubles.append(f"{path}: {said}")
+    def check(path: Path) -> None:
+        if message := mcap_trouble(path.read_bytes()):
+            troubles.append(f"{path}: {message}")
 
     def closed(recorder: Any, summary: bytes) -> None:
         close(recorder, summary)
         if recorder.state == "complete" and recorder.path.is_file():  # not a pipe
-            look(recorder.path)
+            check(recorder.path)
 
     def finished_live(recorder: Any, summary: bytes = b"") -> Any:
         facts = finish_live(recorder, summary)
         if recorder.state == "complete":
-            look(recorder.path)
+            check(recorder.path)
         return facts
 
     def started(copy: Any, file: Any) -> None:
@@ -98,7 +98,7 @@ def watch_recordings(patch: Any) -> list[str]:
         file = files.pop(id(copy))
         file.flush()
         if isinstance(name := getattr(file, "name", None), str | Path):
-            look(Path(name))
+            check(Path(name))
 
     patch.setattr(McapRecorder, "_close_file", closed)
     patch.setattr(RecorderProcess, "finish", finished_live)
@@ -149,7 +149,7 @@ def boris_project(path: Path, *, media: bool = False) -> dict[str, Any] | None:
         capture_output=True,
     )
     assert done.returncode == 0, done.stderr
-    told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    project: dict[str, Any] = told.pop("project")
-    assert told == {"name": str(path), "changed": False, "said": "", "fault": ""}, told
+    reported: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    project: dict[str, Any] = reported.pop("project")
+    assert reported == {"name": str(path), "changed": False, "said": "", "fault": ""}, reported
     return project

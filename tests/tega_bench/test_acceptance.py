@@ -36,18 +36,18 @@ class Person:
         self, answer: str, *, yes: bool = True, act: Callable[[str], object] = lambda _text: None
     ) -> None:
         self.answer, self.yes, self.act = answer, yes, act
-        self.told: list[str] = []
+        self.reported: list[str] = []
 
     def say(self, text: str) -> None:
-        self.told.append(text)
+        self.reported.append(text)
         self.act(text)
 
     def confirm(self, text: str) -> bool:
-        self.told.append(text)
+        self.reported.append(text)
         return self.yes
 
     def ask(self, text: str) -> str:
-        self.told.append(text)
+        self.reported.append(text)
         return self.answer
 
 
@@ -133,9 +133,9 @@ def test_without_a_yes_nothing_vibrates_and_no_motor_goes_on(bench: EmulatedBenc
     steps = by_name(accepted(settings, "hand", Person("yes", yes=False)))
     assert steps["rate"].status == "passed"
     assert {steps[name].status for name in STEPS[2:]} == {"skipped"}
-    look = bench.hand.say("look")
-    assert not look["servo_on"]
-    assert not any(look["duties"])
+    check = bench.hand.say("look")
+    assert not check["servo_on"]
+    assert not any(check["duties"])
 
 
 def test_a_hand_moves_a_little_and_is_let_go(bench: EmulatedBench, settings: Path) -> None:
@@ -145,9 +145,9 @@ def test_a_hand_moves_a_little_and_is_let_go(bench: EmulatedBench, settings: Pat
     assert 0.01 < steps["least"].measured["moved_rad"] < 0.5
     assert steps["limits"].measured["torque_share_ratio"] <= 0.3
     assert "its motors are off" in steps["stop"].said
-    look = bench.hand.say("look")
-    assert not look["servo_on"]
-    assert not any(look["duties"])
+    check = bench.hand.say("look")
+    assert not check["servo_on"]
+    assert not any(check["duties"])
 
 
 def test_a_device_that_is_not_there_fails_at_once(bench: EmulatedBench, settings: Path) -> None:
@@ -294,22 +294,22 @@ def test_the_report_is_written_twice_and_tells_no_key(settings: Path, tmp_path: 
     again = json.loads(data.read_text(encoding="utf-8"))
     assert (again["format"], again["version"], again["passed"]) == ("tega-acceptance", 1, report.passed)
     assert msgspec.convert(again, AcceptanceReport) == report
-    said = words.read_text(encoding="utf-8")
-    assert said == report_text(report)
-    assert "no person was asked" in said
-    assert "To send back:" in said
-    assert "secret" not in said + data.read_text(encoding="utf-8")
-    assert str(tmp_path) not in said
+    message = words.read_text(encoding="utf-8")
+    assert message == report_text(report)
+    assert "no person was asked" in message
+    assert "To send back:" in message
+    assert "secret" not in message + data.read_text(encoding="utf-8")
+    assert str(tmp_path) not in message
 
 
 def test_the_verb(settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("acceptance", settings, "vest", "--out", tmp_path / "out", "--yes")
     out, err = call(capsys, *words, "--json", code=0)
-    said = json.loads(out)
-    assert said["passed"] is True
-    assert [s["name"] for s in said["steps"]] == list(STEPS)
-    assert Path(said["report"]).is_file()
-    assert Path(said["text"]).is_file()
+    message = json.loads(out)
+    assert message["passed"] is True
+    assert [s["name"] for s in message["steps"]] == list(STEPS)
+    assert Path(message["report"]).is_file()
+    assert Path(message["text"]).is_file()
     assert "(not asked)" in err
     _, err = call(capsys, "acceptance", settings, "vest", code=2)
     assert "asks a person" in err

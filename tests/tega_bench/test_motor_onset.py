@@ -106,7 +106,7 @@ def test_where_no_burst_is_played_nothing_is_found(motor: Emulator, tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("how", "said"),
+    ("how", "text"),
     [
         ({"gain": 0}, "the recording is silent"),
         ({"noise": 0.15}, "no vibration detected|not four times as loud"),
@@ -115,11 +115,11 @@ def test_where_no_burst_is_played_nothing_is_found(motor: Emulator, tmp_path: Pa
     ],
 )
 def test_what_cannot_be_heard_gives_no_number(
-    motor: Emulator, tmp_path: Path, how: dict[str, Any], said: str
+    motor: Emulator, tmp_path: Path, how: dict[str, Any], text: str
 ) -> None:
     onsets = found(motor, tmp_path, **how)
     assert onsets.delays_s.size == 0
-    with pytest.raises(CalibrationError, match=f"no result: .*({said})") as error:
+    with pytest.raises(CalibrationError, match=f"no result: .*({text})") as error:
         record_of(_found(onsets), LOG)
     assert error.value.hint
 
@@ -201,12 +201,12 @@ def test_a_phone_s_recording_with_its_log(
     write_log(log, tmp_path / "bursts.json")
     assert read_log(tmp_path / "bursts.json") == log
     words = ("vest", "onset", "--wav", tmp_path / "phone.wav", "--log", tmp_path / "bursts.json")
-    said = json.loads(call(capsys, *words, "--folder", tmp_path / "kept", "--json")[0])
-    record = read_record(Path(said[0]["file"]), OnsetRecord)
+    text = json.loads(call(capsys, *words, "--folder", tmp_path / "kept", "--json")[0])
+    record = read_record(Path(text[0]["file"]), OnsetRecord)
     assert record.onset_ms == pytest.approx(90, abs=WITHIN_MS)
     assert (record.motor, record.used, record.bursts, record.clock) == (21, 8, 8, "clicks")
-    assert Path(said[0]["file"]).parent == tmp_path / "kept" / "vests" / "127.0.0.1_15881"
-    assert "from the frame's hand-over" in Path(said[0]["file"]).read_text(encoding="utf-8")
+    assert Path(text[0]["file"]).parent == tmp_path / "kept" / "vests" / "127.0.0.1_15881"
+    assert "from the frame's hand-over" in Path(text[0]["file"]).read_text(encoding="utf-8")
 
     out, _ = call(capsys, *words, "--folder", tmp_path / "kept")
     assert "motor 21 (back, row 1 of 5" in out
@@ -243,14 +243,14 @@ def test_through_driver_and_microphone(
         port.speaker_ms, port.latency_s = 3.0, 0.04
         where = ["--set", f"vest.options.port={peer.address['port']}"] if "port" in peer.address else []
         with port.installed():
-            said, _ = call(
+            text, _ = call(
                 capsys, "vest", "onset", "--motor", 7, "--bursts", 6, "--set",
                 f"vest.driver={driver}", *where, "--folder", tmp_path, "--keep", tmp_path / "raw", "--json",
             )  # fmt: skip
         # A Player that has no time to answer is not waited for: what it was told last ends after 0.2 s.
         until(lambda: not any(seen_by(peer).motors))
         seen = seen_by(peer)
-    (record,) = [one["record"] for one in json.loads(said)]
+    (record,) = [one["record"] for one in json.loads(text)]
     # The vest's link takes a millisecond or two of its own.
     assert record["onset_ms"] == pytest.approx(80, abs=WITHIN_MS + 5)
     assert record["clock"] == "clicks"
@@ -278,13 +278,13 @@ def test_a_microphone_that_is_not_there_goes_away_or_loses_samples() -> None:
             with Microphone() as ear:
                 port.present = False
                 with pytest.raises(DeviceUnavailableError, match="went away while it recorded"):
-                    ear.heard()
+                    ear.received()
             port.present, port.overflows = True, True
             with Microphone() as ear:
-                while ear.heard_s < 0.5:
+                while ear.received_s < 0.5:
                     threading.Event().wait(0.02)
                 with pytest.raises(DeviceUnavailableError, match="lost samples"):
-                    ear.heard()
+                    ear.received()
 
 
 @pytest.mark.slow

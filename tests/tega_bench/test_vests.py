@@ -236,14 +236,14 @@ OPENING = [
 ]
 
 
-@pytest.mark.parametrize(("name", "fault", "said"), OPENING)
-def test_opening_says_what_is_wrong(name: str, fault: str, said: str) -> None:
+@pytest.mark.parametrize(("name", "fault", "message"), OPENING)
+def test_opening_says_what_is_wrong(name: str, fault: str, message: str) -> None:
     options = {"scan_s": 0.5} if name == "bhaptics-ble" else {}
     with bench(name, open_timeout_s=1.0, **options) as made:
         made.peer.say(fault)
         if made.port is not None:
             made.port.can_open = fault != "refuse"
-        with pytest.raises(DeviceUnavailableError, match=said):
+        with pytest.raises(DeviceUnavailableError, match=message):
             made.vest.open()
         with pytest.raises(DeviceUnavailableError, match="is not open"):
             made.vest.write(0, TOUCH)
@@ -305,18 +305,18 @@ class _Feels:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         ("bhaptics-ble", "and the vest has answered behind the zeros of closing"),
         ("bhaptics-player", "this driver does not report whether the zeros of closing arrived"),
     ],
 )
-def test_an_acceptance_says_of_closing_what_the_vest_confirmed(name: str, said: str) -> None:
+def test_an_acceptance_says_of_closing_what_the_vest_confirmed(name: str, message: str) -> None:
     with bench(name, limit=20) as made:
         made.vest.open()
         *_, stop = accept_vest(made.vest, "x40", 20, _Feels())
     assert stop.name == "stop"
-    assert said in stop.said
+    assert message in stop.said
 
 
 def test_a_bluetooth_vest_at_rest_is_left_to_its_driver() -> None:
@@ -367,9 +367,9 @@ def test_an_address_that_cannot_be_read_does_not_tell_the_key(host: str, tmp_pat
     options = {"version": "3", "app_id": "a", "api_key_file": tmp_path / "key"}
     with pytest.raises(DeviceUnavailableError, match=f"host '{host}' is no address") as found:
         make("bhaptics-player", host=host, allow_remote=True, **options).open()
-    said = "".join(traceback.format_exception(found.value))
-    assert "s3cr3t-key" not in said
-    assert "wss:" not in said
+    message = "".join(traceback.format_exception(found.value))
+    assert "s3cr3t-key" not in message
+    assert "wss:" not in message
 
 
 @pytest.mark.parametrize("host", ["192.0.2.7", "player.example", "0.0.0.0", "", "127.0.0.1@192.0.2.7", "::2"])
@@ -410,13 +410,13 @@ OPENING_V3 = [
 ]
 
 
-@pytest.mark.parametrize(("fault", "said"), OPENING_V3)
-def test_opening_version_3_says_what_is_wrong_and_never_the_key(fault: str, said: str) -> None:
+@pytest.mark.parametrize(("fault", "message"), OPENING_V3)
+def test_opening_version_3_says_what_is_wrong_and_never_the_key(fault: str, message: str) -> None:
     with bench("bhaptics-player", **V3) as made:
         made.peer.say(fault)
-        with pytest.raises(DeviceUnavailableError, match=said) as told:
+        with pytest.raises(DeviceUnavailableError, match=message) as reported:
             made.vest.open()
-        assert "not-a-real-key" not in str(told.value)
+        assert "not-a-real-key" not in str(reported.value)
 
 
 def test_version_3_tells_name_link_and_battery_of_the_vest() -> None:
@@ -482,12 +482,14 @@ KEYS = [
 ]
 
 
-@pytest.mark.parametrize(("options", "said"), KEYS)
-def test_version_3_without_id_and_key_asks_nobody(options: dict[str, Any], said: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("options", "message"), KEYS)
+def test_version_3_without_id_and_key_asks_nobody(
+    options: dict[str, Any], message: str, tmp_path: Path
+) -> None:
     if isinstance(text := options.get("api_key_file"), str):
         (tmp_path / "key").write_text(text, encoding="utf-8")
         options = options | {"api_key_file": tmp_path / "key"}
-    with pytest.raises(DeviceUnavailableError, match=said):
+    with pytest.raises(DeviceUnavailableError, match=message):
         make("bhaptics-player", version="3", **options).open()
 
 
@@ -583,9 +585,9 @@ def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how
         if how == "SIGSTOP":
             made.wait(lambda: seen_by(made.peer).motors == SILENT)
             program.kill()
-        _, said = program.communicate()
+        _, message = program.communicate()
     codes = {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9, "SIGSTOP": -9}
-    assert program.returncode == codes[how], said
+    assert program.returncode == codes[how], message
     made.wait(lambda: seen_by(made.peer).motors == SILENT)
     seen_by(made.peer)
 
@@ -656,7 +658,7 @@ def test_an_encrypted_player_answers_every_opening() -> None:
 
 
 def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
-    shown: list[LoopView] = []
+    displayed: list[LoopView] = []
     with bench("bhaptics-player", **V3) as made:
         vest: Any = made.vest
         options = {
@@ -667,8 +669,8 @@ def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
             "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 0.6}}},
             "vest": {"driver": "bhaptics-player", "options": options},
         }
-        run_session(check_tree(settings, {}, base=tmp_path).config, bus=observed(shown.append))
-    said = "TactSuitX40 connected, Player version 3, battery 98 %, fit unknown"
-    assert said in {view.vest_condition for view in shown}
-    state = ViewState(0, next(view for view in shown if view.vest_condition == said))
-    assert f"<b>{said}</b>" in status_html(state)
+        run_session(check_tree(settings, {}, base=tmp_path).config, bus=observed(displayed.append))
+    message = "TactSuitX40 connected, Player version 3, battery 98 %, fit unknown"
+    assert message in {view.vest_condition for view in displayed}
+    state = ViewState(0, next(view for view in displayed if view.vest_condition == message))
+    assert f"<b>{message}</b>" in status_html(state)

@@ -125,8 +125,8 @@ def test_an_episode_is_recorded_by_lerobot(bench: Bench) -> None:
     options += ["--dataset.single_task=squeeze", "--dataset.num_episodes=1", "--dataset.episode_time_s=3"]
     options += ["--dataset.fps=10", "--dataset.vcodec=h264", "--play_sounds=false"]
     recording = bench.lerobot("record", *options)
-    said, _ = recording.communicate(timeout=300)
-    assert recording.returncode == 0, said
+    message, _ = recording.communicate(timeout=300)
+    assert recording.returncode == 0, message
     assert bench.silent()
 
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -147,17 +147,17 @@ def test_an_episode_is_recorded_by_lerobot(bench: Bench) -> None:
     assert last["action"].tolist() == [5, 1]
 
 
-@pytest.mark.parametrize("way", ["time", "SIGINT", "SIGTERM"])
-def test_every_end_of_teleoperation_lets_go(bench: Bench, way: str) -> None:
-    time_s = 4 if way == "time" else 200
+@pytest.mark.parametrize("route", ["time", "SIGINT", "SIGTERM"])
+def test_every_end_of_teleoperation_lets_go(bench: Bench, route: str) -> None:
+    time_s = 4 if route == "time" else 200
     running = bench.lerobot("teleoperate", "--fps=15", f"--teleop_time_s={time_s}")
     moved = bench.moves(running)
-    if way != "time":
-        running.send_signal(getattr(signal, way))
-    said, _ = running.communicate(timeout=300)
-    assert moved, said
-    assert bench.silent(), said
-    assert running.returncode == {"time": 0, "SIGINT": 0, "SIGTERM": 128 + signal.SIGTERM}[way], said
+    if route != "time":
+        running.send_signal(getattr(signal, route))
+    message, _ = running.communicate(timeout=300)
+    assert moved, message
+    assert bench.silent(), message
+    assert running.returncode == {"time": 0, "SIGINT": 0, "SIGTERM": 128 + signal.SIGTERM}[route], message
     exchanges = bench.recorded["/hand/bus"].to_numpy()
     assert exchanges["level"].max() == 5
 
@@ -293,10 +293,10 @@ def test_a_lost_camera_ends_lerobot(bench: Bench) -> None:
     running = bench.lerobot("teleoperate", "--fps=15", "--teleop_time_s=200")
     moved = bench.moves(running)
     bench.lab.sensors["thumb"].kill()
-    said, _ = running.communicate(timeout=300)
-    assert moved, said
+    message, _ = running.communicate(timeout=300)
+    assert moved, message
     assert running.returncode == 1
-    assert "/tactile/thumb/image: nothing new for" in said
+    assert "/tactile/thumb/image: nothing new for" in message
     assert bench.silent()
 
 

@@ -68,10 +68,10 @@ def test_the_layout_is_the_published_one(dataset: Path) -> None:
     assert known["splits"] == {"train": "0:2"}
     assert known["features"]["observation.images.thumb"]["shape"] == [320, 240, 3]
     assert known["features"]["observation.state"]["names"] == list(JOINT_NAMES)
-    table, told = rows(dataset), episodes(dataset)
-    assert known["total_frames"] == len(table) == told[-1]["dataset_to_index"]
+    table, reported = rows(dataset), episodes(dataset)
+    assert known["total_frames"] == len(table) == reported[-1]["dataset_to_index"]
     assert [row["index"] for row in table] == list(range(len(table)))
-    for number, episode in enumerate(told):
+    for number, episode in enumerate(reported):
         mine = table[episode["dataset_from_index"] : episode["dataset_to_index"]]
         assert {row["episode_index"] for row in mine} == {number}
         assert [row["frame_index"] for row in mine] == list(range(episode["length"]))
@@ -153,9 +153,9 @@ def _with_arm(folder: Path) -> Path:
     from tega.records.bus import Bus
 
     bus = Bus()
-    told: list[int] = []
+    reported: list[int] = []
 
-    def see(contact: Any) -> None:
+    def observe(contact: Any) -> None:
         """Say where the arm is, each time that a fingertip says something."""
         t_ns = contact.taken_ns
         turn = (0.0, 0.0, 0.0, 1.0)
@@ -164,12 +164,12 @@ def _with_arm(folder: Path) -> Path:
         bus.publish(ArmMeasured(position=(x_m, 0.0, 0.3), **common))
         if t_ns >= 500_000_000:
             bus.publish(ArmTarget(position=(x_m, 0.0, 0.5), **common))
-        if not told:
+        if not reported:
             bus.publish(Marker(t_ns=200_000_000, text="lift", source="pedal"))
             bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
-        told.append(t_ns)
+        reported.append(t_ns)
 
-    bus.subscribe(Contact, see)
+    bus.subscribe(Contact, observe)
     tree = sessions_tree(folder / "arm")
     summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus)
     return folder / "arm" / str(summary["recording"]["file"])
@@ -292,15 +292,15 @@ def test_the_video_shows_the_pictures(dataset: Path, lossless: Path, tmp_path: P
         frames = list(csv.DictReader(file))
     path = dataset / "videos/observation.images.thumb/chunk-000/file-000.mp4"
     with av.open(str(path)) as video:
-        shown = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
-    assert len(shown) == info(dataset)["total_frames"]
+        displayed = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    assert len(displayed) == info(dataset)["total_frames"]
     errors = []
     for k in range(0, episodes(dataset)[0]["length"], 6):
         t_ns = start_ns + k * 1_000_000_000 // FPS
         seq = [int(row["seq"]) for row in frames if float(row["log_s"]) * 1e9 <= t_ns + 0.5][-1]
         image = cv2.imread(str(tmp_path / "tables" / "thumb" / f"{seq:06d}.png"))
         assert image is not None
-        errors.append(np.abs(image[..., ::-1].astype(float) - shown[k]).mean())
+        errors.append(np.abs(image[..., ::-1].astype(float) - displayed[k]).mean())
     assert max(errors) < 6.0  # the noise of the sensor is most of it
 
 

@@ -160,7 +160,7 @@ def test_an_operator_who_falls_silent_leaves_the_arm_held_then_loose_then_stoppe
         def hold_on(words: str, **switches: bool) -> None:
             def reached() -> bool:
                 again = "press it again" in arm()
-                alice.say_arm(**switches | ({"clutch": False} if again else {}))
+                alice.lead_arm(**switches | ({"clutch": False} if again else {}))
                 return arm().startswith(words)
 
             until(reached)

@@ -34,7 +34,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StationScene]:
 
 def _first(changes: list[tuple[float, object]], begun_s: float, *wanted: object) -> float:
     """Return how long after a time something became one of what is wanted."""
-    return next((t_s - begun_s for t_s, what in changes if what in wanted), float("inf"))
+    return next((t_s - begun_s for t_s, subject in changes if subject in wanted), float("inf"))
 
 
 @needs_posix

@@ -47,17 +47,17 @@ def passed(robot_keys: Path, operator_keys: Path, *, name: str = "alice") -> tup
     states: list[bytes] = []
     signs: list[str] = []
     with Link(robot) as here, Link(operator) as there:
-        here.hears("cmd/*/hand", lambda _key, data: commands.append(data))
+        here.receives("cmd/*/hand", lambda _key, data: commands.append(data))
         here.watches("operator/*/*", lambda key, _alive: signs.append(key))
-        there.hears("state", lambda _key, data: states.append(data))
+        there.receives("state", lambda _key, data: states.append(data))
         there.lives(f"operator/{name}/1")
-        say, tell = there.sends(f"cmd/{name}/hand", Channel.COMMAND), here.sends("state", Channel.STATE)
+        say, notify = there.sends(f"cmd/{name}/hand", Channel.COMMAND), here.sends("state", Channel.STATE)
         until_s = time.monotonic() + (60.0 if robot_keys.parent == operator_keys.parent else 2.0)
         right = robot_keys.name == "panda" and operator_keys.name == "alice"
         until_s = until_s if right else time.monotonic() + 2.0
         while time.monotonic() < until_s and not (commands and states and signs):
             say(b"close")
-            tell(b"active")
+            notify(b"active")
             time.sleep(0.02)
     return len(commands), len(states), len(signs)
 
@@ -93,14 +93,14 @@ def test_a_station_without_keys_cannot_talk_to_one_with_keys(keys) -> None:
         keys=keys / "panda",
     )
     operator = NetSection(station="operator", name="alice", robot="panda", connect=f"tcp/127.0.0.1:{port}")
-    heard: list[bytes] = []
+    received: list[bytes] = []
     with Link(robot) as here, Link(operator) as there:
-        here.hears("**", lambda _key, data: heard.append(data))
+        here.receives("**", lambda _key, data: received.append(data))
         say = there.sends("cmd/alice/hand", Channel.COMMAND)
         for _ in range(50):
             say(b"close")
             time.sleep(0.02)
-    assert heard == []
+    assert received == []
 
 
 def test_keys_are_for_their_owner_s_eyes_and_say_until_when_they_hold(keys) -> None:
@@ -134,7 +134,7 @@ def test_the_verb_makes_what_is_missing_and_leaves_what_is_there(tmp_path) -> No
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "message"),
     [
         ({"listen": "tcp/0.0.0.0:7447"}, "anybody could steer the robot"),
         ({"listen": "tcp/192.168.1.20:7447"}, "anybody could steer the robot"),
@@ -149,10 +149,10 @@ def test_the_verb_makes_what_is_missing_and_leaves_what_is_there(tmp_path) -> No
         ({"listen": "tls/10.0.0.1:7447", "keys": Path("nowhere"), "operators": ("a",)}, "has no ca.pem"),
     ],
 )
-def test_a_link_that_is_not_safe_is_refused_with_the_way_out(settings, said) -> None:
+def test_a_link_that_is_not_safe_is_refused_with_the_way_out(settings, message) -> None:
     with pytest.raises(ConfigError) as refused:
         zenoh_settings(NetSection(station="robot", **settings))
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_addresses_of_this_machine_are_told_from_others() -> None:

@@ -189,7 +189,7 @@ def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
     assert summary["net"]["lost"] >= 1
     states = [change["state"] for change in summary["safety"]["changes"]]
     assert "hold" in states
-    assert any("no data from the robot" in said for said in summary["notes"])
+    assert any("no data from the robot" in sentence for sentence in summary["notes"])
     assert summary["tactile"]["thumb"]["silent_s"] > 0.1
 
 
@@ -272,9 +272,9 @@ def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
 
 
 def test_a_message_that_the_transport_refuses_does_not_end_the_sending(monkeypatch) -> None:
-    heard: list[bytes] = []
+    received: list[bytes] = []
     with Link(NetSection(station="robot", name="r", listen=f"tcp/127.0.0.1:{free_port()}")) as link:
-        link.hears("state", lambda _key, message: heard.append(message))
+        link.receives("state", lambda _key, message: received.append(message))
         send = link.sends("state", Channel.COMMAND)
         assert link.problem == ""
 
@@ -287,7 +287,7 @@ def test_a_message_that_the_transport_refuses_does_not_end_the_sending(monkeypat
             until(lambda: link.n_unsent == 1)
             assert link.problem == "link: 1 messages were not sent: the transport is gone"
         send(b"sent")
-        until(lambda: heard == [b"sent"])
+        until(lambda: received == [b"sent"])
 
 
 def test_what_waits_for_a_sender_that_stands_still_is_bounded(monkeypatch) -> None:

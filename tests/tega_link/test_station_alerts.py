@@ -14,7 +14,7 @@ from reference.waiting import until
 from tega.config import load_config
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.recording.mcap_reader import McapReader
 
 pytest.importorskip("zenoh", reason="needs the extra net")
@@ -32,24 +32,24 @@ def led(folder: Path, robot_more: str, disturb: Callable[[Program], None], words
     sets = [f"recording.dir={folder / 'recorded'}", "recording.stop_free_mib=0"]
     config = load_config(operator_file, sets=sets, environ={}).config
     views: list[LoopView] = []
-    said, over, summary = set[str](), threading.Event(), dict[str, Any]()
+    text, over, summary = set[str](), threading.Event(), dict[str, Any]()
 
-    def look(view: LoopView) -> None:
+    def check(view: LoopView) -> None:
         views.append(view)
-        said.update(view.alerts)
+        text.update(view.alerts)
 
     with Program("robot", robot_file) as robot:
         robot.await_said("waits for an operator")
 
         def lead() -> None:
-            summary.update(run_session(config, bus=observed(look), controls=Controls(stop=over.is_set)))
+            summary.update(run_session(config, bus=observed(check), controls=Controls(stop=over.is_set)))
 
         run = threading.Thread(target=lead)
         run.start()
         try:
             until(lambda: bool(views) and views[-1].state == "active")
             disturb(robot)
-            until(lambda: any(words in one for one in said))
+            until(lambda: any(words in one for one in text))
         finally:
             over.set()
             run.join(60)

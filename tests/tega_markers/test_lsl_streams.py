@@ -29,13 +29,13 @@ class Listener:
     """Hears some streams until told to stop."""
 
     def __init__(self, names: list[str]) -> None:
-        self.heard: dict[str, Received] = {}
+        self.received: dict[str, Received] = {}
         self._over = threading.Event()
-        self._threads = [threading.Thread(target=self._hear, args=(name,)) for name in names]
+        self._threads = [threading.Thread(target=self._receive, args=(name,)) for name in names]
         for thread in self._threads:
             thread.start()
 
-    def _hear(self, name: str) -> None:
+    def _receive(self, name: str) -> None:
         found = pylsl.resolve_byprop("name", name, timeout=20.0)
         inlet = pylsl.StreamInlet(found[0], recover=False)
         inlet.open_stream(timeout=5.0)
@@ -49,7 +49,7 @@ class Listener:
                 break
             samples += more
             times_s += at_s
-        self.heard[name] = Received(header, samples, times_s)
+        self.received[name] = Received(header, samples, times_s)
 
     def close(self) -> None:
         self._over.set()
@@ -79,10 +79,10 @@ def test_poses_are_heard_with_their_places_and_turns(tmp_path: Path) -> None:
         listener.close()
         streams.close()
     file = tmp_path / "poses.xdf"
-    write_xdf(file, listener.heard.values())
-    heard, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
-    assert {s["info"]["name"][0] for s in heard} == {f"tega-poses-test{kind.topic}" for kind in kinds}
-    for stream in heard:
+    write_xdf(file, listener.received.values())
+    received, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
+    assert {s["info"]["name"][0] for s in received} == {f"tega-poses-test{kind.topic}" for kind in kinds}
+    for stream in received:
         assert stream["info"]["type"][0] == "MoCap"
         rows = np.asarray(stream["time_series"])
         assert len(rows) > 20
@@ -106,7 +106,7 @@ def test_what_liblsl_hears_is_what_is_recorded(tmp_path: Path) -> None:
     finally:
         listener.close()
     file = tmp_path / "heard.xdf"
-    write_xdf(file, listener.heard.values())
+    write_xdf(file, listener.received.values())
     streams, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
     by_name = {s["info"]["name"][0]: s for s in streams}
     assert set(by_name) == {f"tega-streams-test{name}" for name in NAMES}
@@ -122,19 +122,19 @@ def test_what_liblsl_hears_is_what_is_recorded(tmp_path: Path) -> None:
     assert [c["label"][0] for c in emg["info"]["desc"][0]["channels"][0]["channel"]] == ["ch1", "ch2", "ch3"]
     assert float(emg["info"]["nominal_srate"][0]) > 0
     recorded = np.concatenate([np.reshape(list(m.samples), (-1, 3)) for m in records["/emg/samples"]])
-    heard = np.asarray(emg["time_series"])
-    assert len(heard) > 500
+    received = np.asarray(emg["time_series"])
+    assert len(received) > 500
     # Streams find each other in about a second; from then on every sample is there, in order.
-    (at,) = np.flatnonzero((recorded == heard[0]).all(axis=1))[:1]
-    np.testing.assert_array_equal(recorded[at : at + len(heard)], heard)
+    (at,) = np.flatnonzero((recorded == received[0]).all(axis=1))[:1]
+    np.testing.assert_array_equal(recorded[at : at + len(received)], received)
 
     levels = by_name["tega-streams-test/emg/levels"]
     labels = [c["label"][0] for c in levels["info"]["desc"][0]["channels"][0]["channel"]]
-    told = {round(m.t_ns): m.fused for m in records["/emg/levels"]}
+    reported = {round(m.t_ns): m.fused for m in records["/emg/levels"]}
     for t_s, row in zip(levels["time_stamps"], levels["time_series"], strict=True):
-        nearest = min(told, key=lambda t_ns: abs(t_ns / 1e9 + start_s - t_s))
+        nearest = min(reported, key=lambda t_ns: abs(t_ns / 1e9 + start_s - t_s))
         assert abs(nearest / 1e9 + start_s - t_s) < 0.001
-        assert row[labels.index("fused")] == told[nearest]
+        assert row[labels.index("fused")] == reported[nearest]
 
     touch = by_name["tega-streams-test/tactile/thumb/contact"]
     units = {

@@ -23,7 +23,7 @@ from tega.recording.mcap_reader import McapReader, Message
 from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_markers.lsl_in import Heard, LslMarkersIn
+from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
 
 pytestmark = pytest.mark.slow
 
@@ -51,18 +51,18 @@ class Peer:
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
-        self.name = self._hear()["port"]
+        self.name = self._receive()["port"]
 
     def say(self, line: str) -> dict[str, Any]:
         assert self._process.stdin is not None
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()
-        return self._hear()
+        return self._receive()
 
-    def _hear(self) -> dict[str, Any]:
+    def _receive(self) -> dict[str, Any]:
         assert self._process.stdout is not None
-        said: dict[str, Any] = json.loads(self._process.stdout.readline())
-        return said
+        sentence: dict[str, Any] = json.loads(self._process.stdout.readline())
+        return sentence
 
 
 @contextmanager
@@ -141,14 +141,14 @@ def test_markers_of_another_process_are_recorded_when_they_were_set(tmp_path: Pa
 
 
 def test_markers_that_came_before_the_end_are_heard_though_the_clocks_are_still_compared() -> None:
-    heard: list[Heard] = []
+    received: list[ReceivedMarker] = []
     with peer([]) as other:
-        listening = LslMarkersIn(other.name, heard.append)
+        listening = LslMarkersIn(other.name, received.append)
         until(lambda: bool(other.say("mark warm-up")["consumers"]))
         other.say("mark last")
         listening.close()
-    assert heard[-1].text == "last"
-    assert listening.n_heard == len(heard)
+    assert received[-1].text == "last"
+    assert listening.n_received == len(received)
 
 
 @pytest.mark.raises("markers")
@@ -161,26 +161,26 @@ def test_another_process_hears_states_trials_faults_and_pedals_when_they_happene
         settings = tree(tmp_path, lsl_out="tega-test-run", lsl_in="nobody-there")
         settings["input"] = {"marker": {"driver": "pedal"}}
         with running(settings) as summary:
-            said = other.say("hear tega-test-run")
-            assert "lsl_local_clock" in said["xml"]
+            sentence = other.say("hear tega-test-run")
+            assert "lsl_local_clock" in sentence["xml"]
             pedal.say("press 0")
             until(lambda: any(text.startswith("pedal:") for _, text in other.say("heard")["heard"]))
             pedal.say("lift 0")
         until(lambda: any(text == "state:stopped" for _, text in other.say("heard")["heard"]))
-        heard = other.say("heard")["heard"]
+        received = other.say("heard")["heard"]
     file = tmp_path / str(summary["recording"]["file"])
     messages, metadata = marked(file, "/run/marker")
     start_s = int(metadata["tega"]["start_ns"]) / 1e9
-    (pressed,) = [at_s for at_s, text in heard if text.startswith("pedal:")]
+    (pressed,) = [at_s for at_s, text in received if text.startswith("pedal:")]
     (marker,) = messages
     # Streams find each other in about a second; what has happened by then is told again.
     for text in ("session:start", f"trial:{file.stem}"):
-        (begun,) = [at_s for at_s, said in heard if said == text]
+        (begun,) = [at_s for at_s, sentence in received if sentence == text]
         assert begun == pytest.approx(start_s, abs=SAME_S)
     assert pressed - start_s == pytest.approx(marker.value.t_ns / 1e9, abs=SAME_S)
-    (stopped,) = [at_s for at_s, text in heard if text == "state:stopped"]
+    (stopped,) = [at_s for at_s, text in received if text == "state:stopped"]
     states, _ = marked(file, "/run/state")
-    assert "state:active" in [text for _, text in heard]
+    assert "state:active" in [text for _, text in received]
     assert stopped - start_s == pytest.approx(states[-1].value.t_ns / 1e9, abs=SAME_S)
     assert summary["markers"]["out"]["sent"] >= 6
     assert (

@@ -22,7 +22,7 @@ from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.loop import run_session
 from tega.setup.doctor import examine
 from tega_emulators.process import Emulator
-from tega_markers.lsl_in import Heard, LslMarkersIn
+from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
 
 pytestmark = [
     pytest.mark.slow,
@@ -50,17 +50,17 @@ def test_a_daisy_is_taken_off_and_the_board_alone_is_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("daisy", "said"),
+    ("daisy", "message"),
     [
         ("deaf", "banner: a Daisy is attached, and the board does not answer to the command"),
         ("hidden", "values: packets of even and of odd number show different electrodes"),
     ],
 )
 @pytest.mark.parametrize("signal", ["flat", "emg"])
-def test_a_daisy_that_stays_is_refused(daisy: str, said: str, signal: str) -> None:
+def test_a_daisy_that_stays_is_refused(daisy: str, message: str, signal: str) -> None:
     with (
         Emulator("cyton", "--signal", signal, "--daisy", daisy) as device,
-        pytest.raises(StreamContradictionError, match=said),
+        pytest.raises(StreamContradictionError, match=message),
     ):
         cyton(device).open()
 
@@ -97,10 +97,10 @@ def test_a_column_that_counts_and_a_range_that_is_wrong_are_reported(tmp_path: P
     with Emulator("ascii_board", "--stamp", "--rate", "500", "--signal", "emg") as device:
         with SerialEmg(SerialEmgOptions(port=device.port, **options)) as source:  # type: ignore[arg-type]
             rows_of(source, 1200)
-            said = " ".join(map(str, source.contradictions))
+            message = " ".join(map(str, source.contradictions))
             assert set(map(str, source.contradictions)) <= set(source.faults)
-        assert "values: ch1 changes by" in said
-        assert "the converter is said to give 0 to 255" in said
+        assert "values: ch1 changes by" in message
+        assert "the converter is said to give 0 to 255" in message
         tree = {"emg": {"driver": "serial-emg", "kind": "raw", "options": {"port": device.port, **options}}}
         report = examine(check_tree(tree, {}, base=tmp_path).config, name="lab.toml")
     assert [one.status for one in report.findings if "values: ch1 changes" in one.finding] == ["error"]
@@ -205,38 +205,38 @@ def test_two_streams_of_one_name_are_refused() -> None:
 
 
 def test_two_streams_of_markers_of_one_name_are_refused_until_one_is_gone() -> None:
-    heard: list[Heard] = []
+    received: list[ReceivedMarker] = []
     with Emulator("lsl_markers", "--name", "tega-marks") as one:
         with Emulator("lsl_markers", "--name", "tega-marks"):
-            listening = LslMarkersIn("tega-marks", heard.append)
+            listening = LslMarkersIn("tega-marks", received.append)
             until(lambda: "2 streams are called 'tega-marks'" in listening.problem)
-            assert not heard
+            assert not received
         until(lambda: listening.problem == "")
         # A second one that comes later is named as well, and the first is still heard.
         with Emulator("lsl_markers", "--name", "tega-marks"):
             until(lambda: "2 streams are called" in listening.problem)
             until(lambda: bool(one.say("mark there")["consumers"]))
-            until(lambda: bool(heard))
+            until(lambda: bool(received))
         until(lambda: listening.problem == "")
         listening.close()
-    assert {one.text for one in heard} == {"there"}
+    assert {one.text for one in received} == {"there"}
 
 
 @pytest.mark.parametrize("ago_s", [-1.7e9, -10.0, 500.0])
 def test_a_marker_s_stamp_of_another_clock_is_reported_and_its_arrival_counts(ago_s: float) -> None:
-    heard: list[Heard] = []
+    received: list[ReceivedMarker] = []
     with Emulator("lsl_markers", "--name", "tega-odd") as other:
-        listening = LslMarkersIn("tega-odd", heard.append)
+        listening = LslMarkersIn("tega-odd", received.append)
         until(lambda: listening.problem == "")
-        until(lambda: bool(other.say("mark good")["consumers"]) and bool(heard))
+        until(lambda: bool(other.say("mark good")["consumers"]) and bool(received))
         assert listening.n_unstamped == 0
         other.say(f"mark odd {ago_s}")
         until(lambda: "is of another clock" in listening.problem)
         listening.close()
-    odd = next(marker for marker in heard if marker.text == "odd")
+    odd = next(marker for marker in received if marker.text == "odd")
     assert odd.at_ns == odd.received_ns
     assert listening.n_unstamped == 1
-    good = next(marker for marker in heard if marker.text == "good")
+    good = next(marker for marker in received if marker.text == "good")
     assert abs(good.received_ns - good.at_ns) < 5e9
 
 

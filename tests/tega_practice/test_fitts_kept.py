@@ -135,15 +135,15 @@ def test_the_verb_compares_tests_and_practices(tmp_path: Path, capsys: pytest.Ca
     words = ["emg", "skill", str(tmp_path)]
     with pytest.raises(SystemExit):
         main([*words, "--json"])
-    told = json.loads(capsys.readouterr().out)
-    assert told["fitts"] == []
-    assert told["tracking"][0]["rms_error_levels"]["mean"] == 1.0
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["fitts"] == []
+    assert reported["tracking"][0]["rms_error_levels"]["mean"] == 1.0
     keep_fitts(result("p01", "learned", 1.0), folder)
     with pytest.raises(SystemExit):
         main(words)
-    said = capsys.readouterr().out
-    assert "Fitts tests" in said
-    assert "Practice" in said
+    text = capsys.readouterr().out
+    assert "Fitts tests" in text
+    assert "Practice" in text
 
 
 def test_what_is_not_there_or_damaged_is_refused(tmp_path: Path) -> None:

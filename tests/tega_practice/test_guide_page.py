@@ -49,9 +49,9 @@ def test_a_page_asks_shows_bars_and_tells(browser: Any, capsys: pytest.CaptureFi
         assert high["width"] / low["width"] == pytest.approx(0.8 / 5, abs=0.01)
         box = cursor.locator(filled).bounding_box()
         assert box["width"] / low["width"] == pytest.approx(2.0 / 5, abs=0.01)
-        asked = person.submit(guide.ask, "Again?", {"y": "yes", "n": "no"})
+        requested = person.submit(guide.ask, "Again?", {"y": "yes", "n": "no"})
         page.get_by_role("button", name="no", exact=True).click()
-        assert asked.result(10) == "n"
+        assert requested.result(10) == "n"
         guide.say("0.42 bits/s", tone="good")
         page.get_by_text("0.42 bits/s").wait_for()
     assert "0.42 bits/s" in capsys.readouterr().err

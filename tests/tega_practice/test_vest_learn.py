@@ -45,9 +45,9 @@ class LimitedVest:
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Show what the budget allows."""
         allowed = self.budget.allow(t_ns, frame.x40())[frame.motors]
-        shown = np.zeros_like(allowed) if self._dead else allowed
+        displayed = np.zeros_like(allowed) if self._dead else allowed
         self.sent.append((self._clock.now_ns(), frame))
-        return MotorLevels(frame.layout, shown)
+        return MotorLevels(frame.layout, displayed)
 
 
 class Person:
@@ -88,9 +88,9 @@ class Person:
         felt = [frame for _, frame in self._vest.sent[self._n_felt :]]
         self._n_felt = len(self._vest.sent)
         self.questions.append(question)
-        said = self._answer(question, answers, felt)
-        assert said in answers
-        return said
+        message = self._answer(question, answers, felt)
+        assert message in answers
+        return message
 
 
 def settings(folder: Path, *sets: str) -> SessionConfig:
@@ -113,14 +113,14 @@ def knowing(config: SessionConfig) -> Callable[..., str]:
         if question == "Once more?":
             return "n"
         # After each cue the vest is sent a silent frame.
-        shown = [frame.levels.astype(int) for frame in felt[:-1]]
+        displayed = [frame.levels.astype(int) for frame in felt[:-1]]
         if question == "Which was firmer?":
             half = len(felt) // 2
             first, second = (
                 sum(f.levels.astype(int).sum() for f in part) for part in (felt[:half], felt[half:])
             )
             return "1" if first > second else "2"
-        return known[question, b"".join(f.astype(np.uint8).tobytes() for f in shown)]
+        return known[question, b"".join(f.astype(np.uint8).tobytes() for f in displayed)]
 
     return answer
 
@@ -133,7 +133,7 @@ def test_somebody_who_knows_is_right_and_the_score_is_kept(tmp_path: Path) -> No
     record, file = learn_vest(config, vest, person, questions=20, seed=3, clock=clock)
     assert record.right_percent == 100
     assert {one.aspect for one in record.scores()} == {"finger", "firmness", "kind", "change", "slip"}
-    assert all(one.right == 1 and one.asked >= 4 for one in record.scores())
+    assert all(one.right == 1 and one.requested >= 4 for one in record.scores())
     assert record.chance_percent < 51
     assert record.difference_percent is not None
     assert record.difference_percent < 15
@@ -143,8 +143,8 @@ def test_somebody_who_knows_is_right_and_the_score_is_kept(tmp_path: Path) -> No
     assert kept_vest_skill(CalibrationFolder(tmp_path), "p01", "columns") == []
     assert not vest.sent[-1][1].intensities.any()
     # In the test nothing is said about right and wrong.
-    test = next(n for n, said in enumerate(person.said) if said.startswith("Test:"))
-    assert not any(said.startswith(("Right", "No")) for said in person.said[test:])
+    test = next(n for n, message in enumerate(person.said) if message.startswith("Test:"))
+    assert not any(message.startswith(("Right", "No")) for message in person.said[test:])
 
 
 def test_what_a_mapping_does_not_show_is_not_asked(tmp_path: Path) -> None:
@@ -294,11 +294,11 @@ def test_the_verb_teaches_on_an_emulated_vest(tmp_path: Path) -> None:
         words = ["vest", "learn", str(tmp_path / "lab.toml"), "--person", "p01", "--questions", "2", "--json"]
         person = Wizard([*words, "--test-only"], lambda prompt: "n" if "slip" in prompt else "")
         assert person.run() == 0, person.lines
-        told: Any = json.loads(person.out)
+        reported: Any = json.loads(person.out)
         history = seen_by(player).history
-    assert told["mapping"] == "pulses"
-    assert told["aspects"] == [{"aspect": "slip", "asked": 4, "right": 0.5, "chance": 0.5}]
+    assert reported["mapping"] == "pulses"
+    assert reported["aspects"] == [{"aspect": "slip", "asked": 4, "right": 0.5, "chance": 0.5}]
     assert any(any(motors) for _, motors in history)
     assert not any(history[-1][1])
-    assert Path(told["file"]).is_file()
+    assert Path(reported["file"]).is_file()
     assert any((tmp_path / "calibrations").rglob("vest-dose.json"))

@@ -120,9 +120,9 @@ def say(**fields: Any) -> None:
     sys.stdout.flush()
 
 
-def listen(asked: queue.Queue[dict[str, Any]]) -> None:
+def listen(requested: queue.Queue[dict[str, Any]]) -> None:
     for line in sys.stdin:
-        asked.put(json.loads(line))
+        requested.put(json.loads(line))
 
 
 def fields_of(topic: str, message: Any) -> dict[str, Any]:
@@ -165,7 +165,7 @@ class Peer:
     def _writer(self, name: str, kind: Any) -> Any:
         return DataWriter(self.participant, Topic(self.participant, name, kind), qos=RELIABLE)
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Note the publishers, and subscribe to contacts once somebody announces their type."""
         for one in self._publications.read(200):
             if getattr(one, "topic_name", None) is None or one.participant_key == self.participant.guid:
@@ -193,19 +193,19 @@ def header(wanted: dict[str, Any]) -> Header:
 
 
 def main() -> None:
-    asked: queue.Queue[dict[str, Any]] = queue.Queue()
-    threading.Thread(target=listen, args=(asked,), daemon=True).start()
+    requested: queue.Queue[dict[str, Any]] = queue.Queue()
+    threading.Thread(target=listen, args=(requested,), daemon=True).start()
     peer, now, n = Peer(), dict[str, Any](), 0
     say(topic="ready")
     while True:
         time.sleep(0.02)
         n += 1
-        while not asked.empty():
-            now.update(asked.get())
+        while not requested.empty():
+            now.update(requested.get())
             if "graph" in now:
                 say(graph={"publishers": peer.seen}, topic=now.pop("graph"))
         if n % 10 == 0:
-            peer.look()
+            peer.check()
         for topic, reader in peer.readers.items():
             for message in reader.take(10):
                 if message.sample_info.valid_data:

@@ -33,9 +33,9 @@ def say(**fields: Any) -> None:
     sys.stdout.flush()
 
 
-def listen(asked: queue.Queue[dict[str, Any]]) -> None:
+def listen(requested: queue.Queue[dict[str, Any]]) -> None:
     for line in sys.stdin:
-        asked.put(json.loads(line))
+        requested.put(json.loads(line))
 
 
 def fields_of(message: Any) -> dict[str, Any]:
@@ -73,8 +73,8 @@ def graph(node: Any) -> dict[str, Any]:
 
 
 def main() -> None:
-    asked: queue.Queue[dict[str, Any]] = queue.Queue()
-    threading.Thread(target=listen, args=(asked,), daemon=True).start()
+    requested: queue.Queue[dict[str, Any]] = queue.Queue()
+    threading.Thread(target=listen, args=(requested,), daemon=True).start()
     rclpy.init()
     node = rclpy.create_node("tega_test_peer")
 
@@ -94,8 +94,8 @@ def main() -> None:
         return message
 
     def publish() -> None:
-        while not asked.empty():
-            now.update(asked.get())
+        while not requested.empty():
+            now.update(requested.get())
             if "graph" in now:
                 say(graph=graph(node), topic=now.pop("graph"))
         if (wanted := now.get("hand")) is not None:

@@ -166,7 +166,7 @@ def test_the_age_is_that_of_the_header_or_of_the_publication() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "more", "said"),
+    ("table", "more", "sentence"),
     [
         ({"hand": "hand target"}, {}, "ros2.hand"),
         ({"hand": "/2nd"}, {}, "ros2.hand"),
@@ -177,9 +177,9 @@ def test_the_age_is_that_of_the_header_or_of_the_publication() -> None:
     ],
 )
 def test_settings_that_do_not_fit_are_refused(
-    table: dict[str, Any], more: dict[str, Any], said: str, tmp_path: Any
+    table: dict[str, Any], more: dict[str, Any], sentence: str, tmp_path: Any
 ) -> None:
     given = tree(tmp_path) | {"session": {"pace": "real"}} | {"ros2": table} | more
     given = {key: one for key, one in given.items() if one is not None}
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=sentence):
         run_session(check_tree(given, {}, base=tmp_path).config)

@@ -65,7 +65,7 @@ class Run:
     def _go(self) -> None:
         bus = Bus()
         bus.subscribe(SceneVideo, self._count, vital=True)
-        bus.subscribe(Alert, self._hear, vital=True)
+        bus.subscribe(Alert, self._receive, vital=True)
         try:
             self._summary = run_session(
                 config_of(self._folder, self._url), bus=bus, controls=Controls(stop=self._done.is_set)
@@ -76,7 +76,7 @@ class Run:
     def _count(self, _: SceneVideo) -> None:
         self.n_pictures += 1
 
-    def _hear(self, one: Alert) -> None:
+    def _receive(self, one: Alert) -> None:
         if one.name == "scene":
             self.said.append(one.said)
 
@@ -118,9 +118,9 @@ def test_a_stream_is_filmed_into_the_run_s_own_recording(film: Path, tmp_path: P
         run = Run(tmp_path, server.url)
         run.until(lambda: run.n_pictures > 2 * RATE_HZ)
         summary = run.end()
-    told = summary["scene"]["front"]
-    assert (told["lost"], told["trouble"], run.said) == (0, "", [])
-    assert told["pictures"] + told["dropped"] == told["seen"]
+    reported = summary["scene"]["front"]
+    assert (reported["lost"], reported["trouble"], run.said) == (0, "", [])
+    assert reported["pictures"] + reported["dropped"] == reported["seen"]
     numbers = filmed(tmp_path, summary)
     assert numbers == sorted(set(numbers))
     assert len(numbers) > 2 * RATE_HZ

@@ -27,7 +27,7 @@ from reference.sessions import record, rewritten
 from tega.config import SessionConfig, check_tree
 from tega.config.choose import finger_metric
 from tega.errors import RecordingError
-from tega.loop.moment import LoopView, Moment
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.recording.mcap_index import open_indexed
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
@@ -73,23 +73,23 @@ class _Heard:
     """What a bus was told."""
 
     def __init__(self, *kinds: type[Any]) -> None:
-        self.bus, self.told = Bus(), list[Any]()
+        self.bus, self.reported = Bus(), list[Any]()
         for kind in kinds:
-            self.bus.subscribe(kind, self.told.append, vital=True)
+            self.bus.subscribe(kind, self.reported.append, vital=True)
 
     def of(self, kind: type[Any]) -> list[Any]:
-        return [one for one in self.told if isinstance(one, kind)]
+        return [one for one in self.reported if isinstance(one, kind)]
 
 
 def jumping(playhead: Playhead, jumps: dict[float, float]) -> Callable[[LoopView], None]:
     """Return an observer that wishes for a moment of the recording at times of the run."""
     left = dict(jumps)
 
-    def look(view: LoopView) -> None:
+    def check(view: LoopView) -> None:
         for at_s in [at_s for at_s in left if view.t_ns >= at_s * 1e9]:
             playhead.go_to(left.pop(at_s))
 
-    return look
+    return check
 
 
 # Pictures and samples.
@@ -101,11 +101,11 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
     seen: list[tuple[str, int, np.ndarray, Any, np.ndarray]] = []
     bus = Bus()
 
-    def see(one: MeasuredPicture) -> None:
+    def observe(one: MeasuredPicture) -> None:
         contact = one.contact
         seen.append((contact.finger, contact.t_ns, one.image, contact, one.metric.touch_map().height.copy()))  # type: ignore[union-attr]
 
-    bus.subscribe(MeasuredPicture, see, vital=True)
+    bus.subscribe(MeasuredPicture, observe, vital=True)
     summary = play_file(lossless, nowhere(tmp_path), speed=None, bus=bus)
     recorded = read_recorded(lossless, Picture)
     given = [(one.finger, one.t_ns, one.image) for one in recorded.of(Picture)]
@@ -138,32 +138,32 @@ def test_of_a_jpeg_recording_pictures_are_shown_too_and_damage_in_one_is_passed_
                 value.data = b"no picture"
         return value
 
-    heard = _Heard(MeasuredPicture)
+    received = _Heard(MeasuredPicture)
     views = list[LoopView]()
     summary = play_file(
         rewritten(file, tmp_path / "trial-009.mcap", damage),
         nowhere(tmp_path),
         speed=None,
-        bus=observed(views.append, heard.bus),
+        bus=observed(views.append, received.bus),
     )
     assert summary["played"]["shown"] == {"thumb": 90, "ring": 59}
     why = "/tactile/ring/image: a picture of 10 bytes cannot be decoded"
-    told = f"ring: 1 of its messages cannot be shown, at last: {why}"
-    assert summary["played"]["not_shown"] == [told]
-    assert told in views[-1].alerts
-    assert told not in views[0].alerts
+    reported = f"ring: 1 of its messages cannot be shown, at last: {why}"
+    assert summary["played"]["not_shown"] == [reported]
+    assert reported in views[-1].alerts
+    assert reported not in views[0].alerts
 
 
 def test_samples_are_told_as_they_came_and_numbered_by_the_run_s_time(lossless: Path, tmp_path: Path) -> None:
     given = read_recorded(lossless, EmgSamples).of(EmgSamples)
     whole = np.concatenate([one.samples.reshape(-1, one.n_channels) for one in given])
     for from_s in (0.0, 0.5):
-        heard = _Heard(EmgSamples)
-        play_file(lossless, nowhere(tmp_path), speed=None, bus=heard.bus, playhead=Playhead(from_s))
-        chunks = heard.of(EmgSamples)
-        told = np.concatenate([chunk.samples.reshape(-1, chunk.n_channels) for chunk in chunks])
-        assert len(told) >= 1000 * (SECONDS - from_s) - 100
-        assert np.array_equal(told, whole[-len(told) :])
+        received = _Heard(EmgSamples)
+        play_file(lossless, nowhere(tmp_path), speed=None, bus=received.bus, playhead=Playhead(from_s))
+        chunks = received.of(EmgSamples)
+        reported = np.concatenate([chunk.samples.reshape(-1, chunk.n_channels) for chunk in chunks])
+        assert len(reported) >= 1000 * (SECONDS - from_s) - 100
+        assert np.array_equal(reported, whole[-len(reported) :])
         for chunk in chunks:
             n = len(chunk.samples) // chunk.n_channels
             assert chunk.first_index + n == round(chunk.t_ns / 1e6)  # of a thousand a second
@@ -172,7 +172,7 @@ def test_samples_are_told_as_they_came_and_numbered_by_the_run_s_time(lossless: 
 def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
     lossless: Path, tmp_path: Path
 ) -> None:
-    playhead, heard = Playhead(), _Heard(MeasuredPicture, EmgSamples)
+    playhead, received = Playhead(), _Heard(MeasuredPicture, EmgSamples)
     pictures = read_recorded(lossless, Picture).of(Picture)
     images = {one.image.tobytes(): one.t_ns for one in pictures if one.finger == "thumb"}
     play_file(
@@ -180,9 +180,9 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
         nowhere(tmp_path),
         speed=None,
         playhead=playhead,
-        bus=observed(jumping(playhead, {0.4: 1.2, 0.6: 0.1}), heard.bus),
+        bus=observed(jumping(playhead, {0.4: 1.2, 0.6: 0.1}), received.bus),
     )
-    thumb = [one for one in heard.of(MeasuredPicture) if one.contact.finger == "thumb"]
+    thumb = [one for one in received.of(MeasuredPicture) if one.contact.finger == "thumb"]
     run_ns = [one.contact.t_ns for one in thumb]
     assert run_ns == sorted(run_ns)
     # By the run's time: the first 0.4 s, then 1.2 to 1.4 s, then from 0.1 s on; a tick and a picture may be between.
@@ -192,7 +192,7 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
         if min(abs(at_ms - 400), abs(at_ms - 600)) > 60:
             assert at_ms - of_ms == pytest.approx(shift_ms, abs=40), at_ms
     assert len(thumb) > 100
-    firsts = [one.first_index for one in heard.of(EmgSamples)]
+    firsts = [one.first_index for one in received.of(EmgSamples)]
     assert firsts == sorted(firsts)
     assert firsts[-1] > 1600
 
@@ -200,11 +200,11 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
 def test_only_a_part_of_the_file_is_in_memory(lossless: Path, tmp_path: Path) -> None:
     bus, pictures, most = Bus(), list[Any](), [0]
 
-    def see(one: MeasuredPicture) -> None:
+    def observe(one: MeasuredPicture) -> None:
         pictures.append(weakref.ref(one.image))
         most[0] = max(most[0], sum(ref() is not None for ref in pictures))
 
-    bus.subscribe(MeasuredPicture, see, vital=True)
+    bus.subscribe(MeasuredPicture, observe, vital=True)
     play_file(lossless, nowhere(tmp_path), speed=None, bus=bus)
     assert len(pictures) == 150
     assert most[0] <= 8
@@ -219,7 +219,7 @@ def test_the_page_s_moments_have_pictures_signal_and_markers_of_a_played_recordi
 ) -> None:
     bus, states = Bus(), list[ViewState]()
     feed = SessionFeed({}, bus)
-    bus.subscribe(Moment, lambda m: states.append(feed.complete(ViewState(m.t_ns, m.view))), vital=True)
+    bus.subscribe(Snapshot, lambda m: states.append(feed.complete(ViewState(m.t_ns, m.view))), vital=True)
     bus.publish(Marker(t_ns=300 * MS, text="lift <b>", source="marker"))
     play_file(lossless, nowhere(tmp_path), speed=None, bus=bus, parts=[feed])
     state = next(one for one in states if one.t_ns >= 1000 * MS)
@@ -236,16 +236,16 @@ def test_the_page_s_moments_have_pictures_signal_and_markers_of_a_played_recordi
 
 
 def test_at_its_own_speed_a_thread_reads_and_is_gone_after_the_run(lossless: Path, tmp_path: Path) -> None:
-    heard, threads = _Heard(MeasuredPicture, EmgSamples), set[str]()
+    received, threads = _Heard(MeasuredPicture, EmgSamples), set[str]()
     play_file(
         lossless,
         nowhere(tmp_path),
         speed=1.0,
-        bus=observed(lambda _view: threads.update(one.name for one in threading.enumerate()), heard.bus),
+        bus=observed(lambda _view: threads.update(one.name for one in threading.enumerate()), received.bus),
     )
     assert "tega-played" in threads
     assert "tega-played" not in {one.name for one in threading.enumerate()}
-    assert heard.told
+    assert received.reported
 
 
 # Scene video.
@@ -259,12 +259,12 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     film = packets(filmed(times_ms), video)
     side = write_scene(tmp_path / "scene.mcap", {"front": film, "side": film[:20]}, video=video)
     playhead, bus = Playhead(), Bus()
-    told = list[tuple[float, int, int, DisplayPicture]]()
+    reported = list[tuple[float, int, int, DisplayPicture]]()
 
-    def see(one: DisplayPicture) -> None:
-        told.append((playhead.at_s, playhead.shift_ns, playhead.n_jumps, one))
+    def observe(one: DisplayPicture) -> None:
+        reported.append((playhead.at_s, playhead.shift_ns, playhead.n_jumps, one))
 
-    bus.subscribe(DisplayPicture, see, vital=True)
+    bus.subscribe(DisplayPicture, observe, vital=True)
     summary = play_file(
         moved,
         nowhere(tmp_path),
@@ -273,7 +273,7 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
         bus=observed(jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}), bus),
         others=[side],
     )
-    front = [row for row in told if row[-1].name == "front"]
+    front = [row for row in reported if row[-1].name == "front"]
     assert {n_jumps for _, _, n_jumps, _ in front} == {0, 1, 2, 3}
     for at_s, shift_ns, _, one in front:
         # The newest picture of the moment that is played, and none of those that were decoded on the way to it.
@@ -284,7 +284,7 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     assert summary["played"]["shown"]["front"] == len(front)
     assert len(front) == pytest.approx(summary["duration_s"] * 25, abs=6)
     # The other camera ended at 0.26 s, and a second later has no picture.
-    others = [one.image is None for *_, one in told if one.name == "side"]
+    others = [one.image is None for *_, one in reported if one.name == "side"]
     assert set(others) == {False, True}
 
 
@@ -320,10 +320,10 @@ def test_damage_in_a_video_is_told_and_the_next_picture_that_stands_alone_is_sho
     film = packets(filmed(times_ms))
     film[12] = (film[12][0], b"")
     scene = write_scene(tmp_path / "scene.mcap", {"front": film})
-    heard = _Heard(DisplayPicture)
-    summary = play_file(moved, nowhere(tmp_path), speed=None, bus=heard.bus, others=[scene])
-    shown = [number_of(one.image) for one in heard.told]
-    assert shown == [*range(12), *range(20, 30)]
+    received = _Heard(DisplayPicture)
+    summary = play_file(moved, nowhere(tmp_path), speed=None, bus=received.bus, others=[scene])
+    displayed = [number_of(one.image) for one in received.reported]
+    assert displayed == [*range(12), *range(20, 30)]
     assert summary["played"]["not_shown"] == [
         "front: 1 of its messages cannot be shown, at last: a picture of the video is empty"
     ]
@@ -363,9 +363,9 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
                 ids[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
             writer.add_message(ids[channel.topic], log_ns, message.data, log_ns)
         writer.finish()
-    heard = _Heard(DisplayPicture)
-    play_file(both, nowhere(tmp_path), speed=None, bus=heard.bus)
-    assert [number_of(one.image) for one in heard.told] == list(range(30))
+    received = _Heard(DisplayPicture)
+    play_file(both, nowhere(tmp_path), speed=None, bus=received.bus)
+    assert [number_of(one.image) for one in received.reported] == list(range(30))
     assert replay_file(both).same
 
 
@@ -376,15 +376,15 @@ def test_a_picture_that_stands_alone_is_known_by_its_packet(video: VideoFormat) 
     decoder = SceneDecoder(video)
     for k, (t_ns, packet) in enumerate(film):  # each is there at once, none a picture later
         decoder.take(t_ns, packet)
-        shown = decoder.image()
-        assert shown is not None
-        assert (shown[0], number_of(shown[1])) == (t_ns, k)
+        displayed = decoder.image()
+        assert displayed is not None
+        assert (displayed[0], number_of(displayed[1])) == (t_ns, k)
     decoder = SceneDecoder(video)
     for t_ns, packet in film[10:14]:
         decoder.take(t_ns, packet)
-    shown = decoder.image()
-    assert shown is not None
-    assert (shown[0], number_of(shown[1])) == (film[13][0], 13)
+    displayed = decoder.image()
+    assert displayed is not None
+    assert (displayed[0], number_of(displayed[1])) == (film[13][0], 13)
     assert decoder.image() is None
 
 
@@ -434,7 +434,7 @@ def test_scene_pictures_fit_the_panel_whatever_their_shape() -> None:
     assert html is not None
     parts = html.split("<div")[1:]
     assert all(f"scene camera: {name}</div>" in part for name, part in zip(names, parts, strict=True))
-    pictures = [shown(part) for part in parts]
+    pictures = [displayed(part) for part in parts]
     assert [picture.shape[1] for picture in pictures] == [360, 1, 360, 270]
     assert max(len(picture) for picture in pictures) == 270
     assert tuple(pictures[0][0, 0]) == (30, 20, 10)
@@ -449,7 +449,7 @@ def test_a_picture_is_made_smaller_without_losing_what_is_fine() -> None:
     assert shrunk(small, 360) is small
 
 
-def shown(html: str) -> NDArray[np.uint8]:
+def displayed(html: str) -> NDArray[np.uint8]:
     """Return the picture that an image element brings along."""
     jpeg = base64.b64decode(html.partition("base64,")[2].partition('"')[0])
     image: NDArray[np.uint8] = imageio.v3.imread(jpeg)
@@ -468,11 +468,11 @@ def test_the_page_shows_scene_pictures_and_looks_back_at_them() -> None:
         for k in range(10):
             page.paint(state(k), turn=0, rates_hz={}, latency_ms={})
         assert "front &lt;i&gt;" in page.cameras.element.content
-        assert number_of(shown(page.cameras.element.content)) == 9
+        assert number_of(displayed(page.cameras.element.content)) == 9
         page.timeline.back.value = 0.5
-        page.timeline._look()
+        page.timeline._check()
         assert page.paint_past()
-        assert number_of(shown(page.cameras.element.content)) == 4
+        assert number_of(displayed(page.cameras.element.content)) == 4
         page.timeline.back.value = 0.0
         page.paint(state(10)._replace(cameras={}), turn=0, rates_hz={}, latency_ms={})
         assert page.cameras.element.content == ""

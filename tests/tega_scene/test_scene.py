@@ -44,7 +44,7 @@ def test_a_layout_comes_back_from_its_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("[table]\ntags = [{id = 0, size_mm = 50, at_mm = [0, 0, 0]}]\n", "object"),
         (
@@ -61,10 +61,10 @@ def test_a_layout_comes_back_from_its_file(tmp_path: Path) -> None:
         ("[table", "cannot be read"),
     ],
 )
-def test_a_layout_that_no_print_can_be_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_a_layout_that_no_print_can_be_is_refused(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "tags.toml"
     file.write_text(text)
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         load_layout(file)
 
 
@@ -265,8 +265,8 @@ def test_the_wizard_keeps_a_camera_s_lens_and_the_one_before(tmp_path: Path) -> 
     words = ["calibrate", str(tmp_path / "lab.toml"), "--person", "p01", "--camera", f"front={board}"]
     words += ["--yes", "--json", "--time-scale", "0.05"]
     for _ in range(2):
-        said = CliRunner().invoke(cli, words)
-        assert said.exit_code == 0, said.output
+        message = CliRunner().invoke(cli, words)
+        assert message.exit_code == 0, message.output
     kept = tmp_path / "calibrations" / "cameras" / "front.json"
     assert load_lens(kept).rms_px < 0.2
     assert len(list((kept.parent / "before").glob("front.until-*.json"))) == 1
@@ -285,11 +285,11 @@ def test_too_few_views_are_no_calibration() -> None:
 def test_the_verbs_print_and_score(tmp_path: Path) -> None:
     cv2 = pytest.importorskip("cv2")
     runner = CliRunner()
-    said = runner.invoke(
+    message = runner.invoke(
         cli, ["scene", "tags", str(tmp_path / "t.pdf"), "--layout", str(tmp_path / "t.toml"), "--json"]
     )
-    assert said.exit_code == 0, said.output
-    assert json.loads(said.output)["tags"] == 16
+    assert message.exit_code == 0, message.output
+    assert json.loads(message.output)["tags"] == 16
     assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF-1.4")
     scene = rendered(known_lift(end_s=1.1))
     save_layout(tmp_path / "bench.toml", scene.layout)
@@ -303,13 +303,13 @@ def test_the_verbs_print_and_score(tmp_path: Path) -> None:
     writer.release()
     lines = [f"{number},{t_ns}\n" for number, t_ns in enumerate(times)]
     times_path(video).write_text("picture,t_ns\n" + "".join(lines))
-    said = runner.invoke(
+    message = runner.invoke(
         cli,
         ["scene", "score", str(video), "--lens", str(tmp_path / "cam.json"), "--layout", str(tmp_path / "bench.toml"),
          "--json"],
     )  # fmt: skip
-    assert said.exit_code == 0, said.output
-    outcome = json.loads(said.output)
+    assert message.exit_code == 0, message.output
+    outcome = json.loads(message.output)
     assert outcome["events"][0]["kind"] == "lift_off"
     assert abs(outcome["events"][0]["t_s"] - 7 - LIFT_S) < 0.06
     assert outcome["success"] is False

@@ -146,14 +146,16 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
                 log_time=at_ns,
             )
     file.close()
-    said = CliRunner().invoke(
+    message = CliRunner().invoke(
         cli, ["scene", "offset", str(recording), "front", str(tmp_path / "flashes.csv"), "--json"]
     )
-    assert said.exit_code == 0, said.output
-    found = json.loads(said.output)
+    assert message.exit_code == 0, message.output
+    found = json.loads(message.output)
     assert abs(found["late_s"] - late_s - 0.0032) < 0.5 / RATE_HZ
-    said = CliRunner().invoke(cli, ["scene", "export", str(recording), "front", str(tmp_path / "front.mp4")])
-    assert said.exit_code == 0, said.output
+    message = CliRunner().invoke(
+        cli, ["scene", "export", str(recording), "front", str(tmp_path / "front.mp4")]
+    )
+    assert message.exit_code == 0, message.output
     exported = np.array(read_times(times_path(tmp_path / "front.mp4"))) / 1e9
     assert np.abs(exported - (t_s - found["late_s"])).max() < 1e-6
     # What is played shows a picture when it was taken, not when it came.

@@ -41,7 +41,7 @@ def carried() -> TrueTrial:
 
 
 @pytest.fixture(scope="module")
-def told(carried: TrueTrial) -> TrialResult:
+def reported(carried: TrueTrial) -> TrialResult:
     """Return what the simulation says of it."""
     return run_trial(carried.plan)
 
@@ -58,14 +58,14 @@ def scored(trial: TrueTrial, mark_m: NDArray[np.float64], *, end_s: float | None
 
 
 def test_what_is_carried_to_the_second_mark_is_placed_as_far_from_it_as_in_truth(
-    carried: TrueTrial, told: TrialResult, mark_m: NDArray[np.float64]
+    carried: TrueTrial, reported: TrialResult, mark_m: NDArray[np.float64]
 ) -> None:
     outcome = scored(carried, mark_m)
-    assert told.off_mark_m is not None
+    assert reported.off_mark_m is not None
     assert outcome.off_mark_m is not None
     assert outcome.off_mark_error_m is not None
-    assert (outcome.on_mark, outcome.success) == (told.placed, told.success) == (True, True)
-    assert abs(outcome.off_mark_m - told.off_mark_m) < min(0.001, 3 * outcome.off_mark_error_m)
+    assert (outcome.on_mark, outcome.success) == (reported.placed, reported.success) == (True, True)
+    assert abs(outcome.off_mark_m - reported.off_mark_m) < min(0.001, 3 * outcome.off_mark_error_m)
     kinds = {event.kind: event for event in outcome.events}
     # True rest: from the last moment off the table, or farther than 2 mm from where it stays.
     base = carried.object[:, :2, 3]
@@ -124,24 +124,24 @@ def test_a_lift_without_a_second_mark_says_nothing_of_one(carried: TrueTrial) ->
 
 
 @pytest.mark.parametrize(
-    ("mark", "said"),
+    ("mark", "text"),
     [
         ((float("nan"), 0.0), "not a place"),
         ((0.0, float("inf")), "not a place"),
         ((0.9, 0.9), "not on the table"),
     ],
 )
-def test_a_mark_that_is_nowhere_on_the_table_is_refused(mark: tuple[float, float], said: str) -> None:
-    with pytest.raises(InvalidValueError, match=said):
+def test_a_mark_that_is_nowhere_on_the_table_is_refused(mark: tuple[float, float], text: str) -> None:
+    with pytest.raises(InvalidValueError, match=text):
         checked_mark(mark)
 
 
 @pytest.mark.parametrize(
-    ("mark", "said"),
+    ("mark", "text"),
     [("50", "write it as"), ("a,b", "write it as"), ("nan,0", "not a place"), ("9000,0", "not on")],
 )
 def test_the_verb_refuses_such_a_mark_before_it_looks_at_a_video(
-    tmp_path: Path, mark: str, said: str
+    tmp_path: Path, mark: str, text: str
 ) -> None:
     words = [
         "scene",
@@ -156,4 +156,4 @@ def test_the_verb_refuses_such_a_mark_before_it_looks_at_a_video(
     ]
     done = CliRunner().invoke(cli, words)
     assert done.exit_code != 0
-    assert said in done.output + str(done.exception)
+    assert text in done.output + str(done.exception)

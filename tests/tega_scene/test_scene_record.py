@@ -53,9 +53,9 @@ def test_every_packet_is_one_picture_and_none_waits(video: VideoFormat) -> None:
         assert [t_ns for t_ns, _ in packets] == [1000 * number + 7]
         for packet in packets:
             decoder.take(*packet)
-            shown = decoder.image()
-            assert shown is not None
-            seen.append((shown[0], float(shown[1].mean())))
+            displayed = decoder.image()
+            assert displayed is not None
+            seen.append((displayed[0], float(displayed[1].mean())))
     assert [t_ns for t_ns, _ in seen] == [1000 * number + 7 for number in range(10)]
     assert all(abs(mean - _shade(number)) < 3 for number, (_, mean) in enumerate(seen))
 
@@ -74,15 +74,15 @@ def test_two_cameras_are_recorded_and_exported(tmp_path: Path, video: VideoForma
     source = str(_film(tmp_path / "film.avi"))
     out = tmp_path / "scene.mcap"
     begin_ns = time.monotonic_ns()
-    said = CliRunner().invoke(
+    text = CliRunner().invoke(
         cli,
         ["scene", "record", str(out), "--camera", f"front={source}", "--camera", f"side={source}", "--size", "160x120",
          "--video", video, "--json"],
     )  # fmt: skip
     end_ns = time.monotonic_ns()
-    assert said.exit_code == 0, said.output
-    told = json.loads(said.output)["cameras"]
-    assert [(name, one["pictures"], one["trouble"]) for name, one in told.items()] == [
+    assert text.exit_code == 0, text.output
+    reported = json.loads(text.output)["cameras"]
+    assert [(name, one["pictures"], one["trouble"]) for name, one in reported.items()] == [
         ("front", 12, ""),
         ("side", 12, ""),
     ]

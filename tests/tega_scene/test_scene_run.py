@@ -77,17 +77,22 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
     seen: dict[str, list[tuple[int, int]]] = {"front": [], "side": []}
     bus = Bus()
 
-    def see(one: DisplayPicture) -> None:
+    def observe(one: DisplayPicture) -> None:
         assert one.image is not None
         seen[one.name].append((one.t_ns, number_of(one.image)))
 
-    bus.subscribe(DisplayPicture, see, vital=True)
+    bus.subscribe(DisplayPicture, observe, vital=True)
     summary = filmed(tree, tmp_path, bus=bus)
     assert summary["recording"]["state"] == "complete"
     assert not [note for note in summary["notes"] if "scene" in note]
     for name, video in (("front", "h264"), ("side", "av1")):
-        told = summary["scene"][name]
-        assert (told["seen"], told["pictures"], told["dropped"], told["lost"]) == (30, 30, 0, 0)
+        reported = summary["scene"][name]
+        assert (reported["seen"], reported["pictures"], reported["dropped"], reported["lost"]) == (
+            30,
+            30,
+            0,
+            0,
+        )
         assert summary["recording"]["written"][f"/scene/{name}/video"] == 30
         recording = tmp_path / "session" / summary["recording"]["file"]
         reader = McapReader(recording)
@@ -121,9 +126,9 @@ def test_a_part_of_a_film_begins_with_a_picture_that_stands_alone(tmp_path: Path
 @pytest.mark.raises("scene")
 def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path) -> None:
     """The run goes on meanwhile, and what was filmed before and after can be looked at."""
-    said: list[str] = []
+    message: list[str] = []
     bus, n_pictures, dark = Bus(), [0], threading.Event()
-    bus.subscribe(Alert, lambda one: said.append(one.said) if one.name == "scene" else None, vital=True)
+    bus.subscribe(Alert, lambda one: message.append(one.said) if one.name == "scene" else None, vital=True)
     bus.subscribe(SceneVideo, lambda _: n_pictures.__setitem__(0, n_pictures[0] + 1), vital=True)
     bus.subscribe(DisplayPicture, lambda one: dark.set() if one.image is None else dark.clear(), vital=True)
     server = FilmServer()
@@ -132,7 +137,7 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
     def film_twice() -> None:
         with server:
             _until(lambda: n_pictures[0] > 10)
-        _until(lambda: bool(said) and dark.is_set())
+        _until(lambda: bool(message) and dark.is_set())
         before = n_pictures[0]
         with FilmServer(server.port):
             _until(lambda: n_pictures[0] > before + 10)
@@ -144,16 +149,16 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
     tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
     summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
     thread.join()
-    told = summary["scene"]["front"]
-    assert (told["lost"], told["trouble"]) == (1, "")
-    assert any("stopped" in one for one in said)
-    assert said[-1] == ""
+    reported = summary["scene"]["front"]
+    assert (reported["lost"], reported["trouble"]) == (1, "")
+    assert any("stopped" in one for one in message)
+    assert message[-1] == ""
     assert "scene front: lost 1 times and found again" in summary["notes"]
     recording = tmp_path / "session" / summary["recording"]["file"]
     alerts = [one.value.said for one in McapReader(recording).messages() if one.schema == "tega.Alert"]
     assert any("front: scene camera" in one for one in alerts)
-    assert export_camera(recording, "front", tmp_path / "front.mp4") == told["pictures"] > 20
-    assert len(list(read_pictures(tmp_path / "front.mp4"))) == told["pictures"]
+    assert export_camera(recording, "front", tmp_path / "front.mp4") == reported["pictures"] > 20
+    assert len(list(read_pictures(tmp_path / "front.mp4"))) == reported["pictures"]
 
 
 @pytest.mark.slow
@@ -194,8 +199,8 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
     with FilmServer() as server:
         tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
         summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
-    told = summary["scene"]["front"]
-    assert (told["lost"], told["trouble"]) == (1, "")
+    reported = summary["scene"]["front"]
+    assert (reported["lost"], reported["trouble"]) == (1, "")
     recording = tmp_path / "session" / summary["recording"]["file"]
     assert any("its process ended" in one.value.said for one in McapReader(recording).messages()
                if one.schema == "tega.Alert")  # fmt: skip
@@ -205,7 +210,7 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("camera", "kind", "said"),
+    ("camera", "kind", "message"),
     [
         ({"source": "/dev/video98"}, DeviceUnavailableError, "does not open"),
         ({"source": "nothing.mp4"}, RecordingError, "nothing.mp4"),
@@ -213,10 +218,10 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
     ],
 )
 def test_a_camera_that_is_not_there_refuses_the_run(
-    tmp_path: Path, camera: dict[str, Any], kind: type[Exception], said: str
+    tmp_path: Path, camera: dict[str, Any], kind: type[Exception], message: str
 ) -> None:
     film(tmp_path / "film.avi", 3)
-    with pytest.raises(kind, match=said):
+    with pytest.raises(kind, match=message):
         filmed(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
     assert not list((tmp_path / "session").glob("*.mcap*"))
     assert not _children("tega_scene.camera_program")
@@ -227,18 +232,18 @@ def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
     """An address that takes the connection and then says nothing."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
         source = f"http://127.0.0.1:{silent.getsockname()[1]}/film.mjpg"
-        asked = iter(range(100))
+        requested = iter(range(100))
         with pytest.raises(KeyboardInterrupt):
             filmed(
                 settings(tmp_path / "session", {"name": "front", "source": source}),
                 tmp_path,
-                controls=Controls(stop=lambda: next(asked, None) is None),
+                controls=Controls(stop=lambda: next(requested, None) is None),
             )
     assert not _children("tega_scene.camera_program")
 
 
 @pytest.mark.parametrize(
-    ("cameras", "kind", "said"),
+    ("cameras", "kind", "message"),
     [
         ([{"name": "../x", "source": "0"}], UnsafeNameError, "camera '../x'"),
         ([{"name": "a", "source": "0"}, {"name": "a", "source": "1"}], ConfigError, "two cameras are called 'a'"),
@@ -250,9 +255,9 @@ def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_settings_that_cannot_be_are_refused(
-    cameras: list[dict[str, Any]], kind: type[Exception], said: str, tmp_path: Path
+    cameras: list[dict[str, Any]], kind: type[Exception], message: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(kind, match=said):
+    with pytest.raises(kind, match=message):
         check_tree({"scene": cameras}, {}, base=tmp_path)
 
 
@@ -309,14 +314,14 @@ def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path:
     tree["tactile"] = {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": 5.0}}}
     files = [tmp_path / "session" / str(filmed(tree, tmp_path)["recording"]["file"]) for _ in range(2)]
     out = export_lerobot(files, tmp_path / "dataset", fps=10)
-    told = json.loads((out / "meta" / "info.json").read_text())
-    assert told["features"]["observation.images.front"]["shape"] == [HIGH, WIDE, 3]
+    reported = json.loads((out / "meta" / "info.json").read_text())
+    assert reported["features"]["observation.images.front"]["shape"] == [HIGH, WIDE, 3]
     episodes = json.loads((out / "meta" / "tega.json").read_text())["episodes"]
     with av.open(str(out / "videos/observation.images.front/chunk-000/file-000.mp4")) as opened:
         numbers = [number_of(frame.to_ndarray(format="bgr24")) for frame in opened.decode(video=0)]
-    assert len(numbers) == told["total_frames"] > 20
+    assert len(numbers) == reported["total_frames"] > 20
     assert len(episodes) == 2
-    first = numbers[: told["total_frames"] // 2 - 1]
+    first = numbers[: reported["total_frames"] // 2 - 1]
     assert first == sorted(first)
     assert first[-1] > 10
 

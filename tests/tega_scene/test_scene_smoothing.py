@@ -139,11 +139,11 @@ def test_a_width_that_was_not_seen_untouched_is_noted(first_s: float, n_notes: i
 
 def test_the_way_slid_since_lift_off_counts_where_the_object_goes_on_sliding() -> None:
     """The hand takes the load over while the object slides by 3.6 mm, 0.8 mm of it in the first 70 ms."""
-    off_s, way_m, decay_s = 0.5, 3.6e-3, 0.29
+    off_s, travel_m, decay_s = 0.5, 3.6e-3, 0.29
     passed_s = np.maximum(GRID - off_s, 0)
     slip = Course(
-        way_m * (1 - np.exp(-passed_s / decay_s)),
-        np.where(passed_s > 0, way_m / decay_s, 0.0) * np.exp(-passed_s / decay_s),
+        travel_m * (1 - np.exp(-passed_s / decay_s)),
+        np.where(passed_s > 0, travel_m / decay_s, 0.0) * np.exp(-passed_s / decay_s),
         np.zeros(len(GRID)),
     )
     height = Course(0.1 * passed_s, np.where(passed_s > 0, 0.1, 0.0), np.zeros(len(GRID)))

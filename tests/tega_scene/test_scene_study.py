@@ -110,7 +110,7 @@ def test_a_place_that_was_measured_is_compared_with_who_corrected_it_alone(folde
 def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
     before = measured_path(folder, "p01").read_bytes()
     struck = [event.n for event in read_measured(folder, "p01") if event.kind == "slip"][1]
-    said = CliRunner().invoke(
+    message = CliRunner().invoke(
         cli,
         [
             "scene",
@@ -126,8 +126,8 @@ def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
             "drop=6.5",
         ],
     )
-    assert said.exit_code == 0, said.output
-    assert said.output == "p01 trial 1, as r1 has it: lift_off, slip, drop, placed\n"
+    assert message.exit_code == 0, message.output
+    assert message.output == "p01 trial 1, as r1 has it: lift_off, slip, drop, placed\n"
     assert measured_path(folder, "p01").read_bytes() == before
     mine = read_observers(folder, "p01")["camera+r1"]
     assert saw_whole(mine, 1, 1)
@@ -153,7 +153,7 @@ def test_who_watched_comes_before_who_confirmed_the_camera(folder: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("trial", "options", "said"),
+    ("trial", "options", "message"),
     [
         (2, {}, "not measured"),
         (1, {"struck": (999,)}, "event 999 is none of trial 1"),
@@ -161,8 +161,10 @@ def test_who_watched_comes_before_who_confirmed_the_camera(folder: Path) -> None
         (1, {"added": (("slip", 9.0),)}, "the trial lasts 8.00 s"),
     ],
 )
-def test_a_correction_of_what_is_not_there_is_refused(folder: Path, trial: int, options, said: str) -> None:
-    with pytest.raises(InvalidValueError, match=said):
+def test_a_correction_of_what_is_not_there_is_refused(
+    folder: Path, trial: int, options, message: str
+) -> None:
+    with pytest.raises(InvalidValueError, match=message):
         confirm_trial(folder, "p01", trial, "r1", **options)
     assert read_observers(folder, "p01") == {}
 
@@ -188,7 +190,7 @@ def test_each_trial_takes_its_pictures_from_one_pass_over_the_film() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("front",), "a video needs --lens"),
         (("cam.mp4",), "a video needs --lens"),
@@ -196,11 +198,11 @@ def test_each_trial_takes_its_pictures_from_one_pass_over_the_film() -> None:
     ],
 )
 def test_what_stands_alone_is_a_video_and_a_camera_is_named_as_one(
-    folder: Path, words: tuple[str, ...], said: str
+    folder: Path, words: tuple[str, ...], message: str
 ) -> None:
     done = CliRunner().invoke(cli, ["scene", "measure", str(folder), "p01", *words])
     assert done.exit_code == 2
-    assert said in done.output
+    assert message in done.output
 
 
 @pytest.mark.parametrize("dropped", [False, True])

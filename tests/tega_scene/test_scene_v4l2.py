@@ -80,8 +80,8 @@ def recording(
 def test_a_uvc_camera_is_filmed(plain: Path, tmp_path: Path, source: str) -> None:
     out = tmp_path / "session.mcap"
     with recording(plain, out, source=source) as running:
-        said = running.communicate(timeout=20)[0]
-    assert running.returncode == 0, said
+        message = running.communicate(timeout=20)[0]
+    assert running.returncode == 0, message
     n_written = export_camera(out, "front", tmp_path / "front.mp4")
     numbers = [number_of(image) for _, image in read_pictures(tmp_path / "front.mp4")]
     assert len(numbers) == n_written > 5
@@ -89,7 +89,7 @@ def test_a_uvc_camera_is_filmed(plain: Path, tmp_path: Path, source: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("trouble", "size", "said"),
+    ("trouble", "size", "message"),
     [
         ("busy", "192x128", "scene camera /dev/video77 does not open"),
         ("gone", "192x128", "scene camera /dev/video77 does not open"),
@@ -97,14 +97,14 @@ def test_a_uvc_camera_is_filmed(plain: Path, tmp_path: Path, source: str) -> Non
     ],
 )
 def test_one_that_cannot_be_had_is_told(
-    plain: Path, tmp_path: Path, trouble: str, size: str, said: str
+    plain: Path, tmp_path: Path, trouble: str, size: str, message: str
 ) -> None:
     if trouble:
         (plain / trouble).touch()
     with recording(plain, tmp_path / "session.mcap", size=size) as running:
-        told = running.communicate(timeout=20)[0]
+        reported = running.communicate(timeout=20)[0]
     assert running.returncode != 0
-    assert said in told
+    assert message in reported
     assert not (tmp_path / "session.mcap").exists()
 
 
@@ -113,13 +113,13 @@ def test_one_that_is_unplugged_ends_the_film_in_words(plain: Path, tmp_path: Pat
     with recording(plain, out, seconds="60") as running:
         until(lambda: out.exists() or running.poll() is not None)
         (plain / "gone").touch()
-        told = running.communicate(timeout=20)[0]
-    assert f"scene camera {NODE} stopped" in told
+        reported = running.communicate(timeout=20)[0]
+    assert f"scene camera {NODE} stopped" in reported
 
 
 @pytest.mark.slow
 def test_one_that_sends_nothing_is_told(plain: Path, tmp_path: Path) -> None:
     (plain / "silent").touch()
     with recording(plain, tmp_path / "session.mcap", seconds="8") as running:
-        told = running.communicate(timeout=20)[0]
-    assert f"scene camera {NODE} stopped" in told
+        reported = running.communicate(timeout=20)[0]
+    assert f"scene camera {NODE} stopped" in reported

@@ -60,10 +60,10 @@ def through_the_bus(ticks):
             hand.tick(t_s, world.angles_rad)
             angles = np.full(16, np.nan)
             for frame in received(ears):
-                said = allegro_decode(frame)
-                if isinstance(said, AllegroPosition):
-                    first = 4 * ("index", "middle", "ring", "thumb").index(said.finger)
-                    angles[first : first + 4] = said.angles_rad
+                text = allegro_decode(frame)
+                if isinstance(text, AllegroPosition):
+                    first = 4 * ("index", "middle", "ring", "thumb").index(text.finger)
+                    angles[first : first + 4] = text.angles_rad
             driver.write(0, allegro_torque_frames(controller.step(angles, level_at(t_s))))
             hand.tick(t_s, world.angles_rad)
             world.set_torques(FULL_DUTY_NM * hand.torques)
@@ -143,15 +143,15 @@ def test_requests_are_answered():
     angles = np.linspace(-0.1, 0.4, 16)
     with AllegroOnBus(channel="test-ask") as hand, can.Bus(interface="virtual", channel="test-ask") as bus:
         driver = host("test-ask")
-        asked = [
+        requested = [
             allegro_request_info(),
             allegro_request_position("ring"),
             allegro_request_temperature("thumb"),
         ]
-        driver.write(0, [allegro_servo_on(), *asked])
+        driver.write(0, [allegro_servo_on(), *requested])
         hand.tick(0.0, angles)
-        said = [allegro_decode(f) for f in received(bus) if not f.remote and f.id != allegro_servo_on().id]
-        info, position, temperature = said
+        text = [allegro_decode(f) for f in received(bus) if not f.remote and f.id != allegro_servo_on().id]
+        info, position, temperature = text
         assert isinstance(info, AllegroInfo)
         assert info.servo_on
         assert info.side == "right"

@@ -37,7 +37,7 @@ FORCES_N = (1.5, 3.0, 5.0)
 FRAMES = [GEL.frame([ball(force_n=n, centre_xy=(120.0, 150.0))], k) for k, n in enumerate(FORCES_N)]
 
 
-def told(*words: object, capsys: Any) -> list[dict[str, Any]]:
+def reported(*words: object, capsys: Any) -> list[dict[str, Any]]:
     """Run the verb with --json and return what it printed."""
     with pytest.raises(SystemExit) as done:
         main(["audit", *map(str, words), "--json"])
@@ -69,7 +69,7 @@ def presses(tmp_path: Path) -> Path:
 
 
 def test_every_reading_measures_every_picture(presses: Path, capsys: Any) -> None:
-    (report,) = told(presses, "--baseline", presses.parent / "still.png", capsys=capsys)
+    (report,) = reported(presses, "--baseline", presses.parent / "still.png", capsys=capsys)
     assert [score["reading"] for score in report["touch"]] == list(READINGS["touch"])
     assert (report["emg"], report["vest"]) == ([], [])
     by_name = {score["reading"]: score for score in report["touch"]}
@@ -100,9 +100,9 @@ def test_a_sequence_goes_through_the_tracker_in_order_unless_its_pictures_are_se
         on = [ball(force_n=4.0, centre_xy=(120.0, 150.0))] if 8 <= k < 20 else []
         cv2.imwrite(str(folder / f"{k:02d}.png"), gel.frame(on, k))
     cv2.imwrite(str(tmp_path / "still.png"), gel.still())
-    asked = AuditRequest(names=("live",))
-    (whole,) = audit_recording(folder, asked, baseline=tmp_path / "still.png")
-    (apart,) = audit_recording(folder, asked._replace(separate=True), baseline=tmp_path / "still.png")
+    requested = AuditRequest(names=("live",))
+    (whole,) = audit_recording(folder, requested, baseline=tmp_path / "still.png")
+    (apart,) = audit_recording(folder, requested._replace(separate=True), baseline=tmp_path / "still.png")
     metric = preset_metric("live", gel.still(), "index")
     want = [
         metric.update(cv2.imread(str(folder / f"{k:02d}.png")), round(k * 1e9 / 60)).eda for k in range(30)
@@ -128,7 +128,7 @@ def test_overlap_with_a_mark_is_scored(presses: Path, capsys: Any) -> None:
     rows = [f"{k}.png,120,150,60" for k in range(3)]
     table.write_text("\n".join(["img_name,center_x,center_y,radius", *rows]))
     words = (presses, "--baseline", presses.parent / "still.png", "--marks", table, "--reading", "live")
-    (score,) = told(*words, capsys=capsys)[0]["touch"]
+    (score,) = reported(*words, capsys=capsys)[0]["touch"]
     disc = np.sum(Mark((120.0, 150.0), 60.0).distance((320, 240)) <= 1)
     assert 0.5 < score["iou"] <= 1
     assert score["area_ratio"] == pytest.approx(score["eda"][1] / disc)
@@ -204,7 +204,7 @@ def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(tmp_path: Pa
     table = tmp_path / "forces.csv"
     table.write_text("\n".join(forces))
     words = [pictures, "--baseline", tmp_path / "still.png", "--masks", masks, "--forces", table]
-    live = next(s for s in told(*words, capsys=capsys)[0]["touch"] if s["reading"] == "live")
+    live = next(s for s in reported(*words, capsys=capsys)[0]["touch"] if s["reading"] == "live")
     assert (live["n_frames"], live["n_touched"], live["n_felt"], live["n_false"]) == (4, 3, 3, 0)
     assert live["force_rank"] == pytest.approx(1.0)
     assert live["iou"] > 0.5
@@ -216,13 +216,13 @@ def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(tmp_path: Pa
 
     cv2.imwrite(str(masks / "1.png"), np.zeros((10, 10), np.uint8))
     assert "a mask of 10 x 10 pixels" in refused(*words, capsys=capsys)
-    for line, said in (
+    for line, text in (
         ("1.png,much", "not a force"),
         ("1.png,-3", "wanted 0 to"),
         ("other.png,1", "no picture has"),
     ):
         table.write_text(f"img_name,force_n\n{line}\n")
-        assert said in refused(*words, capsys=capsys)
+        assert text in refused(*words, capsys=capsys)
 
 
 def test_pictures_and_masks_may_lie_in_one_folder_and_what_has_no_mask_is_told(
@@ -238,7 +238,7 @@ def test_pictures_and_masks_may_lie_in_one_folder_and_what_has_no_mask_is_told(
     (both / "mask_2.png").rename(both / "mask_2.bmp.off")
     cv2.imwrite(str(tmp_path / "still.png"), BASELINE)
     words = [both, "--baseline", tmp_path / "still.png", "--masks", both, "--separate", "--reading", "live"]
-    report = told(*words, capsys=capsys)[0]
+    report = reported(*words, capsys=capsys)[0]
     (live,) = report["touch"]
     # Two frames have a mask; the third has none, and the masks themselves are no presses.
     assert (live["n_frames"], live["n_touched"], report["n_left_out"]) == (2, 2, 3)
@@ -277,7 +277,7 @@ def test_a_sweep_scores_every_value_and_is_drawn(presses: Path, capsys: Any) -> 
         "--set", "stages.metric.name=reading", "--set", "stages.metric.options.threshold=D4",
         "--sweep", "stages.metric.options.factor=0.5:2.5:0.25",
     )  # fmt: skip
-    (report,) = told(*words, capsys=capsys)
+    (report,) = reported(*words, capsys=capsys)
     assert report["sweep"] == "stages.metric.options.factor"
     assert [score["value"] for score in report["touch"]] == [0.5 + 0.25 * k for k in range(9)]
     areas = [score["eda"][-1] for score in report["touch"]]
@@ -294,7 +294,7 @@ def test_a_sweep_scores_every_value_and_is_drawn(presses: Path, capsys: Any) -> 
 
 def test_a_sweep_of_words_takes_any_stage(presses: Path, capsys: Any) -> None:
     words = (presses, "--baseline", presses.parent / "still.png", "--sweep", "stages.metric.name=paper,live")
-    scores = told(*words, capsys=capsys)[0]["touch"]
+    scores = reported(*words, capsys=capsys)[0]["touch"]
     assert [(score["reading"], score["value"]) for score in scores] == [("paper", "paper"), ("live", "live")]
     assert scores[0]["eda"] != scores[1]["eda"]
 
@@ -310,10 +310,10 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("sweep", "said"), WRONG)
-def test_a_sweep_that_cannot_be_is_refused(presses: Path, capsys: Any, sweep: str, said: str) -> None:
+@pytest.mark.parametrize(("sweep", "text"), WRONG)
+def test_a_sweep_that_cannot_be_is_refused(presses: Path, capsys: Any, sweep: str, text: str) -> None:
     words = (presses, "--set", "stages.metric.name=reading", "--sweep", sweep)
-    assert said in refused(*words, capsys=capsys)
+    assert text in refused(*words, capsys=capsys)
 
 
 def test_the_ends_of_a_sweep_are_exact() -> None:
@@ -341,7 +341,7 @@ def squeeze(tmp_path: Path) -> Path:
 def test_the_rules_of_the_decoder_are_compared(squeeze: Path, capsys: Any) -> None:
     how = ("--emg-rate-hz", 250, "--emg-kind", "raw", "--forces", squeeze.parent / "forces.csv")
     drawn = squeeze.parent / "emg.png"
-    (report,) = told(squeeze, *how, "--picture", drawn, capsys=capsys)
+    (report,) = reported(squeeze, *how, "--picture", drawn, capsys=capsys)
     scores = {score["reading"]: score for score in report["emg"]}
     assert list(scores) == list(READINGS["emg"])
     assert scores["print, τ 50 ms"]["n_blocks"] == pytest.approx(2 * scores["print"]["n_blocks"], rel=0.05)
@@ -358,7 +358,7 @@ def test_the_rules_of_the_decoder_are_compared(squeeze: Path, capsys: Any) -> No
 def test_an_option_of_the_decoder_is_swept(squeeze: Path, capsys: Any) -> None:
     how = ("--emg-rate-hz", 250, "--emg-kind", "raw", "--forces", squeeze.parent / "forces.csv")
     sweep = ("--sweep", "stages.decoder.options.cutoff_hz=2:32:10", "--picture", squeeze.parent / "sweep.png")
-    scores = told(squeeze, *how, *sweep, capsys=capsys)[0]["emg"]
+    scores = reported(squeeze, *how, *sweep, capsys=capsys)[0]["emg"]
     assert [score["value"] for score in scores] == [2.0, 12.0, 22.0, 32.0]
     assert scores[0]["changes_per_s"] < scores[-1]["changes_per_s"]
     assert all(score["force_rank"] is not None for score in scores)
@@ -458,7 +458,7 @@ def listed(schema: bytes) -> bytes:
 
 @pytest.mark.slow
 def test_the_vest_of_a_session_is_compared_and_swept(session: Path, tmp_path: Path, capsys: Any) -> None:
-    (report,) = told(session, "--of", "vest", "--picture", tmp_path / "vest.png", capsys=capsys)
+    (report,) = reported(session, "--of", "vest", "--picture", tmp_path / "vest.png", capsys=capsys)
     scores = {score["reading"]: score for score in report["vest"]}
     assert list(scores) == list(READINGS["vest"])
     assert scores["print"]["lit_share"] > 0.2
@@ -466,20 +466,20 @@ def test_the_vest_of_a_session_is_compared_and_swept(session: Path, tmp_path: Pa
     assert scores["faces exchanged"]["front_mean"] == pytest.approx(scores["print"]["back_mean"], rel=0.2)
     assert (tmp_path / "vest.png").stat().st_size > 10_000
     sweep = ("--sweep", "stages.mapping.options.first_steps=0,1,3", "--picture", tmp_path / "s.png")
-    swept = told(session, *sweep, capsys=capsys)[0]["vest"]
+    swept = reported(session, *sweep, capsys=capsys)[0]["vest"]
     assert [score["value"] for score in swept] == [0, 1, 3]
     sums = [sum(score["total"]) for score in swept]
     assert sums[0] < sums[1] < sums[2]
     # What another metric measures reaches the vest as well.
     words = (session, "--of", "vest", "--sweep", "stages.metric.name=paper,live")
-    paper, live = told(*words, capsys=capsys)[0]["vest"]
+    paper, live = reported(*words, capsys=capsys)[0]["vest"]
     assert (paper["maxima_of"], live["maxima_of"]) == ("recording", "calibration")
     assert paper["total"] != live["total"]
 
 
 def test_loose_pictures_can_be_shown_on_a_vest(presses: Path, capsys: Any) -> None:
     words = (presses, "--baseline", presses.parent / "still.png", "--of", "vest", "--reading", "print")
-    (score,) = told(*words, capsys=capsys)[0]["vest"]
+    (score,) = reported(*words, capsys=capsys)[0]["vest"]
     assert score["lit_share"] > 0
     assert score["maxima_of"] == "recording"
     assert "reading 'prnt' is not known" in refused(presses, "--reading", "prnt", capsys=capsys)
@@ -489,7 +489,7 @@ def test_live_finds_the_marked_circles_of_real_presses(recordings: Path, capsys:
     pytest.importorskip("cv2", reason="needs the extra tega[lab]")
     folder = recordings / "digit" / "digit_ball_D20641"
     words = (folder, "--baseline", folder / "background.png", "--marks", folder / "annotate.csv")
-    (live,) = told(*words, "--reading", "live", capsys=capsys)[0]["touch"]
+    (live,) = reported(*words, "--reading", "live", capsys=capsys)[0]["touch"]
     assert live["n_found"] == live["n_frames"] == 30
     assert live["iou"] >= 0.78
     assert live["iou_low"] >= 0.60

@@ -293,9 +293,9 @@ def test_a_bare_clock_in_a_process_of_its_own_tells_how_late_each_tick_was():
 
     with witness(realtime=False) as clock:
         clock.begin(0.06)
-        told = clock.late()
-    assert told.ticks == sum(told.late) == 20
-    assert told == LateTicks.of_bins(told.late, worst_ms=told.worst_ms)
+        reported = clock.late()
+    assert reported.ticks == sum(reported.late) == 20
+    assert reported == LateTicks.of_bins(reported.late, worst_ms=reported.worst_ms)
     # By hand: two in the first bin, one each in those of 1 to 2 ms and of more than 100 ms.
     counted = LateTicks.of([0, 100_000, 1_000_001, 200_000_000])
     assert counted.late == (2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1)

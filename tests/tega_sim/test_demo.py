@@ -16,7 +16,7 @@ from rich.console import Console
 
 from reference.scripted import touching
 from tega.haptics import vest_frame
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.recording.folder import prepare_folder
 from tega.records import Intent
 from tega.tactile import read_contact
@@ -199,10 +199,10 @@ def view(t_ns: int = 2_500_000_000) -> LoopView:
     return LoopView(t_ns, contacts, vest, Intent(t_ns=t_ns, channels=(2, 3, 3), level=3), [0.5] * 16, counts)
 
 
-def text_of(shown: object) -> str:
+def text_of(displayed: object) -> str:
     console = Console(width=100)
     with console.capture() as capture:
-        console.print(shown)
+        console.print(displayed)
     return capture.get()
 
 

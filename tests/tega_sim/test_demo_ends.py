@@ -26,10 +26,10 @@ def test_the_first_ctrl_c_interrupts_only_where_nothing_runs() -> None:
     with CtrlC() as stop:
         with pytest.raises(KeyboardInterrupt), stop.interrupting():
             os.kill(os.getpid(), signal.SIGINT)
-        assert stop.asked
+        assert stop.requested
     with CtrlC() as stop:
         os.kill(os.getpid(), signal.SIGINT)
-        assert stop.asked
+        assert stop.requested
 
 
 @posix
@@ -61,9 +61,9 @@ def test_a_running_demo_leaves_its_tables_and_draws_nothing(tmp_path: Path) -> N
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         until(lambda: any((tmp_path / "rec").glob("*.mcap*")))
         process.send_signal(signal.SIGINT)
-        said, noted = process.communicate()
+        message, noted = process.communicate()
     assert process.returncode == 130
-    assert said == ""
+    assert message == ""
     assert noted.split("\n") == [f"tables and summary.json are in {out}", "", "stopped", ""]
     report: Any = json.loads((out / "summary.json").read_text())
     assert len(report["trials"]) == 1

@@ -41,9 +41,9 @@ def test_a_course_says_what_has_changed_whatever_the_rate() -> None:
 
 def test_contact_and_release_are_told_once_and_not_for_single_frames() -> None:
     found = play(Detector(), [NOTHING] * 30 + [FIRM] * 60 + [NOTHING] * 2 + [FIRM] * 60 + [NOTHING] * 60)
-    told = [one for one in found if one.finger]
-    assert kinds(told) == [("contact", 0.5), ("release", round(152 / HZ, 3))]
-    assert all(0 < one.known_s - one.t_s < 0.12 and one.confidence == 1.0 for one in told)
+    reported = [one for one in found if one.finger]
+    assert kinds(reported) == [("contact", 0.5), ("release", round(152 / HZ, 3))]
+    assert all(0 < one.known_s - one.t_s < 0.12 and one.confidence == 1.0 for one in reported)
 
 
 def test_what_happened_while_nothing_was_seen_is_no_event() -> None:
@@ -160,6 +160,41 @@ def test_where_the_joints_are_no_longer_told_the_other_rules_take_over() -> None
         seen.append(len(detector.features(n / 100)))
     assert seen == [len(SINK_FEATURES), len(SINK_FEATURES), len(HAND_FEATURES)]
     assert len(SETTINGS.sink.weights) == len(SINK_FEATURES)
+
+
+def test_what_is_held_in_the_air_may_slip_unless_the_hand_opens() -> None:
+    detector = Detector()
+
+    def held(from_s: float, to_s: float, touch: TouchFrame, level: int) -> bool:
+        for n in range(round(100 * from_s), round(100 * to_s)):
+            height_m = 0.1 * min(max(n / 100 - 1.0, 0.0), 1.0)
+            detector.touch(n / 100, "thumb", touch)
+            detector.hand(n / 100, level=level, closure=2.5, height_m=height_m)
+        return detector.may_slip
+
+    assert not held(0.0, 0.5, NOTHING, 3)
+    assert held(0.5, 3.0, FIRM, 3)
+    assert held(3.0, 3.2, FIRM, 2)
+    assert not held(3.2, 3.4, FIRM, 1)
+    assert held(3.4, 3.6, FIRM, 3)
+
+
+def test_a_grasp_outlasts_a_moment_without_touch_and_no_more() -> None:
+    detector = Detector()
+    play(detector, [FIRM] * 60)
+    assert detector.may_slip
+    play(detector, [NOTHING] * 12, begin_s=1.0)
+    assert detector.may_slip
+    play(detector, [NOTHING] * round(HZ * (SETTINGS.rest_s + 0.5)), begin_s=1.2)
+    assert not detector.may_slip
+
+
+def test_fingertips_without_touch_have_as_many_features_as_with_it() -> None:
+    detector = Detector()
+    detector.hand(0.0, level=3, closure=2.5, height_m=0.0, tips_mm={"thumb": 40.0})
+    features = detector.features(0.0)
+    assert len(features) == len(SINK_FEATURES)
+    assert features[-len(SETTINGS.sink_s) - 2 :] == (0.0,) * (len(SETTINGS.sink_s) + 2)
 
 
 def test_a_rule_adds_weighed_products_to_weighed_features() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from tega.config.calibration.records import GelRecord, write_record
 from tega.setup.doctor.case import DriverCase
-from tega.setup.doctor.gel import look_at_gel
+from tega.setup.doctor.gel import check_gel
 from tega_sim.gel import Gel, ball
 
 pytest.importorskip("cv2", reason="pictures need the extra tactile")
@@ -40,13 +40,13 @@ def test_an_untouched_gel_like_its_baseline_is_fine_whatever_its_noise(
     for seed in range(4):
         gel = Gel(seed)
         before = pictures(gel, noisier=noisier)
-        assert look_at_gel(case(tmp_path, before), "D1", pictures(gel, first=60, noisier=noisier)) == []
+        assert check_gel(case(tmp_path, before), "D1", pictures(gel, first=60, noisier=noisier)) == []
 
 
 def test_a_gel_that_is_touched_or_has_drifted_is_told_in_its_own_noise(tmp_path: Path) -> None:
     gel = Gel(1)
-    told = case(tmp_path, pictures(gel))
-    touched = look_at_gel(told, "D1", pictures(gel, indenters=[ball(force_n=1.0)]))
+    reported = case(tmp_path, pictures(gel))
+    touched = check_gel(reported, "D1", pictures(gel, indenters=[ball(force_n=1.0)]))
     assert any(
         "differs from its baseline (" in one.finding and "times its noise" in one.finding for one in touched
     )
@@ -57,9 +57,7 @@ def test_a_gel_that_is_touched_or_has_drifted_is_told_in_its_own_noise(tmp_path:
     found = [
         [
             one
-            for one in look_at_gel(
-                case(tmp_path, pictures(gel, noisier=by)), "D1", pictures_of(gel, faint, by)
-            )
+            for one in check_gel(case(tmp_path, pictures(gel, noisier=by)), "D1", pictures_of(gel, faint, by))
             if "differs" in one.finding
         ]
         for by in (1.0, 5.0)
@@ -80,7 +78,7 @@ def pictures_of(gel: Gel, indenters: Any, noisier: float) -> list[Any]:
 
 def test_dirt_wear_and_old_lights_are_named(tmp_path: Path) -> None:
     gel = Gel(2)
-    told = case(tmp_path, pictures(gel))
+    reported = case(tmp_path, pictures(gel))
     record = GelRecord(
         device="D1",
         driver="digit",
@@ -92,30 +90,30 @@ def test_dirt_wear_and_old_lights_are_named(tmp_path: Path) -> None:
     spotted = pictures(gel, first=90)
     for picture in spotted:
         picture[200:212, 60:72] //= 3
-    said = " ".join(one.finding for one in look_at_gel(told, "D1", spotted))
-    assert "a dark spot of " in said
-    assert "that was not there on 2026-03-04" in said
+    text = " ".join(one.finding for one in check_gel(reported, "D1", spotted))
+    assert "a dark spot of " in text
+    assert "that was not there on 2026-03-04" in text
     dimmer = [(picture * 0.75).astype(np.uint8) for picture in pictures(gel, first=90)]
-    said = " ".join(one.finding for one in look_at_gel(told, "D1", dimmer))
-    assert "counts darker than on 2026-03-04" in said
+    text = " ".join(one.finding for one in check_gel(reported, "D1", dimmer))
+    assert "counts darker than on 2026-03-04" in text
 
 
 def test_lights_that_are_off_are_told_with_and_without_a_baseline(tmp_path: Path) -> None:
     gel = Gel(3)
     off = [np.clip((p.astype(float) - gel.still()) + 6, 0, 255).astype(np.uint8) for p in pictures(gel)]
-    for told in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
-        first = look_at_gel(told, "D1", off)[0]
+    for reported in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
+        first = check_gel(reported, "D1", off)[0]
         assert first.status == "error"
         assert "the picture is dark" in first.finding
-    assert look_at_gel(DriverCase("tactile.thumb", "tactile", "digit", None), "D1", pictures(gel)) == []
+    assert check_gel(DriverCase("tactile.thumb", "tactile", "digit", None), "D1", pictures(gel)) == []
 
 
 def test_a_few_pictures_say_nothing_and_another_size_is_named(tmp_path: Path) -> None:
     gel = Gel(4)
-    told = case(tmp_path, pictures(gel))
-    assert look_at_gel(told, "D1", pictures(gel, indenters=[ball(force_n=4.0)])[:3]) == []
+    reported = case(tmp_path, pictures(gel))
+    assert check_gel(reported, "D1", pictures(gel, indenters=[ball(force_n=4.0)])[:3]) == []
     turned = [np.swapaxes(p, 0, 1) for p in pictures(gel)]
-    (found,) = look_at_gel(told, "D1", turned)
+    (found,) = check_gel(reported, "D1", turned)
     assert found.status == "error"
     assert "thumb.npy is 240×320, D1 sends 320×240" in found.finding
 
@@ -130,7 +128,7 @@ def test_bands_of_mains_light_are_measured_with_and_without_a_baseline(tmp_path:
         )
         for k, picture in enumerate(pictures(gel))
     ]
-    for told in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
-        (found,) = (one for one in look_at_gel(told, "D1", banded) if "bands of" in one.finding)
+    for reported in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
+        (found,) = (one for one in check_gel(reported, "D1", banded) if "bands of" in one.finding)
         assert found.status == "warning"
         assert found.measured["banding_percent"] == pytest.approx(1.0, abs=0.3)

@@ -44,8 +44,8 @@ def test_contract(name: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["emg-file", "vest-recorder", "synthetic-emg"]) == 0
-    said = capsys.readouterr().out
-    assert [line.split()[:2] for line in said.splitlines()] == [
+    message = capsys.readouterr().out
+    assert [line.split()[:2] for line in message.splitlines()] == [
         ["ok", "emg-file"],
         ["ok", "vest-recorder"],
         ["ok", "synthetic-emg"],

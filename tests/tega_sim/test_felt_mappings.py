@@ -14,7 +14,7 @@ from tega_figures.felt.stimuli import COMPARED, TASKS, Stimulus, firmness, frame
 from tega_sim.operator.person import typical_person
 
 PERSON = typical_person().vest
-BY_LABEL = {shown.label: shown for shown in COMPARED}
+BY_LABEL = {displayed.label: displayed for displayed in COMPARED}
 
 
 @pytest.mark.parametrize("n", [2, 3, 8, 32])
@@ -32,10 +32,10 @@ def test_shuffled_labels_carry_nothing() -> None:
     rng = np.random.default_rng(5)
     skin = BatchSkin(PERSON)
     stimuli = np.repeat(np.arange(8), 100)
-    shown = [
+    displayed = [
         skin.percepts(steps(frames(BY_LABEL["columns"], PERSON, s)), 100, rng) for s in TASKS["firmness"]
     ]
-    percepts = np.concatenate(shown)
+    percepts = np.concatenate(displayed)
     assert information_bits(percepts, stimuli, rng) > 1
     shuffled = [information_bits(percepts, rng.permutation(stimuli), rng) for _ in range(10)]
     assert abs(np.mean(shuffled)) < 0.03
@@ -69,8 +69,8 @@ def test_a_vest_that_is_off_carries_nothing_and_a_slip_needs_a_mapping_that_show
 def test_a_difference_that_is_told_is_found_between_the_ones_tried() -> None:
     rng = np.random.default_rng(7)
     low = rng.standard_normal((40_000, 1))
-    told = share_told(low, rng.standard_normal((40_000, 1)) + 0.954, rng)
-    assert told == pytest.approx(0.75, abs=0.01)
+    reported = share_told(low, rng.standard_normal((40_000, 1)) + 0.954, rng)
+    assert reported == pytest.approx(0.75, abs=0.01)
     assert threshold_at([0.1, 0.2], [0.7, 0.8]) == pytest.approx(0.15)
     assert threshold_at([0.1, 0.2], [0.5, 0.6]) == math.inf
 

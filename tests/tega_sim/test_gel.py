@@ -205,16 +205,16 @@ def test_memory_hangs_on_times_and_not_on_how_many_frames_were_seen() -> None:
     every, some = Gel(5, memory=True), Gel(5, memory=True)
     for number in range(301):
         press = [ball(force_n=3.0)] if 60 <= number < 180 else []
-        shown = every.frame(press, number)
+        displayed = every.frame(press, number)
         if number % 7 and number not in {60, 180}:
             continue
         seen = some.frame(press, number)
         assert every.displacement_mm() == pytest.approx(some.displacement_mm(), abs=2e-3)
-        assert np.abs(shown.astype(int) - seen).max() <= 1
+        assert np.abs(displayed.astype(int) - seen).max() <= 1
     again = Gel(5, memory=True)
     for number in range(301):
         last = again.frame([ball(force_n=3.0)] if 60 <= number < 180 else [], number)
-    assert np.array_equal(last, shown)
+    assert np.array_equal(last, displayed)
 
 
 def test_memory_off_is_no_memory_and_forgetting_is_a_new_gel() -> None:

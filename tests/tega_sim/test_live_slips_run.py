@@ -39,7 +39,7 @@ def test_a_run_looks_at_hand_and_arm_and_goes_by_touch_while_the_hand_is_silent(
         lab.tree["hand"]["options"] |= {"silent_after_ms": 300.0, "reconnects": 5}
         until_s, seen_ns, cycled = time.monotonic() + 60, list[int](), False
 
-        def look(view: LoopView) -> None:
+        def check(view: LoopView) -> None:
             nonlocal cycled
             seen_ns.append(view.t_ns)
             if not cycled and view.t_ns - seen_ns[0] > 1e9:
@@ -53,11 +53,11 @@ def test_a_run_looks_at_hand_and_arm_and_goes_by_touch_while_the_hand_is_silent(
                     (len(seen_ns) > 0 and seen_ns[-1] - seen_ns[0] > 5e9) or time.monotonic() > until_s
                 )
             ),
-            bus=observed(look),
+            bus=observed(check),
         )
     file = tmp_path / "recorded" / summary["recording"]["file"]
     looks = [read(HandLook, m.value) for m in McapReader(file).messages() if m.topic == HandLook.topic]
-    whole = [look.closure is not None for look in looks]
+    whole = [check.closure is not None for check in looks]
     turns = [now for n, now in enumerate(whole) if n == 0 or whole[n - 1] != now]
     assert turns[-3:] == [True, False, True], turns
     for one in looks:
@@ -104,9 +104,9 @@ def test_a_simulated_object_slides_and_joints_and_height_tell_it_where_touch_doe
 ) -> None:
     result, file = lift["hand"]
     slid_s = [event.t_s for event in result.events if event.kind == "slip"]
-    told_s = _slips_s(file)
-    assert len(slid_s) == len(told_s) == 2
-    assert all(0 <= told - slid < 0.1 for slid, told in zip(slid_s, told_s, strict=True))
+    reported_s = _slips_s(file)
+    assert len(slid_s) == len(reported_s) == 2
+    assert all(0 <= reported - slid < 0.1 for slid, reported in zip(slid_s, reported_s, strict=True))
     result, file = lift["touch"]
     slid_s = [event.t_s for event in result.events if event.kind == "slip"]
     assert len(slid_s) > 0

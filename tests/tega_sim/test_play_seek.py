@@ -23,7 +23,7 @@ from tega.config import SessionConfig, check_tree
 from tega.errors import InvalidValueError
 from tega.loop import run_session
 from tega.loop.inbox.stream import LiveStream
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.recording.replay.play import play_file
 from tega.recording.replay.playhead import PlayedItems, Playhead
 from tega.ui.view.browser import BrowserView, Controls
@@ -86,13 +86,13 @@ def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
     playhead = Playhead()
     seen: list[tuple[float, float]] = []
 
-    def look(view: LoopView) -> None:
+    def check(view: LoopView) -> None:
         t_s = view.t_ns / 1e9
         seen.append((t_s, playhead.at_s))
         if t_s >= at_s and not playhead.n_jumps:
             playhead.go_to(to_s)
 
-    summary = played(recorded, tmp_path, playhead, bus=observed(look))
+    summary = played(recorded, tmp_path, playhead, bus=observed(check))
     assert summary["played"]["jumps"] == 1
     assert summary["duration_s"] == pytest.approx(SECONDS + at_s - to_s, abs=0.12)
     times = [t_s for t_s, _ in seen]
@@ -170,13 +170,13 @@ def test_the_slider_follows_and_the_program_s_own_moves_are_no_wishes() -> None:
 def test_the_slider_seeks_ahead_and_back_in_the_browser() -> None:
     playhead = Playhead()
     playhead.begin(90_000 * MS, 0)
-    moment = Moments().at(2.0)
+    snapshot = Moments().at(2.0)
     with (
         launched() as browser,
         BrowserView(port=0, controls=Controls(playhead=playhead)) as view,
         opened(browser, view.url) as page,
     ):
-        view.offer(moment)
+        view.offer(snapshot)
         page.get_by_text("recording, s").wait_for()
         slider = page.get_by_role("slider").first
         slider.focus()

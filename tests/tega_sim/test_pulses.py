@@ -25,9 +25,9 @@ from tega.haptics import FeltMap, MotorLevels
 from tega.haptics.motor_layout import find_layout
 from tega.loop.controls import Controls
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
 from tega.recording.replay import replay_file
 from tega.records import Contact, Event
@@ -68,7 +68,7 @@ def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: float
     return TouchLoop({"index": maxima}, layout="x40", felt=felt, mapping=mapping)
 
 
-def told(
+def reported(
     script: list[Contact],
     *,
     fail_at_ns: int | None = None,
@@ -108,21 +108,21 @@ def test_only_certain_slips_are_shown(mapping: Any) -> None:
     setup = VestSetup(find_layout("x40"), ("index",), {"index": {"cci": 1.0, "eda": 3000.0}}, None)
     contacts = {"index": touch(3000)}
 
-    def shown(confidence: float) -> float:
+    def displayed(confidence: float) -> float:
         slip = Event(t_ns=0, finger="", kind="slip", confidence=confidence)
         made = mapping(setup, options)
         rest = mapping(setup, options).levels(1, contacts, ())
         return float(np.abs(made.levels(1, contacts, (slip,)) - rest).max())
 
-    assert shown(0.49) == 0
-    assert shown(0.5) == 100
+    assert displayed(0.49) == 0
+    assert displayed(0.5) == 100
 
 
 def test_pulses_come_at_contact_and_release_and_none_at_a_slip_by_touch_alone() -> None:
     # A light grip that load comes upon, while what is touched moves on.
     hold = [touch(0)] * 30 + [touch(3000)] * 150
     slides = [touch(3000 * 3**f, 100 + 25 * f) for f in np.arange(60) / 60]
-    changes, sent, loop = told(hold + slides + [touch(9000, 125)] * 60 + [touch(0)] * 60)
+    changes, sent, loop = reported(hold + slides + [touch(9000, 125)] * 60 + [touch(0)] * 60)
     assert [(front, back) for _, front, back in changes] == [
         (0, 0), (70, 0), (0, 0), (0, 70), (0, 0)
     ]  # fmt: skip
@@ -143,7 +143,7 @@ def test_pulses_come_at_contact_and_release_and_none_at_a_slip_by_touch_alone() 
 
 
 def test_a_lost_finger_ends_its_pulse_and_its_return_is_no_event() -> None:
-    changes, _, loop = told([touch(0)] * 30 + [touch(60_000)] * 10)
+    changes, _, loop = reported([touch(0)] * 30 + [touch(60_000)] * 10)
     assert loop.n_told["contact"] == 1
     began, ended = changes[1][0], changes[2][0]
     assert ended - began < 0.19  # the source ended within the pulse, and with it the run
@@ -161,18 +161,18 @@ def test_a_lost_finger_ends_its_pulse_and_its_return_is_no_event() -> None:
 
 def test_on_the_way_out_of_an_error_the_vest_is_sent_zeros() -> None:
     script = [touch(0)] * 10 + [touch(60_000)] * 60
-    vest_frames = told(script, fail_at_ns=260 * MS)[1]
+    vest_frames = reported(script, fail_at_ns=260 * MS)[1]
     assert vest_frames[-1][1].intensities.any()  # it failed in a pulse, and could not even be silenced
-    _, sent, loop = told(script)
+    _, sent, loop = reported(script)
     assert loop.n_told["contact"] == 1
     assert not sent[-1][1].intensities.any()
 
 
 def test_levels_are_settings_and_go_through_the_wearers_thresholds() -> None:
     script = [touch(0)] * 10 + [touch(60_000)] * 60 + [touch(0)] * 60
-    changes = told(script, contact=40.0, release=0.0, felt=FeltMap(threshold=20))[0]
+    changes = reported(script, contact=40.0, release=0.0, felt=FeltMap(threshold=20))[0]
     assert [c[1:] for c in changes] == [(0, 0), (52, 0), (0, 0)]
-    long = told(script, duration_s=0.5)[0]
+    long = reported(script, duration_s=0.5)[0]
     assert long[2][0] - long[1][0] == pytest.approx(0.5, abs=0.034)
     sets = ["stages.mapping.name=pulses", "stages.mapping.options.contact=120"]
     with pytest.raises(ConfigError, match="contact"):
@@ -215,7 +215,7 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
 
         free_ns: list[int] = []
 
-        def look(view: LoopView) -> None:
+        def check(view: LoopView) -> None:
             """Wait for half a second without a press: a picture from before the run may have shown one."""
             contact = view.contacts.get("thumb")
             if contact is None or contact.in_contact:
@@ -231,7 +231,7 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
             summary = run_session(
                 check_tree(lab.tree, {}, base=tmp_path).config,
                 controls=Controls(stop=over.is_set),
-                bus=observed(look),
+                bus=observed(check),
             )
         finally:
             over.set()

@@ -200,7 +200,7 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
         player = Player(board, tmp_path, today.rest, today.effort)
         wizard = at.recalibrates(player, *with_model(tmp_path / "p01.json"))
     assert wizard.code == 0, wizard.said
-    new = LearnedDecoder.load(Path(wizard.told["model"]))
+    new = LearnedDecoder.load(Path(wizard.reported["model"]))
     before, after = (judged_closure(one, later).rank_correlation for one in (old, new))
     assert before < lost
     assert after > bar
@@ -236,13 +236,13 @@ def test_ten_seconds_restore_the_closure_of_a_simulated_person(seed: int, tmp_pa
         player = Player(board, tmp_path, moved[:1500], moved[1700:3000])
         wizard = at.recalibrates(player, *with_model(tmp_path / "p01.json"))
     assert wizard.code == 0, wizard.said
-    new = LearnedDecoder.load(Path(wizard.told["model"]))
+    new = LearnedDecoder.load(Path(wizard.reported["model"]))
     before, after = (judged_closure(one, later) for one in (old, new))
     assert after.rank_correlation > max(0.97, before.rank_correlation - 0.005)
     assert before.rmse > 0.14
     assert after.rmse < 0.1
     assert new.model.recalibrated is not None
-    record = tomllib.loads(Path(wizard.told["record"]).read_text())
+    record = tomllib.loads(Path(wizard.reported["record"]).read_text())
     today = np.percentile(mean_values(moved[1700:3000], tau), 95, axis=0) / kept.live_max
     assert np.array(record["live_max"]) / kept.live_max == pytest.approx(today, rel=0.2)
     assert record["refreshed"]
@@ -291,8 +291,8 @@ QUICK = ("--time-scale", "0.3")
 def test_maxima_alone_are_put_to_today(known: Bench) -> None:
     wizard = known.recalibrates(Mover(known.board, 0.5), *QUICK)
     assert wizard.code == 0, wizard.said
-    assert wizard.told["model"] is None
-    record = tomllib.loads(Path(wizard.told["record"]).read_text())
+    assert wizard.reported["model"] is None
+    record = tomllib.loads(Path(wizard.reported["record"]).read_text())
     assert 0.35 < record["scale"] < 0.65
     assert [line for line in wizard.lines if line.startswith(">")] == [
         "> Let the arm lie, hand open, and do nothing [Enter]",
@@ -301,7 +301,7 @@ def test_maxima_alone_are_put_to_today(known: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("signal", "full", "words", "said"),
+    ("signal", "full", "words", "text"),
     [
         ("hum 2", 1.0, (), "ch2: mostly 50 Hz mains"),
         ("flat 2", 1.0, (), "ch2: no signal at all"),
@@ -314,13 +314,13 @@ def test_maxima_alone_are_put_to_today(known: Bench) -> None:
     ],
 )
 def test_a_bad_recording_is_refused_and_nothing_is_written(
-    known: Bench, signal: str, full: float, words: tuple[str, ...], said: str
+    known: Bench, signal: str, full: float, words: tuple[str, ...], text: str
 ) -> None:
     known.board.say(f"signal {signal}")
     before = files(known)
     wizard = known.recalibrates(Mover(known.board, full), "--yes", "--time-scale", "0.6", *words)
     assert wizard.code == 1
-    assert said in wizard.said
+    assert text in wizard.said
     assert "hint: " in wizard.said
     assert files(known) == before
 
@@ -338,7 +338,7 @@ def some_model(folder: Path, **options: Any) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "text"),
     [
         ({"model": "kernel"}, "a kernel cannot be refitted in ten seconds"),
         ({"person": "p07"}, "made for person 'p07'"),
@@ -347,13 +347,13 @@ def some_model(folder: Path, **options: Any) -> Path:
     ],
 )
 def test_a_model_that_does_not_fit_is_refused_before_anybody_rests(
-    known: Bench, options: dict[str, Any], said: str
+    known: Bench, options: dict[str, Any], text: str
 ) -> None:
     words = with_model(some_model(known.file.parent, **options))
     before = files(known)
     wizard = known.recalibrates(Mover(known.board), *words)
     assert wizard.code == 1
-    assert said in wizard.said
+    assert text in wizard.said
     assert not [line for line in wizard.lines if line.startswith(">")]
     assert files(known) == before
 
@@ -376,7 +376,7 @@ def test_the_new_model_is_a_file_of_its_own_where_it_is_asked_for(known: Bench) 
     old = model.read_bytes()
     wizard = known.recalibrates(Mover(known.board, 0.6), *with_model(model), "--out", str(out))
     assert wizard.code == 0, wizard.said
-    assert wizard.told["model"] == str(out)
+    assert wizard.reported["model"] == str(out)
     assert model.read_bytes() == old
     weak = np.random.default_rng(4).normal(size=(2000, 3)) * 36
     closed = [np.median(LearnedDecoder.load(file).process(weak)[5:]) for file in (model, out)]

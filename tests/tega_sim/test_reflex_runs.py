@@ -18,9 +18,9 @@ from tega.errors import ConfigError
 from tega.hand import HandController
 from tega.hand.link import HandLink, Received
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.moment import LoopView, Moment
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, open_reflex
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.loop.touch import TouchLoop
 from tega.recording.replay.feed import Newest
 from tega.recording.replay.inbox import RecordedGuard, recorded_arc
@@ -52,11 +52,11 @@ class Ran:
         named = [] if reflex.name is None else [f"stages.reflex.name={reflex.name}", *sets]
         self.config: SessionConfig = load_config(None, environ={}, sets=named).config
         bus, self.views = Bus(), list[LoopView]()
-        self.told: list[ReflexGrip] = []
+        self.reported: list[ReflexGrip] = []
         self.commands: list[HandCommand] = []
-        bus.subscribe(ReflexGrip, self.told.append, vital=True)
+        bus.subscribe(ReflexGrip, self.reported.append, vital=True)
         bus.subscribe(HandCommand, self.commands.append, vital=True)
-        bus.subscribe(Moment, lambda moment: self.views.append(moment.view), vital=True)
+        bus.subscribe(Snapshot, lambda snapshot: self.views.append(snapshot.view), vital=True)
         thumb = [slipping(1.0 if 10 <= k < 20 else 0.0, k * 20 * MS) for k in range(100)]
         self.arc: ReflexArc | None = open_reflex(
             self.config, bus, ["thumb"], active=lambda: True, hand=None, authority=lambda: page
@@ -81,7 +81,7 @@ FULL = ReflexSection(name="grip", authority=1.0)
 def test_a_slip_firms_the_hand_which_is_recorded_and_shown() -> None:
     run = Ran(FULL)
     assert run.arc is not None
-    most = max(one.added for one in run.told)
+    most = max(one.added for one in run.reported)
     assert most == pytest.approx(0.5)
     assert run.arc.most_added == most
     firm = [one for one in run.commands if one.closure is not None]
@@ -89,10 +89,10 @@ def test_a_slip_firms_the_hand_which_is_recorded_and_shown() -> None:
     assert 200 * MS <= first_ns <= 206 * MS
     # Half a second after the slip, and then half a level a second.
     assert 1.85e9 < last_ns < 1.95e9
-    by_tick = {one.t_ns: one for one in run.told}
+    by_tick = {one.t_ns: one for one in run.reported}
     for command in run.commands[:-1]:
-        told = by_tick[command.t_ns]
-        closure = None if told.added == 0 else (told.own + told.added - 1) / 4
+        reported = by_tick[command.t_ns]
+        closure = None if reported.added == 0 else (reported.own + reported.added - 1) / 4
         assert command.closure == closure
     assert any(view.reflex.startswith("+0.50 levels added, authority 100% (slip") for view in run.views)
     assert run.views[0].reflex == "authority 100%"
@@ -103,15 +103,15 @@ def test_without_a_reflex_or_its_authority_the_hand_is_told_the_same_bits() -> N
     assert without.arc is None
     assert without.views[-1].reflex == ""
     idle = Ran(ReflexSection(name="grip"))
-    assert idle.told == []
+    assert idle.reported == []
     assert idle.commands == without.commands
     assert Ran(FULL).commands != without.commands
 
 
 def test_button_and_page_set_the_authority() -> None:
-    assert Ran(FULL, presses=1).told == []
-    assert max(one.added for one in Ran(FULL, presses=2).told) == pytest.approx(0.5)
-    assert max(one.added for one in Ran(FULL, page=0.4).told) == pytest.approx(0.5), (
+    assert Ran(FULL, presses=1).reported == []
+    assert max(one.added for one in Ran(FULL, presses=2).reported) == pytest.approx(0.5)
+    assert max(one.added for one in Ran(FULL, page=0.4).reported) == pytest.approx(0.5), (
         "the page said nothing new"
     )
     given = iter([0.0])
@@ -119,14 +119,14 @@ def test_button_and_page_set_the_authority() -> None:
     wanted = 0.0
     arc = open_reflex(config, Bus(), ["thumb"], active=lambda: True, hand=None, authority=lambda: wanted)
     assert arc is not None
-    assert next(given) == arc._moment(0).authority
+    assert next(given) == arc._snapshot(0).authority
     wanted = 0.4
-    assert arc._moment(0).authority == 0.4
+    assert arc._snapshot(0).authority == 0.4
 
 
 def test_a_recorded_run_is_computed_again_with_what_was_imposed() -> None:
     run = Ran(FULL)
-    rows = [one for one in run.told if one.t_ns < 1_000 * MS]
+    rows = [one for one in run.reported if one.t_ns < 1_000 * MS]
     grips, imposed = Newest[ReflexGrip](), Newest[Imposed]()
     grips.rows.extend(rows)
     imposed.rows.extend([Imposed(t_ns=600 * MS, level=4), Imposed(t_ns=800 * MS, level=0)])
@@ -176,21 +176,21 @@ def test_what_was_said_with_a_real_hand_is_computed_again_with_what_was_added() 
     assert sum(len(one.sent) >= 4 for one in exchanges[200:]) > 150
     tree = {"hand": {"options": {"interface": "virtual", "channel": "x", "silent_after_ms": 30.0}}}
 
-    def differ(said: list[HandExchange]) -> int:
+    def differ(text: list[HandExchange]) -> int:
         head: Any = SimpleNamespace(tree=tree, files={})
         recorded, bus, again = Bus(), Bus(), list[HandExchange]()
         bus.subscribe(HandExchange, again.append, vital=True)
         repeat_exchanges(recorded, head, bus)
-        for one in said:
+        for one in text:
             recorded.publish(one)
-        return sum(one != other for one, other in zip(said, again, strict=True))
+        return sum(one != other for one, other in zip(text, again, strict=True))
 
     assert differ(exchanges) == 0
     assert differ([msgspec.structs.replace(one, added=0.0) for one in exchanges]) > 50
 
 
 @pytest.mark.parametrize(
-    ("sets", "said"),
+    ("sets", "text"),
     [
         (["stages.reflex.authority=0.5"], "stages.reflex.name is not set"),
         (["stages.reflex.name=none"], "no reflex is called 'none'"),
@@ -199,10 +199,10 @@ def test_what_was_said_with_a_real_hand_is_computed_again_with_what_was_added() 
         (["stages.reflex.name=grip", "stages.reflex.options.incipient_from=1"], "incipient_from"),
     ],
 )
-def test_settings_that_do_not_fit_are_refused(sets: list[str], said: str) -> None:
+def test_settings_that_do_not_fit_are_refused(sets: list[str], text: str) -> None:
     with pytest.raises(ConfigError) as refused:
         load_config(None, environ={}, sets=sets)
-    assert said in str(refused.value)
+    assert text in str(refused.value)
 
 
 @pytest.mark.slow
@@ -234,10 +234,10 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
 
     named = ["stages.reflex.name=grip", "stages.reflex.most_levels=1"]
 
-    def told(tells: Any, authority: float) -> float:
+    def reported(reports: Any, authority: float) -> float:
         config = load_config(None, environ={}, sets=[*named, f"stages.reflex.authority={authority}"]).config
         arc = trial_reflex(
-            config, tells, Bus(), closure=lambda: 2.0, slip_mm_s=lambda: 10.0, forces_n=lambda: (1.0,) * 4
+            config, reports, Bus(), closure=lambda: 2.0, slip_mm_s=lambda: 10.0, forces_n=lambda: (1.0,) * 4
         )
         slips = {
             "thumb": Contact(finger="thumb", t_ns=0, in_contact=True, more=(NamedValue("incipient", 1.0),))
@@ -245,10 +245,10 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
         assert arc is not None
         return 3.0 + [arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1]
 
-    assert told("none", 0.0) == 3.0
-    assert told("none", 0.5) == pytest.approx(3.5)
-    assert told("touch", 0.0) == told("true slips", 0.0) == pytest.approx(4.0)
-    assert told("touch", 0.5) == told("true slips", 0.5) == pytest.approx(3.5)
+    assert reported("none", 0.0) == 3.0
+    assert reported("none", 0.5) == pytest.approx(3.5)
+    assert reported("touch", 0.0) == reported("true slips", 0.0) == pytest.approx(4.0)
+    assert reported("touch", 0.5) == reported("true slips", 0.5) == pytest.approx(3.5)
 
 
 def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
@@ -258,10 +258,10 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
     config = load_config(None, environ={}).config
     slip_mm_s, forces_n = 0.0, (0.0,) * 4
 
-    def arc(tells: Any) -> Any:
+    def arc(reports: Any) -> Any:
         return trial_reflex(
             config,
-            tells,
+            reports,
             Bus(),
             closure=lambda: 1.0 if max(forces_n) == 0 else 2.5,
             slip_mm_s=lambda: slip_mm_s,
@@ -271,7 +271,7 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
     assert arc("none") is None
     true, touch, n = arc("true slips"), arc("touch"), 0
 
-    def told() -> float:
+    def reported() -> float:
         nonlocal n
         for _ in range(200):
             n += 1
@@ -280,12 +280,12 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
         return float(level)
 
     slip_mm_s = 10.0
-    assert told() == 3.0, "no finger bears a force"
+    assert reported() == 3.0, "no finger bears a force"
     slip_mm_s, forces_n = 0.0, (0.0, 1.0, 0.0, 0.0)
-    assert told() == 3.0
+    assert reported() == 3.0
     slip_mm_s = 10.0
     # Closing onto the object is no give of it.
-    assert told() == pytest.approx(3.5)
+    assert reported() == pytest.approx(3.5)
     assert set(FINGERS) == set(true.reflex._fingers)
 
 

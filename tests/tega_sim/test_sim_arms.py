@@ -90,9 +90,9 @@ def test_a_true_vest_follows_the_pads_true_forces(lab: Lab, condition: str, law:
     forces = np.stack([streams.array("truth", f"{finger}_force_n") for finger in FINGERS], axis=1)
     assert forces.max() > 0.5, "the script touches"
     at = np.searchsorted(looks_s, t_s + 1e-9, side="right") - 1
-    for row, told in zip(forces[at], sent, strict=True):
-        shown = [intensity(f, FULL_N, law=law) if f > 0 else 0.0 for f in row]  # type: ignore[call-overload]
-        assert told.tolist() == vest_frame(shown, shown, layout="x40").intensities.tolist()
+    for row, reported in zip(forces[at], sent, strict=True):
+        displayed = [intensity(f, FULL_N, law=law) if f > 0 else 0.0 for f in row]  # type: ignore[call-overload]
+        assert reported.tolist() == vest_frame(displayed, displayed, layout="x40").intensities.tolist()
     # What was sent is what the person's motors are told at the next look.
     last = wearer.worn[-1]
     assert last is not None
@@ -119,9 +119,9 @@ def test_the_oracle_tells_a_slip_within_a_tick_of_its_onset_and_nothing_before(l
     lifted = streams.array("truth", "lift_off").astype(bool)
     onset_s = looks_s[(looks_s > 6.0) & lifted & (speed >= SLIP_M_S)][0]
     t_s, sent = frames(streams)
-    told = sent.reshape(len(sent), 2, -1).min(axis=2) > 0  # every motor of both faces
+    reported = sent.reshape(len(sent), 2, -1).min(axis=2) > 0  # every motor of both faces
     assert not sent[(t_s > 6.0) & (t_s < onset_s)].any()
-    first_s = t_s[(t_s > 6.0) & told.all(axis=1)][0]
+    first_s = t_s[(t_s > 6.0) & reported.all(axis=1)][0]
     assert 0 <= first_s - onset_s <= VEST_TICK_S + 1e-6
 
 
@@ -140,16 +140,16 @@ def truth(speed: float, *, lift_off: bool = True, dropped: bool = False) -> Worl
 
 def test_a_slip_is_told_once_until_the_object_has_rested(lab: Lab) -> None:
     touch = TrueTouch("true slips", lab.touch, layout="x40")
-    told = []
+    reported = []
     for tick in range(300):
         t_s = tick / 100
         # Slides from 0.5 to 1 s, halts for half of the rest in between, rests, and slides again from 2 s.
         sliding = 0.5 <= t_s < 0.7 or 0.7 + REST_S / 2 <= t_s < 1.0 or t_s >= 2.0
         touch.watch(t_s, truth(0.05 if sliding else 0.0))
         if touch.frame(round(t_s * 1e9)).intensities.any():
-            told.append(t_s)
-    assert np.allclose([told[0], told[20]], [0.5, 2.0])
-    assert len(told) == 40, "two pulses of 0.2 s"
+            reported.append(t_s)
+    assert np.allclose([reported[0], reported[20]], [0.5, 2.0])
+    assert len(reported) == 40, "two pulses of 0.2 s"
     for still in (truth(0.05, lift_off=False), truth(0.05, dropped=True)):
         touch = TrueTouch("true slips", lab.touch, layout="x40")
         touch.watch(0.0, still)
@@ -174,10 +174,10 @@ def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_t
     assert not any(free.array("truth", f"{finger}_force_n").any() for finger in FINGERS)
     assert touching.worn[1:] == untouched.worn[1:]
     times = np.array([t_s for t_s, _ in recorded])
-    for look in range(5, len(untouched.worn)):
+    for check in range(5, len(untouched.worn)):
         # What was written at this very moment is there at the next look.
-        newest = int(np.searchsorted(times, look / 100 - 1e-9, side="left")) - 1
-        assert untouched.worn[look] == recorded[newest][1]
+        newest = int(np.searchsorted(times, check / 100 - 1e-9, side="left")) - 1
+        assert untouched.worn[check] == recorded[newest][1]
 
 
 @pytest.mark.slow
@@ -253,18 +253,18 @@ def test_the_rules_stand_in_plan_result_and_digest() -> None:
 
 
 def test_a_study_by_other_rules_is_another_study(tmp_path: Path) -> None:
-    asked = {
+    requested = {
         "operators": 1,
         "seed": 1,
         "objects": ["bag"],
         "conditions": ["oracle", "non-haptic"],
         "trials": 1,
     }
-    _, stated = made_study(tmp_path / "s", **asked, rules=2)  # type: ignore[arg-type]
+    _, stated = made_study(tmp_path / "s", **requested, rules=2)  # type: ignore[arg-type]
     assert stated.rules == 2
     assert stated.people_sha256 == people_digest(stated.parameters_sha256, 2)
     with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):
-        made_study(tmp_path / "s", **asked)  # type: ignore[arg-type]
+        made_study(tmp_path / "s", **requested)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
@@ -308,15 +308,20 @@ def test_a_vest_that_tells_nothing_changes_nothing_by_the_second_version_either(
 def fingerprint(plan: TrialPlan) -> str:
     """Return a digest of a trial's result, of what was true at each look, and of each frame that was sent."""
     streams = Streams()
-    told = msgspec.to_builtins(run_trial(plan, streams=streams))
-    assert (told.pop("rules"), told.pop("view"), told.pop("spec")) == (1, "direct", None)
-    assert (told.pop("task"), told.pop("hand"), told.pop("placed"), told.pop("off_mark_m")) == (
+    reported = msgspec.to_builtins(run_trial(plan, streams=streams))
+    assert (reported.pop("rules"), reported.pop("view"), reported.pop("spec")) == (1, "direct", None)
+    assert (
+        reported.pop("task"),
+        reported.pop("hand"),
+        reported.pop("placed"),
+        reported.pop("off_mark_m"),
+    ) == (
         "lift",
         "decoder",
         None,
         None,
     )
-    content = json.dumps([told, streams.rows["truth"], streams.rows["vest"]], default=float)
+    content = json.dumps([reported, streams.rows["truth"], streams.rows["vest"]], default=float)
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 

@@ -93,16 +93,16 @@ def test_a_picture_that_is_not_painted_counts_as_one() -> None:
 def test_what_is_read_by_cells_gives_vest_and_hand_the_bytes_of_painted_pictures(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told: list[tuple[int, object]] = []
+    reported: list[tuple[int, object]] = []
     painted: list[int] = []
     wear, move, frame = TrialRig.write, SimulatedBus.write, Gel.frame
 
     def worn(rig: TrialRig, t_ns: int, levels: MotorLevels) -> None:
-        told.append((t_ns, levels.intensities.tobytes()))
+        reported.append((t_ns, levels.intensities.tobytes()))
         wear(rig, t_ns, levels)
 
     def moved(bus: SimulatedBus, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
-        told.append((t_ns, tuple(frames)))
+        reported.append((t_ns, tuple(frames)))
         return move(bus, t_ns, frames)
 
     def paint(gel: Gel, indenters: Any, index: int, **named: Any) -> Any:
@@ -114,9 +114,9 @@ def test_what_is_read_by_cells_gives_vest_and_hand_the_bytes_of_painted_pictures
     monkeypatch.setattr(SimulatedBus, "write", moved)
     monkeypatch.setattr(Gel, "frame", paint)
     result = run_trial(SCRIPTED)
-    by_cells, told = told, []
+    by_cells, reported = reported, []
     assert not painted
     assert run_trial(SCRIPTED, skip_untouched=False) == result
     assert painted
     assert any(any(data) for _, data in by_cells if isinstance(data, bytes))
-    assert told == by_cells
+    assert reported == by_cells

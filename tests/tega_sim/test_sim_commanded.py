@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from tega.errors import InvalidValueError
-from tega_sim.commanded import HandWay, level_of_drive
+from tega_sim.commanded import HandRoute, level_of_drive
 from tega_sim.operator.motor import level_effort
 from tega_sim.operator.person import typical_person
 from tega_sim.plan import TrialPlan
@@ -17,7 +17,7 @@ from tega_sim.streams import Streams
 from tega_sim.trial import run_trial
 
 
-def levels(hand: HandWay, **fields: Any) -> list[tuple[float, int]]:
+def levels(hand: HandRoute, **fields: Any) -> list[tuple[float, int]]:
     """Return times and levels of a lift's blocks of EMG."""
     streams = Streams()
     plan = {"object": "container", "condition": "non-haptic", "seed": 5, "hand": hand, **fields}

@@ -139,9 +139,9 @@ def test_the_chain_sees_effort_only_where_it_rectifies() -> None:
     low = ButterworthLowpass(1000, 50.0, 4, channels=3)
     unrectified = BlockMean(100, channels=3).process(low.process(samples - 1650))
     rectified = BlockMean(100, channels=3).process(low.process(np.abs(samples - 1650)))
-    asked = effort.reshape(-1, 10).mean(axis=1)
-    assert np.all(np.abs([np.corrcoef(asked, unrectified[:, m])[0, 1] for m in range(3)]) < 0.25)
-    assert np.all(np.array([np.corrcoef(asked, rectified[:, m])[0, 1] for m in range(3)]) > 0.9)
+    requested = effort.reshape(-1, 10).mean(axis=1)
+    assert np.all(np.abs([np.corrcoef(requested, unrectified[:, m])[0, 1] for m in range(3)]) < 0.25)
+    assert np.all(np.array([np.corrcoef(requested, rectified[:, m])[0, 1] for m in range(3)]) > 0.9)
 
 
 @given(

@@ -51,7 +51,7 @@ def test_every_parameter_has_unit_mark_source_and_bounds_around_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "text"),
     [
         ("lapse = {", "relapse = {", "lapse"),
         (
@@ -63,10 +63,10 @@ def test_every_parameter_has_unit_mark_source_and_bounds_around_it() -> None:
         ("[vision]", "[vision", "parameters"),
     ],
 )
-def test_a_parameter_file_that_is_not_right_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_a_parameter_file_that_is_not_right_is_refused(tmp_path: Path, old: str, new: str, text: str) -> None:
     path = tmp_path / "parameters.toml"
     path.write_text(FILE.read_text().replace(old, new, 1))
-    with pytest.raises(ConfigError, match=said.replace(".", r"\.")):
+    with pytest.raises(ConfigError, match=text.replace(".", r"\.")):
         load_parameters(path)
 
 

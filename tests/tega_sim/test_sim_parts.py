@@ -189,10 +189,10 @@ def test_a_pause_holds_the_world_and_goes_on_from_there() -> None:
 
     def paused() -> bool:
         """Hold the world after its first tick; a second passes before somebody goes on."""
-        look = next(looks) if times else 2
-        if times and look > 0:
+        check = next(looks) if times else 2
+        if times and check > 0:
             machine.sleep_until(machine.now_ns() + 500_000_000)
-        return look < 2
+        return check < 2
 
     clock = PausableClock(paused, machine)
     pacer = SimulatedPacer(clock, times.append)
@@ -223,21 +223,21 @@ def test_every_condition_has_a_vest() -> None:
 
     frame = vest_frame([80.0] * 4, [20.0] * 4, layout="x40")
     other = vest_frame([10.0] * 4, [90.0] * 4, layout="x40")
-    shown = {
+    displayed = {
         condition: worn(condition, layout="x40", seed=1, recorded=[(0.0, other)])(0.5, frame)
         for condition in CONDITIONS
     }
     assert (
-        shown["haptic"]
-        == shown["unfelt"]
-        == shown["oracle"]
-        == shown["true-force"]
-        == shown["true-steps"]
+        displayed["haptic"]
+        == displayed["unfelt"]
+        == displayed["oracle"]
+        == displayed["true-force"]
+        == displayed["true-steps"]
         == frame
     )
-    assert shown["replayed"] == other
-    assert shown["non-haptic"] is None
-    assert len({None if f is None else f.intensities.tobytes() for f in shown.values()}) >= 7
+    assert displayed["replayed"] == other
+    assert displayed["non-haptic"] is None
+    assert len({None if f is None else f.intensities.tobytes() for f in displayed.values()}) >= 7
     assert tuple(ARMS) == CONDITIONS
     assert [one for one in CONDITIONS if one not in SESSION_CONDITIONS] == ["unfelt", "ideal-vest"]
     with pytest.raises(InvalidValueError, match="recorded"):
@@ -249,8 +249,8 @@ def test_pictures_are_shown_by_what_makes_frames_of_them_and_by_nothing_else() -
 
     one, other = (vest_frame([percent] * 4, [90.0 - percent] * 4, layout="x40") for percent in (20.0, 70.0))
     for condition, arm in ARMS.items():
-        shown = [
+        displayed = [
             worn(condition, layout="x40", seed=1, recorded=[(0.0, one)])(0.5, frame) for frame in (one, other)
         ]
-        of_pictures = arm.tells in {"touch", "events"} and shown[0] != shown[1]
+        of_pictures = arm.reports in {"touch", "events"} and displayed[0] != displayed[1]
         assert arm.hangs_on_pictures == (of_pictures or arm.reflex == "touch"), condition

@@ -58,7 +58,7 @@ def noticed(view: ViewName, speed_m_s: float, *, held: bool) -> list[str]:
     return [
         event.kind
         for tick in range(1, 300)
-        for event in sight.see(tick / 100, 0.01, scene, carried=False, lifting=False, held=held)
+        for event in sight.observe(tick / 100, 0.01, scene, carried=False, lifting=False, held=held)
     ]
 
 
@@ -84,7 +84,7 @@ def test_slip_is_seen_after_the_time_of_the_published_law(speed_m_s: float, seco
     sight, scene = eyes(who), STILL._replace(slip_m_s=speed_m_s, lift_off=True)
     found = []
     for tick in range(1, 2000):
-        found += sight.see(tick / 1000, 0.001, scene, carried=False, lifting=False)
+        found += sight.observe(tick / 1000, 0.001, scene, carried=False, lifting=False)
     # The leak of the integral makes slow ones a little later.
     assert found[0].kind == "slip"
     assert seconds - 0.005 < found[0].due_s < seconds + 0.05
@@ -93,7 +93,7 @@ def test_slip_is_seen_after_the_time_of_the_published_law(speed_m_s: float, seco
 def test_nothing_is_seen_below_the_threshold_of_motion_or_while_looking_away() -> None:
     def slips(who: PersonNumbers, speed_m_s: float) -> int:
         sight, scene = eyes(who), STILL._replace(slip_m_s=speed_m_s, lift_off=True)
-        seen = [sight.see(t / 100, 0.01, scene, carried=False, lifting=False) for t in range(1, 1000)]
+        seen = [sight.observe(t / 100, 0.01, scene, carried=False, lifting=False) for t in range(1, 1000)]
         return sum(event.kind == "slip" for events in seen for event in events)
 
     watching = with_(typical_person(), "vision", gaze_grasp=1.0)
@@ -106,7 +106,7 @@ def test_nothing_is_seen_below_the_threshold_of_motion_or_while_looking_away() -
 def test_deformation_is_seen_by_its_share_of_the_width(share: float, chance: float) -> None:
     sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0))
     scene = STILL._replace(deformation_m=0.07 * share)
-    looks = [sight.see(t / 4, 0.25, scene, carried=False, lifting=False) for t in range(1, 3000)]
+    looks = [sight.observe(t / 4, 0.25, scene, carried=False, lifting=False) for t in range(1, 3000)]
     seen = sum(event.kind == "deformation" for events in looks for event in events)
     assert seen / len(looks) == pytest.approx(chance, abs=0.03)
 
@@ -116,13 +116,15 @@ def test_contact_takes_two_fingers_and_an_object_left_behind_counts_as_slip() ->
     one = STILL._replace(pad_force_n=(1.0, 0.0, 0.0, 0.0))
     two = STILL._replace(pad_force_n=(1.0, 1.0, 0.0, 0.0))
     times = [t / 4 for t in range(1, 401)]
-    assert not any(sight.see(t, 0.25, one, carried=False, lifting=False) for t in times)
-    seen = [bool(sight.see(100 + t, 0.25, two, carried=False, lifting=False)) for t in times]
+    assert not any(sight.observe(t, 0.25, one, carried=False, lifting=False) for t in times)
+    seen = [bool(sight.observe(100 + t, 0.25, two, carried=False, lifting=False)) for t in times]
     assert np.mean(seen) == pytest.approx(0.5, abs=0.07)
     left = [STILL._replace(hand_to_object_m=0.1 * t / 100) for t in range(100)]
     for lifting, expected in ((False, 0), (True, 1)):
         sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0))
-        kinds = [sight.see(1 + t / 100, 0.01, s, carried=True, lifting=lifting) for t, s in enumerate(left)]
+        kinds = [
+            sight.observe(1 + t / 100, 0.01, s, carried=True, lifting=lifting) for t, s in enumerate(left)
+        ]
         assert any(event.kind == "slip" for events in kinds for event in events) == expected
 
 
@@ -149,10 +151,10 @@ UNADAPTED = with_(typical_person(), "vest", adapt_gain=0.0)
     ("level", "chance"), [(1, 0.0), (2, 0.05), (3, 0.50), (4, 0.88), (5, 0.98), (15, 1.0)]
 )
 def test_levels_of_the_vest_are_felt_as_often_as_the_threshold_says(level: int, chance: float) -> None:
-    felt, shown = skin(UNADAPTED), frame(level)
+    felt, displayed = skin(UNADAPTED), frame(level)
     for tick in range(100):
-        felt.feel(tick / 100, 0.01, shown)
-    looks = [felt.look(1 + n / 20, 0.05).front is not None for n in range(2000)]
+        felt.feel(tick / 100, 0.01, displayed)
+    looks = [felt.check(1 + n / 20, 0.05).front is not None for n in range(2000)]
     assert np.mean(looks) == pytest.approx(0.98 * chance, abs=0.03)
 
 
@@ -163,10 +165,10 @@ def test_the_direction_of_a_change_is_felt_as_well_as_weber_says(
     lower: int, higher: int, right: float
 ) -> None:
     def readings(level: int, seed: int) -> list[float]:
-        felt, shown = skin(with_(UNADAPTED, "vest", panel_swap=0), seed), frame(level)
+        felt, displayed = skin(with_(UNADAPTED, "vest", panel_swap=0), seed), frame(level)
         for tick in range(100):
-            felt.feel(tick / 100, 0.01, shown)
-        looks = [felt.look(1 + n / 20, 0.05).back for n in range(4000)]
+            felt.feel(tick / 100, 0.01, displayed)
+        looks = [felt.check(1 + n / 20, 0.05).back for n in range(4000)]
         return [y for y in looks if y is not None]
 
     pairs = list(zip(readings(lower, 1), readings(higher, 2), strict=False))
@@ -174,10 +176,10 @@ def test_the_direction_of_a_change_is_felt_as_well_as_weber_says(
 
 
 def test_motors_start_late_and_rise_in_the_time_of_an_eccentric_mass() -> None:
-    felt, shown = skin(with_(UNADAPTED, "vest", link_sd_ms=0)), frame(15)
+    felt, displayed = skin(with_(UNADAPTED, "vest", link_sd_ms=0)), frame(15)
     course = []
     for tick in range(600):
-        felt.feel(tick / 1000, 0.001, shown)
+        felt.feel(tick / 1000, 0.001, displayed)
         course.append(float(felt._moving[0, 0]))
     assert course.index(next(a for a in course if a > 0)) == pytest.approx(45, abs=2)
     tenth, most = (next(n for n, a in enumerate(course) if a > share) for share in (0.1, 0.9))
@@ -185,11 +187,11 @@ def test_motors_start_late_and_rise_in_the_time_of_an_eccentric_mass() -> None:
 
 
 def test_the_skin_adapts_over_minutes_and_recovers() -> None:
-    felt, shown = skin(), frame(15)
+    felt, displayed = skin(), frame(15)
     for tick in range(100):
-        felt.feel(tick / 100, 0.01, shown)
+        felt.feel(tick / 100, 0.01, displayed)
     for n in range(15 * 60 * 20):
-        felt.look(1 + n / 20, 0.05)
+        felt.check(1 + n / 20, 0.05)
     assert felt._adapted == pytest.approx(np.full((2, 4), 1.6), abs=0.02)
     felt.begin(rest_s=900, noise=stream(0), reaction=stream(0), link=stream(0))
     assert felt._adapted == pytest.approx(np.ones((2, 4)), abs=0.02)
@@ -207,7 +209,7 @@ def share_weaker(before: int, after: float, seconds: float, windows: int) -> flo
                 felt._moving[:] = before / 15 / after
             felt._moving[0] = 0.0  # the back alone
             t_s = n / 20
-            felt.look(t_s, 0.05)
+            felt.check(t_s, 0.05)
             noticed += felt.weaker(t_s, (True, True)) is not None
     return noticed / windows
 
@@ -218,10 +220,10 @@ def test_weakening_is_noticed_as_often_as_the_rule_says(fall: float, chance: flo
 
 
 def test_a_constant_vest_gives_less_than_one_false_alarm_a_minute() -> None:
-    felt, shown, alarms = skin(UNADAPTED), frame(8), 0
+    felt, displayed, alarms = skin(UNADAPTED), frame(8), 0
     for tick in range(30 * 60 * 20):
-        felt.feel(tick / 20, 0.05, shown)
-        felt.look(tick / 20, 0.05)
+        felt.feel(tick / 20, 0.05, displayed)
+        felt.check(tick / 20, 0.05)
         alarms += tick > 40 and felt.weaker(tick / 20, (True, True)) is not None
     assert alarms / 30 < 1
 

@@ -125,13 +125,13 @@ def test_each_sham_does_what_it_says() -> None:
 def test_the_unrelated_vest_covers_its_range_and_ignores_the_grip() -> None:
     first, second = sham_vest("unrelated", seed=1), sham_vest("unrelated", seed=1)
     still = vest_frame([0.0] * 4, [0.0] * 4, layout="x40")
-    shown = []
+    displayed = []
     for n in range(18_000):
         a, b = first(n / 30, MADE), second(n / 30, still)
         assert a == b
         assert isinstance(a, MotorLevels)
-        shown.append(a.intensities[[0, 20]])
-    front, back = np.array(shown, float).T
+        displayed.append(a.intensities[[0, 20]])
+    front, back = np.array(displayed, float).T
     assert np.quantile(front, [0.1, 0.5, 0.9]) == pytest.approx([10, 50, 90], abs=8)
     assert abs(np.corrcoef(front, back)[0, 1]) < 0.2
     assert np.corrcoef(front[1:], front[:-1])[0, 1] > 0.9

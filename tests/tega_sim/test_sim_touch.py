@@ -138,7 +138,7 @@ def test_the_command_says_what_it_leaves_out(
 ) -> None:
     monkeypatch.setenv("TEGA_DATA", str(tmp_path / "none"))
     check_touch.main([str(tmp_path)], standalone_mode=False)
-    said = capsys.readouterr().out
-    assert "left out: no recordings" in said
-    assert "## what live reads" in said
+    text = capsys.readouterr().out
+    assert "left out: no recordings" in text
+    assert "## what live reads" in text
     assert {p.name for p in tmp_path.iterdir()} == {"sim-touch.png", "sim-touch-readings.png"}

@@ -196,13 +196,13 @@ def test_what_a_file_holds_is_not_run_again(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(trials_module, "run_trial", once)
     plans = plan_trials(["bag", "bottle", "container"], ["haptic"], [5])
     out = tmp_path / "trials.jsonl"
-    told = []
+    reported = []
     run_trials(plans[:2], out=out)
     # A run that was ended while it wrote: its last line is cut.
     out.write_bytes(out.read_bytes()[:-40])
-    run_trials(plans, out=out, progress=lambda *what: told.append(what))
+    run_trials(plans, out=out, progress=lambda *subject: reported.append(subject))
     assert done == ["bag", "bottle", "bottle", "container"]
-    assert told[0] == ("trials", 1, 3)
+    assert reported[0] == ("trials", 1, 3)
     assert [json.loads(line)["object"] for line in out.read_text().splitlines()] == [
         "bag",
         "bottle",

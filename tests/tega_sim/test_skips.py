@@ -21,8 +21,8 @@ from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Intent
 from tega.runtime.clock import ManualClock
@@ -189,7 +189,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
     views: list[LoopView] = []
     running: set[str] = set()
 
-    def progress(_what: str, _done: int, _total: int) -> None:
+    def progress(_subject: str, _done: int, _total: int) -> None:
         while_measuring.update(our_threads())
 
     def observer(view: LoopView) -> None:
@@ -235,9 +235,9 @@ def test_a_vest_that_does_not_spare_itself_is_told_every_frame(tmp_path: Path) -
     plain = run_session(session(tmp_path, "plain"))
     assert (plain["vest"]["frames"], plain["vest"]["sent"], plain["vest"]["skipped"]) == (60, 0, 0)
     vest = {"driver": "live-vest", "options": {"file": "live.csv"}}
-    said = run_session(session(tmp_path, "live", vest=vest))["vest"]
-    assert said["sinks"] == ["live-vest", "vest-recorder"]
-    assert (said["sent"], said["skipped"]) == (60, 0)
+    text = run_session(session(tmp_path, "live", vest=vest))["vest"]
+    assert text["sinks"] == ["live-vest", "vest-recorder"]
+    assert (text["sent"], text["skipped"]) == (60, 0)
     recorded = (tmp_path / "live" / "vest.csv").read_text()
     assert (tmp_path / "live.csv").read_text() == recorded
     assert recorded == (tmp_path / "plain" / "vest.csv").read_text()
@@ -246,7 +246,7 @@ def test_a_vest_that_does_not_spare_itself_is_told_every_frame(tmp_path: Path) -
 @pytest.mark.usefixtures("plugin")
 def test_a_vest_that_only_records_gets_every_tick(tmp_path: Path) -> None:
     vest = {"driver": "vest-recorder", "options": {"file": "mine.csv"}}
-    said = run_session(session(tmp_path, "out", vest=vest))["vest"]
-    assert said["sinks"] == ["vest-recorder", "vest-recorder"]
-    assert (said["sent"], said["skipped"]) == (0, 0)
+    text = run_session(session(tmp_path, "out", vest=vest))["vest"]
+    assert text["sinks"] == ["vest-recorder", "vest-recorder"]
+    assert (text["sent"], text["skipped"]) == (0, 0)
     assert (tmp_path / "mine.csv").read_bytes() == (tmp_path / "out" / "vest.csv").read_bytes()

@@ -75,8 +75,8 @@ def test_every_stage_and_option_can_be_printed(capsys: pytest.CaptureFixture[str
     with pytest.raises(SystemExit) as ended:
         main(["stages", "--json"])
     assert ended.value.code == 0
-    told = json.loads(capsys.readouterr().out)
-    names = {stage["name"]: [option["name"] for option in stage["options"]] for stage in told}
+    reported = json.loads(capsys.readouterr().out)
+    names = {stage["name"]: [option["name"] for option in stage["options"]] for stage in reported}
     assert {"columns", "x16"} <= set(names)
     with pytest.raises(SystemExit):
         main(["stages"])
@@ -105,13 +105,13 @@ WRONG = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "told"), WRONG)
+@pytest.mark.parametrize(("text", "reported"), WRONG)
 def test_a_wrong_stage_is_refused_with_its_line_and_the_nearest_name(
-    tmp_path: Path, text: str, told: str
+    tmp_path: Path, text: str, reported: str
 ) -> None:
     file = tmp_path / "lab.toml"
     file.write_text(text)
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ConfigError, match=reported):
         load_config(file, environ={})
 
 
@@ -232,7 +232,7 @@ def contact(**values: Any) -> Any:
     return Contact(finger="index", t_ns=0, **given)
 
 
-def shown(touched: Contact, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
+def displayed(touched: Contact, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
     """Return the upper row of front and back that an index finger's contact lights."""
 
     def make(setup: VestSetup) -> ColumnsMapping:
@@ -248,24 +248,24 @@ def shown(touched: Contact, layout: str = "x16", mirror: Any = "none", **options
 
 
 def test_law_routing_fingers_and_mirror_are_options() -> None:
-    assert shown(contact()) == [[0, 50, 0, 0], [0, 50, 0, 0]]
-    assert shown(contact(eda=8000), law="linear") == [[0, 50, 0, 0], [0, 100, 0, 0]]
-    assert shown(contact(cci=0.0), end_value=0.1) == [[0, 10, 0, 0], [0, 50, 0, 0]]
+    assert displayed(contact()) == [[0, 50, 0, 0], [0, 50, 0, 0]]
+    assert displayed(contact(eda=8000), law="linear") == [[0, 50, 0, 0], [0, 100, 0, 0]]
+    assert displayed(contact(cci=0.0), end_value=0.1) == [[0, 10, 0, 0], [0, 50, 0, 0]]
     high = round(intensity(0.1, 0.08))
-    assert shown(contact(cci=0.1)) == [[0, high, 0, 0], [0, 50, 0, 0]]
-    assert shown(contact(cci=0.1), saturate=True) == [[0, 99, 0, 0], [0, 50, 0, 0]]
-    assert shown(contact(), front="eda", back="cci", law="linear", front_max=40_000.0)[0] == [0, 10, 0, 0]
-    assert shown(contact(), mirror="back") == [[0, 50, 0, 0], [0, 0, 50, 0]]
+    assert displayed(contact(cci=0.1)) == [[0, high, 0, 0], [0, 50, 0, 0]]
+    assert displayed(contact(cci=0.1), saturate=True) == [[0, 99, 0, 0], [0, 50, 0, 0]]
+    assert displayed(contact(), front="eda", back="cci", law="linear", front_max=40_000.0)[0] == [0, 10, 0, 0]
+    assert displayed(contact(), mirror="back") == [[0, 50, 0, 0], [0, 0, 50, 0]]
     order = ("ring", "middle", "thumb", "index")
-    assert shown(contact(), mirror="all", fingers=order) == [[50, 0, 0, 0], [50, 0, 0, 0]]
+    assert displayed(contact(), mirror="all", fingers=order) == [[50, 0, 0, 0], [50, 0, 0, 0]]
     own = contact(more=(NamedValue("pc1", 3.0, "1"),))
-    assert shown(own, front="pc1", front_max=6.0, law="linear")[0] == [0, 50, 0, 0]
+    assert displayed(own, front="pc1", front_max=6.0, law="linear")[0] == [0, 50, 0, 0]
     with pytest.raises(ConfigError, match=r"front_max: missing: .* no maximum of 'peak'"):
-        shown(contact(), front="peak")
+        displayed(contact(), front="peak")
     with pytest.raises(ConfigError, match="no value 'pc2'; it measures cci, eda"):
-        shown(own, front="pc2", front_max=6.0)
+        displayed(own, front="pc2", front_max=6.0)
     with pytest.raises(ConfigError, match="named twice"):
-        shown(contact(), fingers=("ring", "ring", "thumb", "index"))
+        displayed(contact(), fingers=("ring", "ring", "thumb", "index"))
 
 
 @pytest.mark.parametrize("layout", list(SHIPPED))
@@ -279,14 +279,14 @@ def test_the_tables_of_the_layouts_say_what_the_kernel_does(layout: str, mirror:
 
 
 def test_a_layout_that_cannot_be_is_refused() -> None:
-    for motors, said in (
+    for motors, sentence in (
         ([], "has 0 motors"),
         ([Motor("front", 0, 0, 0), Motor("front", 0, 0, 1)], "one place"),
         ([Motor("front", 0, 0, 0), Motor("front", 0, 1, 0)], "one number"),
         ([Motor("side", 0, 0, 0)], "neither front nor back"),  # type: ignore[arg-type]
         ([Motor("front", 0, 0, 40)], "0 to 39"),
     ):
-        with pytest.raises(InvalidValueError, match=said):
+        with pytest.raises(InvalidValueError, match=sentence):
             MotorLayout("mine", "made here", motors)
     with pytest.raises(InvalidValueError, match="is not known"):
         find_layout("mine")
@@ -414,15 +414,15 @@ def test_the_hand_goes_to_a_place_between_two_levels() -> None:
     np.testing.assert_array_equal(whole.controller.target_rad, low)
     with pytest.raises(InvalidValueError, match=r"level = 5\.01 is out of range"):
         hand.step(5.01)
-    for asked in (0, 1, 3, 5, 3.4, 1.0001, closure_level(1 / 3)):
-        assert joined_level(*split_level(asked)) == asked
+    for requested in (0, 1, 3, 5, 3.4, 1.0001, closure_level(1 / 3)):
+        assert joined_level(*split_level(requested)) == requested
 
 
 def test_the_guard_limits_a_closure_as_it_does_a_level() -> None:
     from tega.safety.guard import Guard
 
     guard = Guard()
-    guard.look(0, late_ns=0, stamps={}, counts={})
+    guard.check(0, late_ns=0, stamps={}, counts={})
     assert guard.state == "active"
     assert [guard.level(wanted) for wanted in (3.4, 2, 9.0, -1.0, math.nan)] == [3.4, 2, 5, 1, 1]
     guard.stop(1, "over")
@@ -474,12 +474,12 @@ def test_every_reading_of_the_list_changes_what_is_measured() -> None:
 
 
 def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
-    assert shown(contact(eda=2000), law="power")[1] == [0, 50, 0, 0]
-    assert shown(contact(eda=2000), law="power", exponent=1.0)[1] == [0, 25, 0, 0]
-    ends = shown(contact(cci=0.0, eda=0), end_value=0.1, back_end_value=0.2)
+    assert displayed(contact(eda=2000), law="power")[1] == [0, 50, 0, 0]
+    assert displayed(contact(eda=2000), law="power", exponent=1.0)[1] == [0, 25, 0, 0]
+    ends = displayed(contact(cci=0.0, eda=0), end_value=0.1, back_end_value=0.2)
     assert ends == [[0, 10, 0, 0], [0, 20, 0, 0]]
-    assert shown(contact(in_contact=False), at_rest="law") == [[0, 1, 0, 0], [0, 1, 0, 0]]
-    assert shown(contact(in_contact=False)) == [[0, 0, 0, 0], [0, 0, 0, 0]]
+    assert displayed(contact(in_contact=False), at_rest="law") == [[0, 1, 0, 0], [0, 1, 0, 0]]
+    assert displayed(contact(in_contact=False)) == [[0, 0, 0, 0], [0, 0, 0, 0]]
 
     def make(setup: VestSetup) -> ColumnsMapping:
         return ColumnsMapping(setup, ColumnsOptions(rows="bar", law="linear"))

@@ -72,8 +72,8 @@ def test_a_quick_press_is_told_within_two_frames_of_the_force_from_which_it_is_f
         force_n = ramp(peak_n=3.0, wait_s=1.0, rise_s=0.3, hold_s=1.0, fall_s=0.1)
         moments = list(press_sequence(name, seed=seed, force_n=force_n, duration_s=1.5))
         tracker = TouchTracker(moments[0].image)
-        on = [tracker.update(moment.image).in_contact for moment in moments]
-        reached = next(k for k, moment in enumerate(moments) if moment.force_n >= felt_n)
+        on = [tracker.update(snapshot.image).in_contact for snapshot in moments]
+        reached = next(k for k, snapshot in enumerate(moments) if snapshot.force_n >= felt_n)
         assert on.index(True) - reached <= 2
 
 
@@ -90,7 +90,7 @@ def test_a_grip_that_was_taken_for_a_leftover_is_felt_when_it_tightens() -> None
             )
         )
         tracker = TouchTracker(moments[0].image)
-        on = [tracker.update(moment.image).in_contact for moment in moments]
+        on = [tracker.update(snapshot.image).in_contact for snapshot in moments]
         assert not all(on[180:216])
         # What does not sink is felt after 0.8 s in any case, that is from 4.1 s on.
         assert all(on[234:])

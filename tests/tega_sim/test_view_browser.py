@@ -43,11 +43,11 @@ def test_the_slot_keeps_the_newest_moment_and_counts_those_it_drops(moments):
 
 
 def test_no_rate_is_below_zero_when_the_next_run_counts_from_zero(moments):
-    view, moment = BrowserView(port=0), moments.at(1.0, images=False)
+    view, snapshot = BrowserView(port=0), moments.at(1.0, images=False)
     rates = []
     for second, count in enumerate((0, 30, 60, 5, 35)):
-        loop = moment.loop._replace(counts={"vest": count})
-        view._measure(float(second), moment._replace(loop=loop))
+        loop = snapshot.loop._replace(counts={"vest": count})
+        view._measure(float(second), snapshot._replace(loop=loop))
         rates.append(view._rates_hz.get("vest"))
     assert rates == [None, 30.0, 30.0, 30.0, 30.0]
 
@@ -63,30 +63,32 @@ def test_every_moment_offered_is_painted_dropped_or_still_waiting(moments):
 
 
 def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
-    moment = moments.at(1.0, images=False)
+    snapshot = moments.at(1.0, images=False)
 
-    def shown(view: BrowserView, **state) -> str:
+    def displayed(view: BrowserView, **state) -> str:
         devices = frozenset({"emg", "hand", "vest"})
-        view.offer(moment._replace(loop=moment.loop._replace(devices=devices, **state)))
+        view.offer(snapshot._replace(loop=snapshot.loop._replace(devices=devices, **state)))
         wanted = state["state"].upper()
         until(lambda: wanted in view.page.run_state.content)
         content: str = view.page.run_state.content
         return content
 
     with BrowserView(port=0) as view:
-        view.offer(moment)
+        view.offer(snapshot)
         until(lambda: "1.0 s" in view.page.status.content)
         assert "border-radius" not in view.page.run_state.content  # nobody guards it, so it has no state
-        held = shown(view, state="hold", reason="emg: no signal for <0.5 s", alerts=("index: no picture",))
+        held = displayed(
+            view, state="hold", reason="emg: no signal for <0.5 s", alerts=("index: no picture",)
+        )
         assert "the hand keeps its level" in held
         assert "<b>emg: no signal for &lt;0.5 s</b>" in held
         assert "! index: no picture" in held
-        again = shown(view, state="active", reason="all devices ready again")
+        again = displayed(view, state="active", reason="all devices ready again")
         assert "all devices ready" not in again
         assert "the muscles steer the hand" in again
-        assert "waiting for the start" in shown(view, state="armed", reason="all devices ready")
-        assert "emg: no signal yet" in shown(view, state="idle", reason="emg: no signal yet")
-        view.offer(moment._replace(loop=moment.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
+        assert "waiting for the start" in displayed(view, state="armed", reason="all devices ready")
+        assert "emg: no signal yet" in displayed(view, state="idle", reason="emg: no signal yet")
+        view.offer(snapshot._replace(loop=snapshot.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
     # The page stays open when nobody serves it any more: it must not go on saying that the hand moves.
     assert "STOPPED" in view.page.run_state.content
     assert "Ctrl-C" in view.page.run_state.content
@@ -116,18 +118,18 @@ def test_a_moment_that_cannot_be_painted_is_told_and_the_next_one_is_painted(mom
 
 
 def test_a_run_that_stands_still_is_told_to_be_until_it_ends(moments):
-    moment = moments.at(1.0, images=False)
-    moment = moment._replace(loop=moment.loop._replace(state="active"))
+    snapshot = moments.at(1.0, images=False)
+    snapshot = snapshot._replace(loop=snapshot.loop._replace(state="active"))
     with BrowserView(port=0) as view:
-        view.offer(moment)
+        view.offer(snapshot)
         until(lambda: "ACTIVE" in view.page.run_state.content)
         # What the browser does alone: unless it is painted afresh the words appear, and the state's colour goes.
         assert '<b class="tega-late">no news from the run for <span>' in view.page.run_state.content
         assert 'class="tega-badge"' in view.page.run_state.content
         until(lambda: "no news from the run for 2 s" in view.page.run_state.content)
-        view.offer(moment)
+        view.offer(snapshot)
         until(lambda: "2 s" not in view.page.run_state.content)
-        view.offer(moment._replace(loop=moment.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
+        view.offer(snapshot._replace(loop=snapshot.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
         until(lambda: "STOPPED" in view.page.run_state.content)
         assert "no news" not in view.page.run_state.content
         assert "tega-badge" not in view.page.run_state.content
@@ -191,7 +193,7 @@ def test_only_pages_of_this_server_with_its_token_can_connect():
 
 
 @pytest.mark.parametrize(
-    "said",
+    "text",
     [
         b"\xff\xfe", "text", b"", msgspec.msgpack.encode([1]), msgspec.msgpack.encode({"type": "Nope"}),
         msgspec.msgpack.encode({"type": "GuiUpdateMessage"}),
@@ -201,19 +203,19 @@ def test_only_pages_of_this_server_with_its_token_can_connect():
         ("object", "no such thing"), ("object", 7), ("haptics", "x"), ("pause", [1]), ("stop", {}),
     ],
 )  # fmt: skip
-def test_a_malformed_message_prints_nothing_and_harms_nobody(said, capfd, recwarn):
+def test_a_malformed_message_prints_nothing_and_harms_nobody(text, capfd, recwarn):
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "bag"))
     with BrowserView(port=0, controls=controls) as view:
         with websocket(view) as socket:
-            look(socket)
-            if isinstance(said, tuple):
-                press(socket, view.page.inputs[said[0]], said[1])
+            check(socket)
+            if isinstance(text, tuple):
+                press(socket, view.page.inputs[text[0]], text[1])
             else:
-                socket.send(said)
+                socket.send(text)
             with suppress(ConnectionClosed):
-                tell(socket, "ShareUrlRequest")
+                notify(socket, "ShareUrlRequest")
         with websocket(view) as socket:
-            look(socket)
+            check(socket)
             press(socket, view.page.inputs["stop"], True)
             until(lambda: controls.stopped)
         assert view.painting
@@ -221,26 +223,26 @@ def test_a_malformed_message_prints_nothing_and_harms_nobody(said, capfd, recwar
     assert not recwarn.list
 
 
-def tell(socket, kind: str, **fields) -> None:
+def notify(socket, kind: str, **fields) -> None:
     socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
 
 
-def look(socket) -> None:
+def check(socket) -> None:
     """Say where the camera is: only then does viser count a page as connected."""
-    tell(
+    notify(
         socket, "ViewerCameraMessage", wxyz=(1, 0, 0, 0), position=(1, 1, 1), fov=1.0, near=0.1, far=10.0,
         image_height=600, image_width=800, look_at=(0, 0, 0), up_direction=(0, 0, 1),
     )  # fmt: skip
 
 
 def press(socket, handle, value) -> None:
-    tell(socket, "GuiUpdateMessage", uuid=handle._impl.uuid, updates={"value": value})
+    notify(socket, "GuiUpdateMessage", uuid=handle._impl.uuid, updates={"value": value})
 
 
 def test_buttons_set_what_the_program_looks_at():
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "bag"))
     with BrowserView(port=0, controls=controls) as view, websocket(view) as socket:
-        look(socket)
+        check(socket)
         inputs = view.page.inputs
         assert (controls.stopped, controls.paused, controls.haptics, controls.take_object()) == (
             False, False, True, None,
@@ -272,8 +274,8 @@ def test_what_a_run_cannot_do_is_not_offered():
 
 def test_prints_nothing_and_cannot_be_shared(capfd):
     with BrowserView(port=0) as view, websocket(view) as socket:
-        look(socket)
-        tell(socket, "ShareUrlRequest")
+        check(socket)
+        notify(socket, "ShareUrlRequest")
         press(socket, view.page.inputs["stop"], True)
         until(lambda: view.controls.stopped)
         assert view.url.startswith("http://127.0.0.1:")

@@ -31,11 +31,11 @@ def test_a_paused_run_is_not_called_active_and_haptics_off_is_said() -> None:
     assert "ACTIVE" not in paused
     assert ">HAPTICS OFF<" in run_state_html(loop, haptics=False)
     stopped = loop._replace(state="stopped", reason="the page's button")
-    said = run_state_html(stopped, paused=True, haptics=False)
-    assert ">STOPPED<" in said
-    assert "the page&#x27;s button" in said
-    assert "PAUSED" not in said
-    assert "HAPTICS" not in said
+    message = run_state_html(stopped, paused=True, haptics=False)
+    assert ">STOPPED<" in message
+    assert "the page&#x27;s button" in message
+    assert "PAUSED" not in message
+    assert "HAPTICS" not in message
 
 
 def test_the_page_itself_says_that_the_run_is_paused_at_the_next_moment() -> None:
@@ -43,20 +43,20 @@ def test_the_page_itself_says_that_the_run_is_paused_at_the_next_moment() -> Non
     moments = Moments()
     with BrowserView("a run", port=0, controls=controls) as view:
         controls.paused, controls.haptics = True, False
-        moment = moments.at(2.0)
-        loop = moment.loop._replace(state="active")
-        view.offer(moment._replace(loop=loop))
+        snapshot = moments.at(2.0)
+        loop = snapshot.loop._replace(state="active")
+        view.offer(snapshot._replace(loop=loop))
         until(lambda: "PAUSED" in view.page.run_state.content)
         assert "HAPTICS OFF" in view.page.run_state.content
         until(lambda: "thumb" in view.page.lights.content)
 
 
 def test_a_light_tells_a_silent_finger_from_an_absent_one() -> None:
-    moment = Moments().at(2.0)
-    thumb = moment.loop.contacts["thumb"]
-    contacts = dict(moment.loop.contacts) | {"thumb": replace(thumb, t_ns=thumb.t_ns - 10**9)}
+    snapshot = Moments().at(2.0)
+    thumb = snapshot.loop.contacts["thumb"]
+    contacts = dict(snapshot.loop.contacts) | {"thumb": replace(thumb, t_ns=thumb.t_ns - 10**9)}
     del contacts["ring"]
-    lights = lights_html(moment._replace(loop=moment.loop._replace(contacts=contacts)))
+    lights = lights_html(snapshot._replace(loop=snapshot.loop._replace(contacts=contacts)))
     assert 'title="thumb: silent"' in lights
     assert 'title="index: well"' in lights
     assert 'title="ring: absent"' in lights

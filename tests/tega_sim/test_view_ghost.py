@@ -51,8 +51,8 @@ def test_a_hand_tells_where_it_steers_to_before_it_is_there() -> None:
         hand.step(5)
     target = hand.target_rad
     assert target is not None
-    way = CLOSURE_POSES_RAD[4] - CLOSURE_POSES_RAD[0]
-    assert (target - hand.angles_rad) @ way > 0.01
+    route = CLOSURE_POSES_RAD[4] - CLOSURE_POSES_RAD[0]
+    assert (target - hand.angles_rad) @ route > 0.01
     for _ in range(1500):
         hand.step(5)
     np.testing.assert_allclose(np.array(hand.target_rad), CLOSURE_POSES_RAD[4], atol=1e-9)
@@ -74,9 +74,9 @@ def test_a_figure_goes_where_its_palm_goes() -> None:
     apart = np.linalg.norm(standing[:, None, :3] - standing[None, :, :3], axis=2)
     np.testing.assert_allclose(np.linalg.norm(led[:, None, :3] - led[None, :, :3], axis=2), apart, atol=1e-8)
     # What was up is along the world's x: the palm was turned by a right angle about y.
-    way = standing[:, :3] - STANDING[:3]
+    route = standing[:, :3] - STANDING[:3]
     np.testing.assert_allclose(
-        led[:, :3] - PALM[:3], np.stack([way[:, 2], way[:, 1], -way[:, 0]], 1), atol=1e-8
+        led[:, :3] - PALM[:3], np.stack([route[:, 2], route[:, 1], -route[:, 0]], 1), atol=1e-8
     )
 
 
@@ -123,8 +123,8 @@ def test_it_is_seen_blue_in_the_browser(tmp_path: Path) -> None:
     ):
 
         def blue() -> float:
-            shown = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
-            scene = shown[:, 430:1030]
+            displayed = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
+            scene = displayed[:, 430:1030]
             return float(((scene[..., 2] - scene[..., 0]) > 40).mean())
 
         view.offer(apart)

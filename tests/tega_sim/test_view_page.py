@@ -68,8 +68,8 @@ def test_heading_text_and_buttons(seen):
     for text in ("TEGA made-up grasp", "haptics on", "level 5: tight", "2.4 s"):
         assert page.get_by_text(text).count() == 1, text
     for finger in ("thumb", "index", "middle", "ring"):
-        shown = page.get_by_text(finger, exact=True).locator("visible=true")
-        assert shown.count() == 3  # its column, and on either face of the vest
+        displayed = page.get_by_text(finger, exact=True).locator("visible=true")
+        assert displayed.count() == 3  # its column, and on either face of the vest
     for button in ("bottle", "container", "bag", "Pause", "Stop"):
         assert page.get_by_role("button", name=button).count() == 1
 
@@ -133,10 +133,10 @@ def test_the_scene_is_drawn(seen):
     page, _ = seen
     # Without a graphics card it may be drawn seconds after the text.
     until(lambda: share_near(picture(page)[:, 430:1030], (120, 160, 190), 45) > 0.01)
-    shown = picture(page)[:, 430:1030]
-    assert share_near(shown, (120, 160, 190), 45) > 0.01  # the bottle, blue
-    assert share_near(shown, (70, 70, 75), 45) > 0.005  # the hand, dark
-    assert share_near(shown, (180, 60, 50), 45) > 0.0001  # the force, red
+    displayed = picture(page)[:, 430:1030]
+    assert share_near(displayed, (120, 160, 190), 45) > 0.01  # the bottle, blue
+    assert share_near(displayed, (70, 70, 75), 45) > 0.005  # the hand, dark
+    assert share_near(displayed, (180, 60, 50), 45) > 0.0001  # the force, red
 
 
 def test_buttons_reach_the_program(seen):
@@ -172,11 +172,11 @@ def test_in_a_narrow_window_the_panels_stand_below_the_scene(seen):
     page.set_viewport_size({"width": 820, "height": 1180})
     try:
         until(lambda: scene.bounding_box()["width"] > 800)
-        shown = scene.bounding_box()
-        assert shown["height"] > 500
+        displayed = scene.bounding_box()
+        assert displayed["height"] > 500
         for side in ("left", "right"):
             panel = page.locator(f"[data-dock-region={side}]").bounding_box()
-            assert panel["y"] >= shown["y"] + shown["height"] - 1
+            assert panel["y"] >= displayed["y"] + displayed["height"] - 1
             assert panel["width"] > 400
             chart = page.locator(f"[data-dock-region={side}] .uplot").first.bounding_box()
             assert panel["x"] <= chart["x"]
@@ -215,10 +215,10 @@ def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
 
 
 def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
-    moment = Moments().at(2.0)
+    snapshot = Moments().at(2.0)
 
     def in_state(state: str, reason: str) -> ViewState:
-        return moment._replace(loop=moment.loop._replace(state=state, reason=reason))
+        return snapshot._replace(loop=snapshot.loop._replace(state=state, reason=reason))
 
     with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
         view.offer(in_state("active", "all devices ready"))
@@ -289,7 +289,7 @@ def test_the_bench_with_an_object_held_up(name, browser):
     held = [k for k, s in enumerate(course) if (s.rows["phase"], s.rows["lifted"]) == ("hold", "yes")]
     assert held, f"the {name} was not lifted"
     last = held[min(10, len(held) - 1)]
-    moment = course[last]
+    snapshot = course[last]
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "container", "bag"))
     with (
         BrowserView("TEGA demo, simulated", port=0, controls=controls) as view,
@@ -302,12 +302,12 @@ def test_the_bench_with_an_object_held_up(name, browser):
             if last - k < 75:  # at its own pace in the end, so that the rates shown are true
                 time.sleep(max(0.0, 0.1 - (time.monotonic() - offered_s)))
             offered_s = time.monotonic()
-        page.get_by_text(f"{moment.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=60_000)
+        page.get_by_text(f"{snapshot.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=60_000)
         until(lambda: share_near(picture(page)[:420, 430:1030], OBJECT_COLOURS[name]) > 0.01)
         page.wait_for_timeout(3_000)
-        shown = picture(page)
-    over_table = shown[:420, 430:1030]
+        displayed = picture(page)
+    over_table = displayed[:420, 430:1030]
     assert share_near(over_table, OBJECT_COLOURS[name]) > 0.01
-    touch_maps = shown[260:395, 10:415]
-    touching = [finger for finger, contact in moment.loop.contacts.items() if contact.in_contact]
+    touch_maps = displayed[260:395, 10:415]
+    touching = [finger for finger, contact in snapshot.loop.contacts.items() if contact.in_contact]
     assert (share_near(touch_maps, (39, 208, 69), 70) > 0.0003) == bool(touching)  # green circles

@@ -22,7 +22,7 @@ from tega.loop.controls import Controls
 from tega.loop.inbox.prepared import Finger, Prepared
 from tega.loop.inbox.sources import SourceReport, picture_of
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.records.bus import Bus
 from tega.runtime.clock import PausableClock
 from tega.ui.cli.main import main
@@ -81,10 +81,10 @@ def test_looking_changes_nothing(tmp_path):
     bus = Bus()
     feed = SessionFeed({}, bus)
 
-    def look(loop: LoopView) -> None:
+    def check(loop: LoopView) -> None:
         feed.complete(ViewState(loop.t_ns, loop))
 
-    run_session(seen, bus=observed(look, bus), parts=[feed])
+    run_session(seen, bus=observed(check, bus), parts=[feed])
     for name in ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json"):
         assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "seen" / name).read_bytes()
 
@@ -96,9 +96,9 @@ def test_a_muted_vest_rests(tmp_path):
         controls=Controls(haptics=lambda: len(frames) < 45),
         bus=observed(lambda loop: frames.append(loop.vest)),
     )
-    heard = [int(frame.intensities.max()) for frame in frames]
-    assert max(heard[:45]) > 50
-    assert max(heard[45:]) == 0
+    received = [int(frame.intensities.max()) for frame in frames]
+    assert max(received[:45]) > 50
+    assert max(received[45:]) == 0
 
 
 def test_the_view_is_an_observer_of_the_loop(tmp_path):

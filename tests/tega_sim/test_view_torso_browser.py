@@ -23,10 +23,10 @@ def browser():
 
 
 def test_a_click_on_a_motor_asks_for_it_and_says_what_came_of_it(browser):
-    asked: list[int] = []
+    requested: list[int] = []
 
     def ask(motor: int) -> MotorAnswer:
-        asked.append(motor)
+        requested.append(motor)
         return MotorAnswer(done=False, words="not tried: the run is active")
 
     controls = Controls(try_motor=ask, can_go=True)
@@ -35,7 +35,7 @@ def test_a_click_on_a_motor_asks_for_it_and_says_what_came_of_it(browser):
         view.offer(moments.at(2.0))
         page.get_by_label("try motor 22").first.click(timeout=60_000)
         page.get_by_text("not tried: the run is active").first.wait_for(timeout=60_000)
-        assert asked == [22]
+        assert requested == [22]
         page.get_by_role("button", name="Go").click()
         until(lambda: controls.may_go)
 

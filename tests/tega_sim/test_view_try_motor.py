@@ -37,8 +37,8 @@ class Loop:
         if spent:
             self.budget.carry(dose_s=np.full(40, 10_000.0), heat=np.zeros(40))
         self.frames: list[MotorLevels] = []
-        self.told: list[TriedMotor] = []
-        self.bus.subscribe(TriedMotor, self.told.append)
+        self.reported: list[TriedMotor] = []
+        self.bus.subscribe(TriedMotor, self.reported.append)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -67,15 +67,15 @@ def test_one_motor_vibrates_for_half_a_second_and_is_told_of() -> None:
     with Loop() as loop:
         answer = loop.tests.ask(7)
         assert answer == MotorAnswer(done=True, words=f"motor 7 vibrates at {TEST_PERCENT} %")
-        until(lambda: len(loop.told) == 2)
+        until(lambda: len(loop.reported) == 2)
     lit = [frame for frame in loop.frames if frame.intensities.any()]
     assert {tuple(np.flatnonzero(frame.intensities).tolist()) for frame in lit} == {(7,)}
     assert 15 <= len(lit) <= 17
-    assert [(one.motor, one.percent) for one in loop.told] == [(7, TEST_PERCENT), (7, 0)]
+    assert [(one.motor, one.percent) for one in loop.reported] == [(7, TEST_PERCENT), (7, 0)]
 
 
 @pytest.mark.parametrize(
-    ("loop", "motor", "said"),
+    ("loop", "motor", "text"),
     [
         (lambda: Loop("the run is active"), 7, "not tried: the run is active"),
         (Loop, 40, "not tried: motor 40 is none of 0 to 39 of x40"),
@@ -84,18 +84,18 @@ def test_one_motor_vibrates_for_half_a_second_and_is_told_of() -> None:
     ],
     ids=["not armed", "no such motor", "no vest", "the day's dose is used up"],
 )
-def test_it_is_refused_with_the_reason(loop: Callable[[], Loop], motor: int, said: str) -> None:
+def test_it_is_refused_with_the_reason(loop: Callable[[], Loop], motor: int, text: str) -> None:
     with loop() as running:
         answer = running.tests.ask(motor)
     assert not answer.done
-    assert said in answer.words
+    assert text in answer.words
     assert running.tests._running is None
 
 
 def test_a_limit_lowers_it_and_it_counts_to_the_dose() -> None:
     with Loop(limit=20) as loop:
         assert loop.tests.ask(3).words == "motor 3 vibrates at 20 %"
-        until(lambda: len(loop.told) == 2)
+        until(lambda: len(loop.reported) == 2)
     assert loop.budget.dose_s[3] == pytest.approx(0.2**2 * 0.5, rel=0.2)
     assert not np.delete(loop.budget.dose_s, 3).any()
 
@@ -113,7 +113,7 @@ def test_it_ends_with_the_armed_state_and_one_is_tried_at_a_time() -> None:
     loop.why = "the run is active"
     loop.tick(33_000_000)
     assert not loop.frames[-1].intensities.any()
-    assert loop.told[-1].percent == 0
+    assert loop.reported[-1].percent == 0
 
 
 def test_a_run_that_does_not_tick_answers_all_the_same() -> None:
@@ -156,10 +156,10 @@ def test_only_a_page_of_this_server_is_heard() -> None:
     pytest.importorskip("viser", reason="needs the extra view")
     from tega.ui.view.browser import BrowserView, Controls
 
-    asked: list[int] = []
+    requested: list[int] = []
 
     def ask(motor: int) -> MotorAnswer:
-        asked.append(motor)
+        requested.append(motor)
         return MotorAnswer(done=motor == 7, words=f"about {motor}")
 
     with BrowserView("a run", port=0, controls=Controls(try_motor=ask)) as view:
@@ -168,8 +168,8 @@ def test_only_a_page_of_this_server_is_heard() -> None:
         assert get(f"{view.url}try/8") == (409, "about 8\n")
         assert get(f"{base}/try/7")[0] == 403
         assert get(f"{base}/wrong-token/try/7")[0] == 403
-        status, said = get(f"{view.url}try/7", Origin="http://elsewhere.example")
-        assert (status, "another site's page" in said) == (403, True)
+        status, text = get(f"{view.url}try/7", Origin="http://elsewhere.example")
+        assert (status, "another site's page" in text) == (403, True)
         view.offer(Moments().at(2.0, images=False, scene=False, emg=False))
         until(lambda: "try/39" in view.page._vest.content)
-    assert asked == [7, 8]
+    assert requested == [7, 8]

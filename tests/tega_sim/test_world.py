@@ -354,9 +354,9 @@ def test_without_mujoco_one_line_names_the_extra(monkeypatch):
 
 
 def test_the_check_prints_what_it_finds():
-    said = CliRunner().invoke(check, ["--only", "forces"])
-    assert said.exit_code == 0, said.output
-    ratios = [float(line.split("ratio")[1]) for line in said.output.splitlines() if "ratio" in line]
+    text = CliRunner().invoke(check, ["--only", "forces"])
+    assert text.exit_code == 0, text.output
+    ratios = [float(line.split("ratio")[1]) for line in text.output.splitlines() if "ratio" in line]
     assert len(ratios) == 9
     assert all(0.95 < ratio < 1.05 for ratio in ratios)
 

@@ -113,7 +113,7 @@ def test_comments_may_hold_anything(comment: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "message"),
     [
         ([row("slip", "POINT", "nan")], "row 2: 'nan' is no time"),
         ([row("slip", "POINT", "inf")], "row 2: 'inf' is no time"),
@@ -124,10 +124,10 @@ def test_comments_may_hold_anything(comment: str, tmp_path: Path) -> None:
     ],
 )
 def test_an_event_without_a_time_or_an_end_is_refused(
-    rows: list[list[str]], said: str, tmp_path: Path
+    rows: list[list[str]], message: str, tmp_path: Path
 ) -> None:
     (tmp_path / "a.tsv").write_text(table(rows))
-    with pytest.raises(RecordingError, match=rf"a\.tsv: .*{said}"):
+    with pytest.raises(RecordingError, match=rf"a\.tsv: .*{message}"):
         read_boris(tmp_path / "a.tsv")
 
 
@@ -263,7 +263,7 @@ def test_a_state_counts_once_and_keeps_length_modifiers_and_comment(study: Path,
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "message"),
     [
         ([row("slip", "POINT", "931.2")], r"'slip' at 931\.200 s is outside: it is 5\.960 s long"),
         ([row("slip", "POINT", "-3.5")], r"'slip' at -3\.500 s is outside"),
@@ -272,10 +272,10 @@ def test_a_state_counts_once_and_keeps_length_modifiers_and_comment(study: Path,
     ],
 )
 def test_events_outside_of_the_trial_are_refused_with_its_length(
-    rows: list[list[str]], said: str, study: Path, tmp_path: Path
+    rows: list[list[str]], message: str, study: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "a.tsv").write_text(table(rows))
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=message):
         import_boris(study, tmp_path / "a.tsv", "r1")
     assert "r1" not in read_observers(study, "p01")
 
@@ -297,13 +297,13 @@ class _At:
 def test_keys_code_events_at_the_moment_that_is_played(tmp_path: Path) -> None:
     recording, played = tmp_path / "a.mcap", _At()
     with AnnotationKeys(recording, "r1", played) as press:
-        said = []
+        message = []
         for t_s, key in ((1, "s"), (2, "d"), (2.5, "x"), (3, "u"), (4, "d"), (5, "q"), (6, "d")):
             played.at_s = float(t_s)
-            said.append(press(key))
+            message.append(press(key))
         with pytest.raises(DeviceUnavailableError, match="another program"):
             AnnotationFile(recording, "r2")
-    assert said == [
+    assert message == [
         "slip at 1.00 s", "deformation from 2.00 s", "drop at 2.50 s", "undone: drop at 2.50 s",
         "deformation 2.00 to 4.00 s", "", "deformation from 6.00 s",
     ]  # fmt: skip
@@ -348,8 +348,8 @@ def test_any_recording_is_annotated_by_boris_and_elan(
         ("r1", "slip", 0.2), ("r2", "slip", 0.2), ("r1", "regrasp", 0.3), ("r2", "regrasp", 0.3),
     ]  # fmt: skip
     assert rows[1]["modifiers"] == ["hard"]
-    _, said = call(capsys, "recording", "annotate", recorded, "--import", elan, "--rater", "r1", code=1)
-    assert "has annotated" in said
+    _, message = call(capsys, "recording", "annotate", recorded, "--import", elan, "--rater", "r1", code=1)
+    assert "has annotated" in message
 
 
 def test_keys_and_buttons_of_the_page_code_events() -> None:

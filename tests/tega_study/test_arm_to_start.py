@@ -21,10 +21,10 @@ import pytest
 from reference.processes import hand_guards
 from reference.waiting import until
 from tega.arm import ArmChain, ArmSettings, StampedPose
+from tega.arm.move_to_start import SPEED_M_S, MoveToStart
 from tega.arm.pose import ArmCommand, Pose
 from tega.arm.settings import FilterSettings, LimitSettings, MappingSettings
 from tega.arm.turn import Turn, lead
-from tega.arm.way_to_start import SPEED_M_S, WayToStart
 from tega.arm.workspace import Workspace
 from tega.config import load_config
 from tega.errors import ConfigError
@@ -46,7 +46,7 @@ class _Simulated:
     """A chain that the way leads, and an arm that is where the target was a tick ago."""
 
     def __init__(self, start: Pose, here: Pose, limits: LimitSettings) -> None:
-        self.way, self.limits = WayToStart(start), limits
+        self.route, self.limits = MoveToStart(start), limits
         self.chain = ArmChain(
             ArmSettings(
                 mapping=MappingSettings(frame="base", mirror=False),
@@ -62,14 +62,14 @@ class _Simulated:
             self.now_ns += _TICK_NS
             measured = StampedPose(self.now_ns, self.here.position_m, self.here.quaternion_xyzw)
             turn = Turn(
-                self.now_ns, tuple(self.way.read(self.now_ns)), clutch=held, dead_man=held, may_move=True,
+                self.now_ns, tuple(self.route.read(self.now_ns)), clutch=held, dead_man=held, may_move=True,
                 measured=measured,
             )  # fmt: skip
             command = lead(self.chain, turn)
             self.course.append(command)
             if command.target is not None and not blocked:
                 self.here = command.target
-            self.way.saw(
+            self.route.saw(
                 ArmTurn(
                     t_ns=self.now_ns, poses=(), clutch=held, dead_man=held, may_move=True,
                     measured=(PoseNumbers(self.now_ns, tuple(measured.position_m), tuple(measured.quaternion_xyzw)),),
@@ -100,9 +100,9 @@ def test_the_way_leads_up_over_and_down_within_the_limits(here: Pose, start: Pos
     arm = _Simulated(start, here, limits)
     arm.ticks(10, held=False)
     arm.ticks(2000, held=True)
-    assert arm.way.there
-    assert arm.way.off_m is not None
-    assert arm.way.off_m < 0.003
+    assert arm.route.there
+    assert arm.route.off_m is not None
+    assert arm.route.off_m < 0.003
     workspace = Workspace(limits)
     top_m = max(here.position_m[2], start.position_m[2])
     targets = [command.target for command in arm.course if command.target is not None]
@@ -128,9 +128,9 @@ def test_the_way_stops_with_the_switch_and_goes_on_with_it() -> None:
     rested = arm.here.position_m.copy()
     arm.ticks(200, held=False)
     assert math.dist(arm.here.position_m, rested) < 1e-9
-    assert not arm.way.there
+    assert not arm.route.there
     arm.ticks(1500, held=True)
-    assert arm.way.there
+    assert arm.route.there
     assert math.dist(arm.here.position_m, (0.40, 0.20, 0.30)) < 0.003
 
 
@@ -138,7 +138,7 @@ def test_an_arm_that_was_held_back_does_not_catch_up() -> None:
     arm = _Simulated(_pose((0.40, 0.20, 0.30)), _pose((0.6, -0.2, 0.3)), LimitSettings(speed_m_s=SPEED_M_S))
     arm.ticks(5, held=False)
     arm.ticks(1000, held=True, blocked=True)
-    given = [arm.way.read(arm.now_ns)[0].position_m]
+    given = [arm.route.read(arm.now_ns)[0].position_m]
     target = arm.course[-1].target
     assert target is not None
     assert math.dist(target.position_m, (0.6, -0.2, 0.3)) <= 0.03 + 1e-9, "the clip"
@@ -146,7 +146,7 @@ def test_an_arm_that_was_held_back_does_not_catch_up() -> None:
         "the forearm went no further than the clip and a little"
     )
     arm.ticks(1500, held=True)
-    assert arm.way.there
+    assert arm.route.there
 
 
 def test_a_short_way_ends_where_it_is_to_end() -> None:
@@ -155,7 +155,7 @@ def test_a_short_way_ends_where_it_is_to_end() -> None:
     arm = _Simulated(_pose((0.5, 0.0, 0.32)), _pose(here), LimitSettings(speed_m_s=0.05))
     arm.ticks(5, held=False)
     arm.ticks(400, held=True)
-    assert arm.way.there
+    assert arm.route.there
     highest_m = max(command.target.position_m[2] for command in arm.course if command.target is not None)
     assert highest_m == pytest.approx(0.32, abs=0.0005)
 
@@ -181,7 +181,7 @@ def test_the_way_ends_when_the_arm_itself_rests(off_mm: Callable[[float], float]
 
 
 @pytest.mark.parametrize(
-    ("sets", "said"),
+    ("sets", "text"),
     [
         (["arm.start_m=[0.5, 0.0, 0.9]"], "200 mm outside of the workspace along z"),
         (["arm.start_m=[0.5, 0.0, 0.3]", "arm.start_xyzw=[0, 0, 0, 1]"], "leans"),
@@ -189,28 +189,28 @@ def test_the_way_ends_when_the_arm_itself_rests(off_mm: Callable[[float], float]
         (["arm.start_m=[0.5, nan, 0.3]"], "no place"),
     ],
 )
-def test_a_start_that_cannot_be_is_refused(sets: list[str], said: str) -> None:
+def test_a_start_that_cannot_be_is_refused(sets: list[str], text: str) -> None:
     given = [
         "arm.driver=simulated-arm",
         "input.dead_man.driver=pedal",
         "input.dead_man.options.silent_after_ms=100",
     ]
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=text):
         load_config(None, environ={}, sets=[*given, *sets])
 
 
 class _Hearing:
     """Hears what is told, in the order in which it came."""
 
-    def __init__(self, look: Callable[[str], None] = lambda _prompt: None) -> None:
+    def __init__(self, check: Callable[[str], None] = lambda _prompt: None) -> None:
         self.said: list[str] = []
-        self._look = look
+        self._check = check
 
     def show(self, prompt: str, _bars: Any, _left_s: float | None, /) -> None:
         words = prompt.split(":", maxsplit=1)[0].split(" (", maxsplit=1)[0]
         if self.said[-1:] != [words]:
             self.said.append(words)
-        self._look(prompt)
+        self._check(prompt)
 
 
 @pytest.mark.slow
@@ -228,14 +228,14 @@ def test_the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held(tm
         bus.subscribe(ArmTurn, turns.append)
         over, found = threading.Event(), list[str]()
 
-        def look(_prompt: str) -> None:
+        def check(_prompt: str) -> None:
             if over.is_set():
                 raise RestTaskEndedError
 
-        hearing = _Hearing(look)
+        hearing = _Hearing(check)
         for button in (0, 1):  # held before anybody is told
             lab.cap.say(f"press {button}")
-        going, raised = in_thread(lambda: found.append(go_to_start(config, hearing, told_s=0.5, bus=bus)))
+        going, raised = in_thread(lambda: found.append(go_to_start(config, hearing, reported_s=0.5, bus=bus)))
         try:
             until(lambda: "hold the dead-man switch, and the arm moves to its start" in hearing.said)
             time.sleep(0.3)
@@ -259,10 +259,10 @@ def test_the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held(tm
             over.set()
             going.join(30)
         assert raised == []
-        (said,) = found
+        (text,) = found
         assert hearing.said[0] == "THE ARM WILL MOVE"
-        assert said.startswith("the arm is at its start")
-        assert "; the hand is open, " in said
+        assert text.startswith("the arm is at its start")
+        assert "; the hand is open, " in text
         assert math.dist(places[-1], (0.42, 0.08, 0.36)) < 0.01
         until(lab.limp)
 
@@ -281,10 +281,10 @@ def test_a_hand_that_does_not_open_is_told_as_far_as_it_is(tmp_path: Path) -> No
             hand._hand.step(5)
             closed_rad = CLOSURE_POSES_RAD[4]
             until(lambda: (hand._hand.step(5), np.abs(hand._hand.angles_rad - closed_rad).max() < 0.1)[1])
-            said = re.fullmatch(r"; the hand was commanded to open and is (\d\.\d\d) rad off", hand.words)
-            assert said is not None
-            assert float(said[1]) > 0.5
-            until(lambda: (hand.look(1.0, may_move=True), "the hand is open" in hand.words)[1])
+            text = re.fullmatch(r"; the hand was commanded to open and is (\d\.\d\d) rad off", hand.words)
+            assert text is not None
+            assert float(text[1]) > 0.5
+            until(lambda: (hand.check(1.0, may_move=True), "the hand is open" in hand.words)[1])
 
 
 @pytest.mark.slow
@@ -301,13 +301,13 @@ def test_the_way_to_the_start_holds_while_the_hand_s_guard_is_lost(tmp_path: Pat
         bus.subscribe(ArmTurn, turns.append)
         over, found = threading.Event(), list[str]()
 
-        def look(prompt: str) -> None:
+        def check(prompt: str) -> None:
             prompts.append(prompt)
             if over.is_set():
                 raise RestTaskEndedError
 
         going, raised = in_thread(
-            lambda: found.append(go_to_start(config, _Hearing(look), told_s=0.1, bus=bus))
+            lambda: found.append(go_to_start(config, _Hearing(check), reported_s=0.1, bus=bus))
         )
 
         def press_anew() -> None:
@@ -355,7 +355,7 @@ def test_nobody_at_the_switch_moves_nothing_and_the_experimenter_ends_it(
         lab.tree["arm"] |= {"start_m": [0.42, 0.08, 0.36]}
         config = check_tree(lab.tree, {}, base=tmp_path).config
         with pytest.raises(TimeoutError, match="the dead-man switch was not held for 1 s"):
-            go_to_start(config, _Hearing(), told_s=0.1)
+            go_to_start(config, _Hearing(), reported_s=0.1)
         squeeze, to_start = LabBench(config).rest_tasks
         assert (squeeze.after_trials, to_start.after_trials) == (False, True)
         running = RunningTask(to_start)

@@ -19,13 +19,13 @@ from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.hand.poses import ClosureScale
-from tega.loop.hand_look import HandLooks, fresh_angles_rad, open_looks
+from tega.loop.hand_poll import HandPolls, fresh_angles_rad, open_hand_polls
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
-from tega.loop.reflex import ReflexArc, ReflexMoment, open_reflex
+from tega.loop.reflex import ReflexArc, ReflexInputs, open_reflex
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
-from tega.recording.replay.played_run import played_looks
+from tega.recording.replay.played_run import played_checks
 from tega.recording.replay.playhead import Playhead
 from tega.records import Contact, Event, HandLook, Intent, ReflexGrip
 from tega.records.bus import Bus
@@ -98,7 +98,7 @@ class Ran:
         pacer = Pacer(ManualClock())
         looks = None
         if angles_rad is not None:
-            looks = HandLooks(
+            looks = HandPolls(
                 lambda: angles_rad(pacer.tick_ns / 1e9),
                 lambda: height_m(pacer.tick_ns / 1e9),
                 ClosureScale(),
@@ -111,8 +111,8 @@ class Ran:
             arc = ReflexArc(
                 GripReflex(ReflexSetup(fingers), GripReflexOptions()),
                 ReflexSection(name="grip", authority=1.0),
-                moment=lambda _t_ns: ReflexMoment(1.0, allowed=True, measured=None),
-                tell=self.grips.append,
+                snapshot=lambda _t_ns: ReflexInputs(1.0, allowed=True, measured=None),
+                notify=self.grips.append,
             )
         wired_loop(
             pacer,
@@ -127,7 +127,7 @@ class Ran:
             hands=[],
             bus=bus,
             reflex=arc,
-            look=looks,
+            poll_hand=looks,
         ).run()
 
     @property
@@ -146,8 +146,8 @@ def test_a_slip_that_touch_does_not_show_is_told_by_joints_and_height_and_pulses
     assert _SLIDES_S < run.slips_s[0] < _SLIDES_S + 0.15
     assert 0 <= run.full_s()[0] - run.slips_s[0] <= 1 / 30 + 0.01
     assert {event.kind for event in run.events} == {"contact", "slip"}
-    assert all(look.level in {1, 3} and len(look.tips_mm) == 4 for look in run.looks)
-    gaps_ns = np.diff([look.t_ns for look in run.looks])
+    assert all(check.level in {1, 3} and len(check.tips_mm) == 4 for check in run.looks)
+    gaps_ns = np.diff([check.t_ns for check in run.looks])
     assert set(gaps_ns.tolist()) == {9 * MS}
 
 
@@ -158,20 +158,20 @@ def test_a_reflex_hears_the_slip_that_joints_and_height_tell() -> None:
     assert 0 <= firm_s[0] - run.slips_s[0] <= 0.003
     assert Ran(pulses=False, reflex=True, angles_rad=None).slips_s == []
     # What the hand is asked for counts, with what the reflex adds.
-    assert 3.4 < max(look.level or 0.0 for look in run.looks) <= 3.5
+    assert 3.4 < max(check.level or 0.0 for check in run.looks) <= 3.5
 
 
 def test_nobody_looks_where_neither_mapping_nor_reflex_wants_events() -> None:
-    asked: list[float] = []
+    requested: list[float] = []
 
     def angles_rad(t_s: float) -> NDArray[np.float64]:
-        asked.append(t_s)
+        requested.append(t_s)
         return _angles_rad(t_s)
 
     run = Ran(pulses=False, angles_rad=angles_rad)
     assert {event.kind for event in run.events} == {"contact"}, "somebody listens, and hears what touch tells"
     assert run.looks == []
-    assert asked == []
+    assert requested == []
 
 
 _LOST: dict[str, dict[str, Any]] = {
@@ -189,27 +189,29 @@ def test_without_angles_or_height_slips_are_told_by_touch_alone(lost: str) -> No
     assert alone.slips_s != []
     assert run.events == alone.events
     assert [t_ns for t_ns, _ in run.vest.sent] == [t_ns for t_ns, _ in alone.vest.sent]
-    assert {(look.level, look.closure, look.height_m, look.tips_mm) for look in run.looks} == {
+    assert {(check.level, check.closure, check.height_m, check.tips_mm) for check in run.looks} == {
         (None, None, None, ())
     }
 
 
-@pytest.mark.parametrize("what", [None, np.full(16, np.nan)], ids=["silent", "NaN"])
-def test_angles_that_stop_leave_slips_to_touch_and_take_over_again(what: NDArray[np.float64] | None) -> None:
+@pytest.mark.parametrize("subject", [None, np.full(16, np.nan)], ids=["silent", "NaN"])
+def test_angles_that_stop_leave_slips_to_touch_and_take_over_again(
+    subject: NDArray[np.float64] | None,
+) -> None:
     def stops(t_s: float) -> NDArray[np.float64] | None:
-        return _angles_rad(t_s) if t_s < 2.0 else what
+        return _angles_rad(t_s) if t_s < 2.0 else subject
 
     alone, run = Ran(touch=_loaded, angles_rad=None), Ran(touch=_loaded, angles_rad=stops)
     assert run.slips_s == pytest.approx(alone.slips_s, abs=0.05)
     # Nor does a height that was last known before the lift keep touch from telling.
-    early = Ran(touch=_loaded, angles_rad=lambda t_s: _angles_rad(t_s) if t_s < 0.9 else what)
+    early = Ran(touch=_loaded, angles_rad=lambda t_s: _angles_rad(t_s) if t_s < 0.9 else subject)
     assert early.slips_s == pytest.approx(alone.slips_s, abs=0.05)
     # Joints that stand still would have told nothing.
     frozen = Ran(touch=_loaded, angles_rad=lambda t_s: _angles_rad(min(t_s, 2.0)))
     assert frozen.slips_s == []
 
     def pauses(t_s: float) -> NDArray[np.float64] | None:
-        return what if 1.5 < t_s < 2.2 else _angles_rad(t_s)
+        return subject if 1.5 < t_s < 2.2 else _angles_rad(t_s)
 
     again = Ran(angles_rad=pauses)
     assert len(again.slips_s) == 1
@@ -218,12 +220,12 @@ def test_angles_that_stop_leave_slips_to_touch_and_take_over_again(what: NDArray
 
 def test_ticks_that_are_made_up_for_look_once() -> None:
     now_ns = 0
-    looks = HandLooks(lambda: _angles_rad(0.0), lambda: 0.1, ClosureScale(), lambda: now_ns)
+    looks = HandPolls(lambda: _angles_rad(0.0), lambda: 0.1, ClosureScale(), lambda: now_ns)
     first = looks(0, 3.0)
     assert first is not None
     now_ns = 60 * MS
     seen = [looks(t_ns, 3.0) for t_ns in range(3 * MS, 60 * MS, 3 * MS)]
-    assert [look is None for look in seen] == [False] + [True] * 18
+    assert [check is None for check in seen] == [False] + [True] * 18
     assert seen[0] is not None
     assert (seen[0].t_ns, seen[0].seen_ns) == (3 * MS, 60 * MS)
 
@@ -234,13 +236,13 @@ def _plain_hand(angles_rad: object, **more: bool) -> Any:
 
 
 def test_angles_of_a_silent_hand_and_those_that_are_none_are_not_passed_on() -> None:
-    def told(angles_rad: object, **more: bool) -> object:
+    def reported(angles_rad: object, **more: bool) -> object:
         return fresh_angles_rad(_plain_hand(angles_rad, **more))
 
-    assert np.array_equal(np.asarray(told([0.5] * 16)), np.full(16, 0.5))
-    assert told([0.5] * 16, silent=True) is None
-    assert told([0.5] * 15) is None
-    assert told([math.nan] + [0.5] * 15) is None
+    assert np.array_equal(np.asarray(reported([0.5] * 16)), np.full(16, 0.5))
+    assert reported([0.5] * 16, silent=True) is None
+    assert reported([0.5] * 15) is None
+    assert reported([math.nan] + [0.5] * 15) is None
 
 
 def test_a_study_keeps_no_closure_of_a_hand_that_has_told_no_angles() -> None:
@@ -263,10 +265,10 @@ def test_a_reflex_is_told_no_closure_of_a_hand_that_has_told_no_angles() -> None
         config = load_config(None, environ={}, sets=sets).config
         arc = open_reflex(config, Bus(), ["thumb"], active=lambda: True, hand=hand)
         assert arc is not None
-        told: list[ReflexGrip] = []
-        arc._tell = told.append
+        reported: list[ReflexGrip] = []
+        arc._notify = reported.append
         arc.step(0, 3.0, dict)
-        return told[0].measured
+        return reported[0].measured
 
     assert measured(_plain_hand([math.nan] * 16)) is None
     assert measured(_plain_hand(CLOSURE_POSES_RAD[2])) == pytest.approx(3.0)
@@ -276,13 +278,13 @@ def test_the_settings_choose_what_tells_slips() -> None:
     hand = _plain_hand([0.5] * 16)
     arm: Any = SimpleNamespace(height_m=lambda: 0.1)
 
-    def looks(*sets: str, hand: Any = hand, arm: Any = arm) -> HandLooks | None:
+    def looks(*sets: str, hand: Any = hand, arm: Any = arm) -> HandPolls | None:
         config = load_config(None, environ={}, sets=sets).config
-        return open_looks(config, hand=hand, arm=arm, now_ns=lambda: 0)
+        return open_hand_polls(config, hand=hand, arm=arm, now_ns=lambda: 0)
 
-    look = looks()
-    assert look is not None
-    seen = look(0, 2.0)
+    check = looks()
+    assert check is not None
+    seen = check(0, 2.0)
     assert seen is not None
     assert (seen.level, seen.height_m) == (2.0, 0.1)
     assert looks("stages.slips=hand") is not None
@@ -296,11 +298,11 @@ def test_the_settings_choose_what_tells_slips() -> None:
 def test_played_looks_go_on_from_where_the_recording_is_jumped_to() -> None:
     playhead = Playhead(from_s=6.0)
     playhead.begin(10_000 * MS, 0)
-    look = played_looks([HandLook(t_ns=t * MS, seen_ns=t * MS) for t in range(0, 9000, 9)], playhead)
+    check = played_checks([HandLook(t_ns=t * MS, seen_ns=t * MS) for t in range(0, 9000, 9)], playhead)
 
     def looks(t_ns: int) -> HandLook | None:
         playhead.reach(t_ns)
-        return look(t_ns, 3.0)
+        return check(t_ns, 3.0)
 
     assert looks(0) is None
     first = looks(3 * MS)

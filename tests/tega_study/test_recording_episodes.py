@@ -15,7 +15,7 @@ pytest.importorskip("foxglove", reason="comes with the extra record")
 
 from reference.held import PEDAL, emulated
 from reference.played import finger, muscles
-from reference.sessions import messages, record, told, tree
+from reference.sessions import messages, record, reported, tree
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.encode import encode_session
@@ -192,27 +192,27 @@ class _Foot(_Operator):
     def __init__(self, peer: Emulator, *steps: tuple[str, str | int]) -> None:
         super().__init__()
         self._peer, self._left = peer, list(steps)
-        self._shown: tuple[str, float] = ("", 0.0)
+        self._displayed: tuple[str, float] = ("", 0.0)
         self.wrong = list[str]()
 
     def show(self, screen: Screen) -> None:
         super().show(screen)
         self.wrong += screen.wrong
         now_s = time.monotonic()
-        if screen.phase != self._shown[0]:
-            self._shown = screen.phase, now_s
-        if not self._left or screen.phase != self._left[0][0] or now_s - self._shown[1] < 0.8:
+        if screen.phase != self._displayed[0]:
+            self._displayed = screen.phase, now_s
+        if not self._left or screen.phase != self._left[0][0] or now_s - self._displayed[1] < 0.8:
             return
         if screen.phase == "episode" and not (screen.big.endswith(" s") and float(screen.big[:-2]) > 1.2):
             return
-        _, what = self._left.pop(0)
-        self._shown = ("", 0.0)
-        if isinstance(what, str):
-            self._keys += list(what)
+        _, subject = self._left.pop(0)
+        self._displayed = ("", 0.0)
+        if isinstance(subject, str):
+            self._keys += list(subject)
             return
-        self._peer.say(f"press {what}")
+        self._peer.say(f"press {subject}")
         time.sleep(0.05)  # no bounce
-        self._peer.say(f"lift {what}")
+        self._peer.say(f"lift {subject}")
 
 
 _JOYSTICK = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3}
@@ -264,7 +264,7 @@ def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_
         peer.say("unplug")
         unplugged = _Foot(peer, ("ready", "qq"))
         EpisodeTaker(config, tmp_path / "s", unplugged, task="lift", pedals="b").take()
-        assert any("no pedal that is known" in said for said in unplugged.wrong)
+        assert any("no pedal that is known" in message for message in unplugged.wrong)
 
 
 @pytest.mark.slow
@@ -291,9 +291,9 @@ def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
 def called(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
     with pytest.raises(SystemExit) as ended:
         main(["recording", *words])
-    said = capsys.readouterr()
-    assert ended.value.code == code, said.err
-    return said.out if code == 0 else said.err
+    message = capsys.readouterr()
+    assert ended.value.code == code, message.err
+    return message.out if code == 0 else message.err
 
 
 @pytest.mark.slow
@@ -338,10 +338,10 @@ def test_pictures_are_encoded_anew_and_all_else_is_copied_as_it_is(
     assert [m[:3] for m in ours] == [m[:3] for m in theirs]
     assert sum(len(m[3]) for m in ours) < 0.2 * sum(len(m[3]) for m in theirs)
     pairs = zip(*(McapReader(path).messages(is_picture) for path in (small, whole)), strict=True)
-    shown = [(read_picture(a), read_picture(b)) for a, b in pairs if is_picture(a.topic)]
-    assert all(abs(a.astype(float) - b).mean() < 8 for a, b in shown)
+    displayed = [(read_picture(a), read_picture(b)) for a, b in pairs if is_picture(a.topic)]
+    assert all(abs(a.astype(float) - b).mean() < 8 for a, b in displayed)
     assert not inspect_file(small).lossless
-    assert (told(whole)["tega"]["lossless"], told(small)["tega"]["lossless"]) == ("true", "false")
+    assert (reported(whole)["tega"]["lossless"], reported(small)["tega"]["lossless"]) == ("true", "false")
     assert recorded_task(small) == "lift"
     # Contacts are taken as recorded, and what follows from them is the same bit for bit.
     assert replay_file(small).same

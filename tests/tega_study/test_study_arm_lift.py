@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from reference.study_bench import StandingBench
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.runtime.clock import SystemClock
 from tega.stages.metrics import contact_record
 from tega.tactile import ContactMetrics, contact_metrics
@@ -32,7 +32,7 @@ class _ByArm(SimulatedBench):
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         self.true = {}
-        see = going.see
+        observe = going.observe
 
         def keep(kind: Any, t_ns: int, value: float = 0.0) -> None:
             if kind == "height" and value > 0:
@@ -44,9 +44,9 @@ class _ByArm(SimulatedBench):
             elif kind == "drop":
                 self.true.setdefault("drop", t_ns / 1e9)
             else:
-                see(kind, t_ns, value)
+                observe(kind, t_ns, value)
 
-        going.see = keep  # type: ignore[method-assign]
+        going.observe = keep  # type: ignore[method-assign]
         super().run(trial, going, folder)
 
 
@@ -105,7 +105,7 @@ class _Raised(StandingBench):
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
         metrics = {held: _contact(held=held) for held in (False, True)}
-        going.tell("armed", "stands ready")
+        going.notify("armed", "stands ready")
         while not going.may_go():
             pass
         going.begin(0)
@@ -161,8 +161,8 @@ def test_a_keyed_lift_off_replaces_the_measured_one_and_both_are_kept(tmp_path: 
 def test_an_object_put_down_is_not_dropped_and_missing_pictures_drop_nothing() -> None:
     def dropped(courses: list[tuple[float, float, bool | None]]) -> list[float]:
         lift = ArmLift()
-        looks = (lift.look(t_s, arm_m, touching=touching) for t_s, arm_m, touching in courses)
-        return [look.dropped_s for look in looks if look.dropped_s is not None]
+        looks = (lift.check(t_s, arm_m, touching=touching) for t_s, arm_m, touching in courses)
+        return [check.dropped_s for check in looks if check.dropped_s is not None]
 
     up = [(k / 10, 0.3 + min(k, 20) / 100, True) for k in range(40)]
     assert dropped([*up, *((4 + k / 10, 0.5, False) for k in range(10))]) == [pytest.approx(3.9)]
@@ -174,6 +174,6 @@ def test_an_object_put_down_is_not_dropped_and_missing_pictures_drop_nothing() -
 def test_a_hand_that_lags_behind_its_command_holds_something() -> None:
     lift = ArmLift()
     for k in range(40):
-        look = lift.look(k / 10, 0.3 + min(k, 20) / 100, touching=k < 20, level=4, closure=3.5)
-        assert look.dropped_s is None
-    assert look.height_m == pytest.approx(0.2)
+        check = lift.check(k / 10, 0.3 + min(k, 20) / 100, touching=k < 20, level=4, closure=3.5)
+        assert check.dropped_s is None
+    assert check.height_m == pytest.approx(0.2)

@@ -79,18 +79,18 @@ def test_no_number_of_the_full_analysis_is_in_an_interim_report(unfinished: Path
     full, _ = analyse_study(study, unblind=True)
     numbers = sorted(set(_numbers(_results(full))))
     assert len(numbers) > 500
-    shown = {text_of for value in numbers for text_of in (repr(value), f"{value:.6g}", f"{value:.3g}")}
-    shown |= {number(value, digits) for value in numbers for digits in (2, 3)}
+    displayed = {text_of for value in numbers for text_of in (repr(value), f"{value:.6g}", f"{value:.3g}")}
+    displayed |= {number(value, digits) for value in numbers for digits in (2, 3)}
     in_report = set(re.findall(r"[−-]?\d+\.\d+(?:e-?\d+)?", text))
     # "0.05" is the level, "0.2 m" the height, "0.0625" and the like stand in the methods' text.
     write_report(_other(tmp_path), tmp_path / "other")
     static = set(re.findall(r"[−-]?\d+\.\d+", _written(tmp_path / "other")))
-    assert not (in_report & shown) - static
+    assert not (in_report & displayed) - static
     for metric in ("slips", "duration_s", "rank-biserial", "ratio"):
         assert f'"{metric}":' not in text
     # The same text with the numbers would be found: the check can fail.
     write_report(study, tmp_path / "full", unblind=True)
-    assert shown & set(re.findall(r"[−-]?\d+\.\d+(?:e-?\d+)?", _written(tmp_path / "full")))
+    assert displayed & set(re.findall(r"[−-]?\d+\.\d+(?:e-?\d+)?", _written(tmp_path / "full")))
 
 
 def _other(folder: Path) -> Path:
@@ -105,28 +105,28 @@ def test_unblinding_is_kept_and_reported_for_ever(unfinished: Path, tmp_path: Pa
     study = _copy(unfinished, tmp_path)
     early, _ = analyse_study(study)
     assert (early.blind, early.tests, early.trials, early.unblinded) == (True, (), (), ())
-    asked, material = analyse_study(study, unblind=True)
-    assert not asked.blind
-    assert asked.tests
+    requested, material = analyse_study(study, unblind=True)
+    assert not requested.blind
+    assert requested.tests
     assert material.courses
-    (said,) = asked.unblinded
-    assert re.fullmatch(r"\d{4}-\d\d-\d\d: 6 of 7 people complete", said)
+    (message,) = requested.unblinded
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d: 6 of 7 people complete", message)
     shutil.rmtree(study / "sessions" / "p07")
     (study / "withdrawn.txt").write_text("p07\n")
     complete = write_report(study)
     assert not complete.analysis.interim
-    assert complete.analysis.unblinded == (said,)
-    assert f"before the plan was complete: {said}" in complete.page.read_text()
+    assert complete.analysis.unblinded == (message,)
+    assert f"before the plan was complete: {message}" in complete.page.read_text()
     export(study, tmp_path / "open", key="secret")
     assert analyse_study(tmp_path / "open")[0].unblinded == ("6 of 7 people complete",)
 
 
 def test_the_verb_withholds_results_unless_told(unfinished: Path, tmp_path: Path) -> None:
     study = str(_copy(unfinished, tmp_path))
-    shown = CliRunner().invoke(cli, ["study", "report", study])
-    assert "6 people complete; results are withheld" in shown.stdout
-    assert "Table I" not in shown.stdout
-    told = json.loads(CliRunner().invoke(cli, ["study", "report", study, "--json"]).stdout)
-    assert (told["blind"], told["table1"], told["tests"]) == (True, [], [])
-    shown = CliRunner().invoke(cli, ["study", "report", study, "--unblind"])
-    assert "Table I" in shown.stdout
+    displayed = CliRunner().invoke(cli, ["study", "report", study])
+    assert "6 people complete; results are withheld" in displayed.stdout
+    assert "Table I" not in displayed.stdout
+    reported = json.loads(CliRunner().invoke(cli, ["study", "report", study, "--json"]).stdout)
+    assert (reported["blind"], reported["table1"], reported["tests"]) == (True, [], [])
+    displayed = CliRunner().invoke(cli, ["study", "report", study, "--unblind"])
+    assert "Table I" in displayed.stdout

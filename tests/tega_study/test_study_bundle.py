@@ -232,7 +232,7 @@ def later(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (other_event, r"sessions/p01/events\.jsonl is not as it was written"),
         (longer, r"plan\.csv is not as it was written"),
@@ -249,14 +249,14 @@ def later(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
     ],
 )  # fmt: skip
 def test_what_was_changed_on_the_way_is_refused_and_nothing_is_left(
-    change: Callable[[dict[str, bytes], dict[str, Any]], None], said: str, study: Path, tmp_path: Path
+    change: Callable[[dict[str, bytes], dict[str, Any]], None], message: str, study: Path, tmp_path: Path
 ) -> None:
     write_bundle(study, "p01", tmp_path / "p01.zip")
     open_bundle(rewritten(tmp_path / "p01.zip", lambda _held, _manifest: None), tmp_path / "unchanged")
     foreign = rewritten(tmp_path / "p01.zip", change)
     shutil.rmtree(tmp_path / "unchanged")
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(TegaError, match=said):
+    with pytest.raises(TegaError, match=message):
         open_bundle(foreign, tmp_path / "there")
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -303,17 +303,17 @@ def test_the_verbs(
     def call(*words: str, code: int = 0) -> str:
         with pytest.raises(SystemExit) as ended:
             main(["study", *words])
-        told = capsys.readouterr()
-        assert ended.value.code == code, told.err
-        return told.out
+        reported = capsys.readouterr()
+        assert ended.value.code == code, reported.err
+        return reported.out
 
     monkeypatch.chdir(tmp_path)
     assert "p01.zip: p01, 4 trials, " in call("bundle", "study", "p01", "p01.zip")
-    said = call("open", "p01.zip")
-    assert said.startswith("p01: p01, ")
-    assert "not data of a person" in said
-    assert "haptic: 2 trials that count, 2 successes, 2 slips, 0 deformations" in said
-    assert "4 trials, worked out again: the same" in said
+    message = call("open", "p01.zip")
+    assert message.startswith("p01: p01, ")
+    assert "not data of a person" in message
+    assert "haptic: 2 trials that count, 2 successes, 2 slips, 0 deformations" in message
+    assert "4 trials, worked out again: the same" in message
     assert "p01  complete" in call("status", "p01")
 
     def better(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
@@ -404,11 +404,11 @@ def test_bundles_of_two_sites_are_one_table_of_each_and_of_all(
 ) -> None:
     here, there = site(tmp_path / "here", 3), site(tmp_path / "there", 4, 3)
     out = tmp_path / "table1.csv"
-    said = json.loads(call(capsys, "study", "sites", *here, *there, "--out", out, "--json")[0])
-    assert [one["complete"] for one in said["sites"]] == [2, 3]
-    assert (said["interim"], said["rehearsed"]) == (False, True)
+    message = json.loads(call(capsys, "study", "sites", *here, *there, "--out", out, "--json")[0])
+    assert [one["complete"] for one in message["sites"]] == [2, 3]
+    assert (message["interim"], message["rehearsed"]) == (False, True)
     rows = [line.split(",") for line in out.read_text().splitlines()]
-    assert rows == said["table1"]
+    assert rows == message["table1"]
     assert rows[0] == ["Site", "People", "Condition", "Metric", "bag"]
     # Two trials a person and condition, each of 9 s with one slip and lifted.
     n = {"site 1": 2, "site 2": 3, "all": 5}
@@ -430,8 +430,8 @@ def test_no_table_of_sites_before_their_plans_are_complete_nor_of_unlike_ones(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     here, there = site(tmp_path / "here", 3), site(tmp_path / "there", 4, objects=["egg"])
-    told = call(capsys, "study", "sites", here[0], code=1)[1]
-    assert "site 1: 1 of 2 people of its plan are complete and here" in told
+    reported = call(capsys, "study", "sites", here[0], code=1)[1]
+    assert "site 1: 1 of 2 people of its plan are complete and here" in reported
     assert "interim" in call(capsys, "study", "sites", here[0], "--unblind")[0]
     assert "p01 of this plan is given twice" in call(capsys, "study", "sites", here[0], here[0], code=1)[1]
     assert "sites differ" in call(capsys, "study", "sites", *here, *there, code=1)[1]

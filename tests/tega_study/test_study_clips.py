@@ -190,13 +190,15 @@ def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(
 @pytest.mark.slow
 def test_a_lossless_recording_is_shown_as_good_as_it_is(tmp_path: Path) -> None:
     path = record(tmp_path)
-    shown = read_reel(RecordedTrial("p01-t01", 1, 1, "bag", LEAD_NS, LENGTH_NS, LEAD_NS, tmp_path))
+    displayed = read_reel(RecordedTrial("p01-t01", 1, 1, "bag", LEAD_NS, LENGTH_NS, LEAD_NS, tmp_path))
     pictures = read_recorded(path, Picture).of(Picture)
     raw = [(one.t_ns, one.image) for one in pictures if one.finger == "thumb"]
-    assert shown.fingers == ["thumb", "ring"]
+    assert displayed.fingers == ["thumb", "ring"]
     for at_ns in (0, 400 * MS, 1200 * MS):
-        assert (shown.picture("ring", at_ns) is not None) == (at_ns < S), "that sensor ends after a second"
-        thumb = shown.picture("thumb", at_ns)
+        assert (displayed.picture("ring", at_ns) is not None) == (at_ns < S), (
+            "that sensor ends after a second"
+        )
+        thumb = displayed.picture("thumb", at_ns)
         assert thumb is not None
         newest = [image for t_ns, image in raw if t_ns - LEAD_NS <= at_ns][-2:]
         assert min(np.abs(thumb.astype(int) - image).mean() for image in newest) < 2.0
@@ -264,10 +266,10 @@ def test_a_recording_that_cannot_be_shown_is_named_and_left_out(folder: Path, tm
     assert f"of another trial, {second.id}" in why[third.id]
     shutil.copy(first.folder / "trial-001.mcap.part", fourth.folder / "trial-001.mcap")
     shutil.rmtree(first.folder)
-    with pytest.raises(DeviceUnavailableError) as told:
+    with pytest.raises(DeviceUnavailableError) as reported:
         make_clips(folder, tmp_path / "none", "r2")
     for words in (f"{first.id}: no recording", f"{fourth.id}: trial-001.mcap is of another trial"):
-        assert words in str(told.value)
+        assert words in str(reported.value)
 
 
 def test_an_account_is_live_or_of_clips(folder: Path, tmp_path: Path) -> None:
@@ -282,9 +284,9 @@ def test_an_account_is_live_or_of_clips(folder: Path, tmp_path: Path) -> None:
 
 def test_the_player_of_before_names_the_clips(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words in (("--recorded",), ("--recorded", "--no-view")):
-        _, said = call(capsys, "study", "observe", folder, "p01", "--rater", "r3", *words, code=1)
-        assert "recordings are coded in BORIS" in said
-        assert f"hint: tega-teleop study clips {folder} OUT --rater r3" in said
+        _, message = call(capsys, "study", "observe", folder, "p01", "--rater", "r3", *words, code=1)
+        assert "recordings are coded in BORIS" in message
+        assert f"hint: tega-teleop study clips {folder} OUT --rater r3" in message
     assert not observer_path(folder, "p01", "r3").exists()
 
 
@@ -343,8 +345,8 @@ def test_proposals_are_confirmed_rejected_moved_and_added_to(folder: Path, tmp_p
         events = read_observers(folder, person)["r1"]
         starts = {e.trial: e.t_ns for e in events if e.kind == "trial_start"}
         assert all(saw_whole(events, trial, 1) for trial in starts)
-        said = [(e.kind, (e.t_ns - starts[e.trial]) / S) for e in events if e.kind in {"slip", "drop"}]
-        assert said == [("slip", 0.5), ("slip", 1.0), ("drop", 1.2)] * 2
+        message = [(e.kind, (e.t_ns - starts[e.trial]) / S) for e in events if e.kind in {"slip", "drop"}]
+        assert message == [("slip", 0.5), ("slip", 1.0), ("drop", 1.2)] * 2
     with pytest.raises(InvalidValueError, match="r1 has scored p01 already"):
         take_clips(folder, project, "r1")
     # Whoever was shown what the detector says is not compared with it.
@@ -405,10 +407,10 @@ def test_a_project_that_was_spoilt_is_refused_and_nothing_is_taken(
     make_clips(folder, tmp_path / "out", "r1")
     path = tmp_path / "out" / "r1.boris"
     tree = json.loads(path.read_text(encoding="utf-8"))
-    change, said = BAD[name]
+    change, message = BAD[name]
     change(tree)
     path.write_text(json.dumps(tree), encoding="utf-8")
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=message):
         take_clips(folder, path, "r1")
     assert not observer_path(folder, "p01", "r1").exists()
 
@@ -459,8 +461,8 @@ def test_without_recordings_there_are_no_clips(folder: Path, tmp_path: Path) -> 
 
 def test_the_verb(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    said = json.loads(call(capsys, "study", "clips", folder, out, "--rater", "r1", "--json", code=0)[0])
-    assert said == {"project": str(out / "r1.boris"), "clips": 4, "left_out": []}
+    message = json.loads(call(capsys, "study", "clips", folder, out, "--rater", "r1", "--json", code=0)[0])
+    assert message == {"project": str(out / "r1.boris"), "clips": 4, "left_out": []}
     words, _ = call(capsys, "study", "clips", folder, "--rater", "r1", "--take", out / "r1.boris", code=0)
     assert "p01: 2 trials of rater r1 taken in" in words
     call(capsys, "study", "clips", folder, "--rater", "r1", code=2)

@@ -139,10 +139,10 @@ def test_accounts_without_a_common_event_say_why(folder: Path, tmp_path: Path) -
     found = {(one.kind, one.a, one.b): one for one in agreements(here)}
     assert found["deformation", "truth", "experimenter"].note == "no event of truth"
     assert found["lift_off", "truth", "experimenter"].note == "no event of experimenter"
-    shown = CliRunner().invoke(study, ["score", str(here)]).output
-    (head,) = [line for line in shown.splitlines() if line.startswith("event ")]
+    displayed = CliRunner().invoke(study, ["score", str(here)]).output
+    (head,) = [line for line in displayed.splitlines() if line.startswith("event ")]
     assert "n first  n second" in head
-    assert "no event of truth" in shown
+    assert "no event of truth" in displayed
     analysis, _ = analyse_study(here)
     assert analysis.counted_by == {"the simulation": 2, "the simulation and the experimenter": 1}
     assert "counted by the simulation in 2 trials; the simulation and the experimenter in 1 trial" in (

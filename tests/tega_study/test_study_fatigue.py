@@ -16,7 +16,7 @@ from tega_study.analyse import analyse_study
 from tega_study.journal import JournalEvent, events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
-from tega_study.lead.fatigue import said_of_muscles, said_of_squeezes, trial_medians
+from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence, trial_medians
 from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
 from tega_study.page import report_html
@@ -42,7 +42,7 @@ def test_a_trial_s_value_is_the_middle_of_its_seconds_of_effort() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values_hz", "said"),
+    ("values_hz", "message"),
     [
         ([], []),
         ([100.0], []),
@@ -54,24 +54,24 @@ def test_a_trial_s_value_is_the_middle_of_its_seconds_of_effort() -> None:
         ([80.0, 88.0], ["ch1 +10 %"]),
     ],
 )
-def test_the_newest_trials_are_held_against_the_first(values_hz: list[float], said: list[str]) -> None:
-    lines = said_of_muscles(muscles(*values_hz))
-    assert len(lines) == len(said)
-    assert all(part in line for part, line in zip(said, lines, strict=True))
+def test_the_newest_trials_are_held_against_the_first(values_hz: list[float], message: list[str]) -> None:
+    lines = muscle_sentence(muscles(*values_hz))
+    assert len(lines) == len(message)
+    assert all(part in line for part, line in zip(message, lines, strict=True))
 
 
-def squeezes(*said: float | str) -> list[JournalEvent]:
+def squeezes(*message: float | str) -> list[JournalEvent]:
     """Return events: a squeeze for each number, and what else is named."""
     return [
         JournalEvent(n=n, t_ns=n, kind="squeeze", value=one)
         if isinstance(one, float)
         else JournalEvent(n=n, t_ns=n, kind=one, trial=1)  # type: ignore[arg-type]
-        for n, one in enumerate(said, start=1)
+        for n, one in enumerate(message, start=1)
     ]
 
 
 @pytest.mark.parametrize(
-    ("said", "shares"),
+    ("message", "shares"),
     [
         ((), []),
         ((0.8,), [1.0]),
@@ -83,12 +83,12 @@ def squeezes(*said: float | str) -> list[JournalEvent]:
     ],
 )
 def test_a_squeeze_is_a_share_of_the_last_before_the_first_trial(
-    said: tuple[float | str, ...], shares: list[float]
+    message: tuple[float | str, ...], shares: list[float]
 ) -> None:
-    events = squeezes(*said)
+    events = squeezes(*message)
     assert list(squeeze_shares(events).values()) == pytest.approx(shares)
-    shown = f"squeeze: {100 * shares[-1]:.0f} % of the first" if len(shares) > 1 else None
-    assert said_of_squeezes(events) == ([] if shown is None else [shown])
+    displayed = f"squeeze: {100 * shares[-1]:.0f} % of the first" if len(shares) > 1 else None
+    assert squeeze_sentence(events) == ([] if displayed is None else [displayed])
 
 
 def test_a_task_of_a_rest_is_ended_by_the_experimenter_and_tells_what_was_wrong() -> None:
@@ -120,7 +120,7 @@ class _Looking:
         self._events, self._keys = events_path(folder, "p01"), list[str]()
         self._tire = tire
         self.phase = ""
-        self.shown: list[str] = []
+        self.displayed: list[str] = []
         self.said: list[str] = []
 
     def show(self, screen: Screen) -> None:
@@ -130,7 +130,7 @@ class _Looking:
             squeezed = self.phase == "task" or ("g", "a squeeze against the first") not in screen.keys
             self._keys.append(ENTER if squeezed else "g")
         if screen.phase in {"rest", "ready"}:
-            self.shown += screen.lines
+            self.displayed += screen.lines
         if screen.phase == "trial" and float(screen.big.split(" s of")[0]) > 4:
             self._keys.append("e")
         self.phase = screen.phase
@@ -177,14 +177,14 @@ def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path:
         mine = {e.item: e.value for e in events if e.kind == "muscles" and e.trial == trial.trial}
         assert set(mine) == {"ch1", "ch2", "ch3"}
         assert all(value is not None and 20 < value < 450 for value in mine.values())
-    assert any(line.startswith("median frequency against the first trials: ch1 ") for line in desk.shown)
+    assert any(line.startswith("median frequency against the first trials: ch1 ") for line in desk.displayed)
     # The muscles worked half as much from the first squeeze on; nothing else of the bench was opened for it.
     first, second = (event for event in events if event.kind == "squeeze")
     assert (first.trial, second.trial) == (0, 1)
     assert squeeze_shares(events)[second.n] == pytest.approx(0.5, abs=0.1), (first, second, desk.said)
     share = study_trials(folder)[1][0].squeeze_share
     assert share == squeeze_shares(events)[second.n]
-    assert f"squeeze: {100 * share:.0f} % of the first" in desk.shown
+    assert f"squeeze: {100 * share:.0f} % of the first" in desk.displayed
     page = report_html(analyse_study(folder)[0], {})
     assert "squeeze after" in page
     assert f">{100 * share:.0f}\N{NO-BREAK SPACE}%<" in page

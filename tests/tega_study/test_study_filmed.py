@@ -96,10 +96,10 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
         "name": "front", "source": str(now), "width": SMALL.width, "height": SMALL.height, "rate_hz": RATE_HZ,
         "lens": str(lab / "front.json"), "layout": str(lab / "tags.toml"),
     }  # fmt: skip
-    said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in camera.items())
+    message = ", ".join(f"{key} = {json.dumps(value)}" for key, value in camera.items())
     words = [sys.executable, "-m", "tega.ui.cli", "study", "run", str(folder), person, "--emulated",
              "--time-scale", "0.1",
-             "--set", f"scene=[{{ {said} }}]"]  # fmt: skip
+             "--set", f"scene=[{{ {message} }}]"]  # fmt: skip
     ours, theirs = pty.openpty()
     with ExitStack() as stack:
         stack.callback(os.close, ours)
@@ -109,11 +109,11 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
         stack.callback(process.wait)
         stack.callback(process.kill)
         os.close(theirs)
-        shown, marked = b"", set[tuple[int, int]]()
+        displayed, marked = b"", set[tuple[int, int]]()
         end_s = time.monotonic() + 300
         while process.poll() is None:
-            assert time.monotonic() < end_s, shown[-4000:].decode(errors="replace")
-            shown += drained(ours)
+            assert time.monotonic() < end_s, displayed[-4000:].decode(errors="replace")
+            displayed += drained(ours)
             board = read_board(board_path(folder, person))
             if board is None:
                 continue
@@ -135,9 +135,9 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
                     os.write(ours, b"  " if kind == "lift" else b"x")
                     marked.add((board.trial, board.attempt))
             time.sleep(0.2)
-        shown += drained(ours)
-        assert process.returncode == 0, shown[-4000:].decode(errors="replace")
-        assert b"scores the trials by rule" in shown
+        displayed += drained(ours)
+        assert process.returncode == 0, displayed[-4000:].decode(errors="replace")
+        assert b"scores the trials by rule" in displayed
 
 
 def drained(fd: int) -> bytes:
@@ -176,8 +176,8 @@ def film_begins_ns(recording: Path) -> int:
     """Return the machine's clock at the first picture."""
     reader = McapReader(recording)
     first = next(one.log_ns for one in reader.messages() if one.topic == "/scene/front/video")
-    told = reader.metadata["tega"]
-    return first - int(told["epoch_ns"]) + int(told["start_ns"])
+    reported = reader.metadata["tega"]
+    return first - int(reported["epoch_ns"]) + int(reported["start_ns"])
 
 
 def true_events(folder: Path, person: str, trial: int) -> list[tuple[str, float]]:

@@ -21,18 +21,18 @@ def forms_of(folder: Path, **settings: Any) -> dict[str, str]:
 
 
 def test_the_forms_say_what_the_plan_says(tmp_path: Path) -> None:
-    said = forms_of(
+    message = forms_of(
         tmp_path / "a", trials=3, conditions=["haptic", "non-haptic", "event-gated"], window_s=20.0
     )
-    assert set(said) == set(FORMS)
-    consent = said["consent.md"]
+    assert set(message) == set(FORMS)
+    consent = message["consent.md"]
     assert "There are 18 trials of up to 20 s each" in consent
     assert "lift cup, bag" in consent
     assert "3 conditions are compared: haptic, non-haptic, event-gated" in consent
     assert "beeps" not in consent
-    assert "with 4 people" in said["data-protection.md"]
-    assert not any("{{" in text or "{%" in text for text in said.values())
-    assert all("no legal advice" in text and "[" in text for text in said.values())
+    assert "with 4 people" in message["data-protection.md"]
+    assert not any("{{" in text or "{%" in text for text in message.values())
+    assert all("no legal advice" in text and "[" in text for text in message.values())
     assert "beeps, which you answer with a foot pedal" in forms_of(tmp_path / "b", probe=True)["consent.md"]
 
 

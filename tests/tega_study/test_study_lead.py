@@ -67,10 +67,10 @@ def test_an_answer_is_one_key_and_can_be_taken_back_until_the_last_is_kept(tmp_p
         rest = {trial.trial for trial in plan.of("p01")} - set(block)
         assert blocks_to_ask(plan.of("p01"), journal.events, rest) == [block[-1]]
 
-        def asked() -> BlockQuestions:
+        def requested() -> BlockQuestions:
             return BlockQuestions(journal, SystemClock(), block[-1], "p01")
 
-        block_one = asked()
+        block_one = requested()
         for key in "sdx":  # keyed a moment too late, when the trial was over
             block_one.press(key)
         assert "rating" not in kinds(journal.events)
@@ -80,7 +80,7 @@ def test_an_answer_is_one_key_and_can_be_taken_back_until_the_last_is_kept(tmp_p
         assert (screen.big, screen.heading) == ("Temporal Demand", "p01 · question 3 of 11")
         assert screen.lines[:2] == ["How hurried or rushed was the pace of the task?", "0 low … 100 high"]
         assert " ".join(screen.lines[2:]).split() == [w for n, k in enumerate(KEYS) for w in (k, str(5 * n))]
-        again = asked()  # the program was stopped here
+        again = requested()  # the program was stopped here
         again.press(ENTER)
         for key in "kfmu-bcqe":
             again.press(key)
@@ -189,8 +189,8 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
         assert len(course.t_s) > 20
         assert course.cci.max() > 0
     # What is kept of it can be shown to a rater: in words, where the object is.
-    for shown in recorded_trials(folder, "p01")[0]:
-        _, height, *_ = read_reel(shown).lines(shown.length_ns)
+    for displayed in recorded_trials(folder, "p01")[0]:
+        _, height, *_ = read_reel(displayed).lines(displayed.length_ns)
         assert float(height.removeprefix("height: ").removesuffix(" cm")) > 19
     board = read_board(board_path(folder, "p01"))
     assert board is not None
@@ -266,13 +266,13 @@ class _Lifting(StandingBench):
     sees_height = True
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:  # noqa: ARG002
-        going.tell("armed", "stands ready")
+        going.notify("armed", "stands ready")
         while not going.over() and not going.may_go():
             time.sleep(0.001)
         going.begin(0)
         time.sleep(0.2)  # so that the experimenter sees the trial, and can press a key in it
         for t_ms in range(0, 1500, 50):
-            going.see("height", t_ms * 1_000_000, 0.25)
+            going.observe("height", t_ms * 1_000_000, 0.25)
         while not going.over():
             time.sleep(0.001)
 
@@ -290,9 +290,9 @@ def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool,
     rest = [(k, 1) for k in (1, 2, 3, 4) if k not in block]
     first = [(k, 1) for k in block]
     assert ran == ([*first, *rest, (4, 2)] if last else [*first, (1, 2), *rest])
-    (asked,) = [event for event in events_of(folder) if event.kind == "redo"]
+    (requested,) = [event for event in events_of(folder) if event.kind == "redo"]
     number = 4 if last else 1
-    assert (asked.trial, asked.attempt, asked.text) == (number, 1, "the gel came off")
+    assert (requested.trial, requested.attempt, requested.text) == (number, 1, "the gel came off")
     # The slip that was keyed in each attempt is counted once.
     trials = study_trials(folder)[1]
     assert [trial.status for trial in trials] == ["done"] * 4
@@ -302,8 +302,10 @@ def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool,
     assert [trial.slips + trial.slips_before for trial in trials] == [1] * 4
     analysis, _ = analyse_study(folder)
     assert analysis.flow.redone == {trials[number - 1].id: "the gel came off"}
-    told = f"done again, and their first attempts do not count: {trials[number - 1].id}: the gel came off."
-    assert told in report_html(analysis, {})
+    reported = (
+        f"done again, and their first attempts do not count: {trials[number - 1].id}: the gel came off."
+    )
+    assert reported in report_html(analysis, {})
 
 
 @pytest.mark.parametrize("auto", [False, True])
@@ -505,8 +507,8 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     assert [(trial.success, trial.slips, trial.slips_before) for trial in trials] == [(True, 1, 0)] * 3
     for trial, planned in zip(trials, plan.of("p01"), strict=True):
         where = folder / "recordings" / "p01" / f"{planned.id}-a1"
-        told = read_recorded(next(where.glob("*.mcap"))).head.config.stages.mapping.name
-        assert told == ("pulses" if trial.condition == "event-gated" else "equal-steps")
+        reported = read_recorded(next(where.glob("*.mcap"))).head.config.stages.mapping.name
+        assert reported == ("pulses" if trial.condition == "event-gated" else "equal-steps")
         facts = json.loads((where / "trial.json").read_text())
         strongest = touched = 0.0
         first_ns = None
@@ -573,13 +575,13 @@ def test_a_standard_input_that_has_ended_stops_a_session_unless_nobody_needs_to_
     monkeypatch: pytest.MonkeyPatch, *, alone: bool, stops: bool
 ) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO("y\n"))
-    heard, stopped = list[str](), False
+    received, stopped = list[str](), False
     with LineDesk(alone=alone) as desk:
         for _ in range(20):
             try:
-                heard += desk.keys()
+                received += desk.keys()
             except KeyboardInterrupt:
                 stopped = True
             time.sleep(0.01)
-    assert heard == ["y"]
+    assert received == ["y"]
     assert stopped is stops

@@ -58,7 +58,7 @@ def test_what_a_rater_saw_whole_counts_and_the_first_rater_wins(folder: Path) ->
             # A second late is human; later it would belong to no trial.
             assert first.press("slip", 21 * S) == ""
             assert "no trial" in first.press("slip", 22 * S)
-            second.look(22 * S)
+            second.check(22 * S)
             first.note("the bag was wet", 30 * S)
     seen = read_observers(folder, "p01")
     assert saw_whole(seen["r1"], 1, 1)
@@ -77,10 +77,10 @@ def test_a_console_that_was_away_says_so_and_its_trial_does_not_count(folder: Pa
         with Observing(folder, "p01", "r1", t_ns=S) as observing:
             observing.press("slip", 11 * S)
         with Observing(folder, "p01", "r1", t_ns=13 * S) as observing:
-            assert len(observing.look(13 * S).events) == 1
+            assert len(observing.check(13 * S).events) == 1
             observing.press("slip", 14 * S)
             main.add("trial_end", t_ns=20 * S, trial=1, status="done", success=True, source="auto")
-            observing.look(21 * S)
+            observing.check(21 * S)
     path = observer_path(folder, "p01", "r1")
     assert kinds(path) == ["session_start", "trial_start", "slip", "session_start", "slip", "trial_end"]
     assert not saw_whole(read_events(path), 1, 1)
@@ -88,16 +88,16 @@ def test_a_console_that_was_away_says_so_and_its_trial_does_not_count(folder: Pa
 
 def test_the_session_may_stop_and_come_back(folder: Path) -> None:
     with Observing(folder, "p01", "r1", t_ns=0) as observing:
-        assert observing.look(0).board is None
+        assert observing.check(0).board is None
         assert observing.press("slip", S) == "no trial has begun yet"
         with begin(folder, S) as main:
             main.add("trial_start", t_ns=2 * S, trial=1, source="auto")
             assert observing.press("slip", 3 * S) == ""
         assert observing.press("slip", 4 * S) == ""  # nobody leads, the keys are kept
         with begin(folder, 5 * S) as main:  # closes the trial as broken off
-            assert observing.look(5 * S).running is None
+            assert observing.check(5 * S).running is None
             main.add("trial_start", t_ns=9 * S, trial=2, source="auto")
-            now = observing.look(10 * S)
+            now = observing.check(10 * S)
             assert now.running is not None
             assert now.running[0].trial == 2
             assert now.events == ()
@@ -121,7 +121,7 @@ def test_an_export_has_the_raters_under_new_names(folder: Path, tmp_path: Path) 
             observing.note("secret", 11 * S)
             observing.press("slip", 11 * S)
             main.add("trial_end", t_ns=20 * S, trial=1, status="done", success=True, source="auto")
-            observing.look(20 * S)
+            observing.check(20 * S)
     export(folder, tmp_path / "open", key="k")
     everything = b"".join(path.read_bytes() for path in (tmp_path / "open").rglob("*.jsonl"))
     assert b"anna" not in everything
@@ -219,8 +219,8 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
         await made.pause(0.3)
         assert "TRIAL 2" in str(app.query_one("#phase", Static).render())
         assert "no pictures" in str(app.query_one("#health", Static).render())
-        shown = " ".join(str(one.render()) for one in app.query(Static))
-        assert "haptic" not in shown
+        displayed = " ".join(str(one.render()) for one in app.query(Static))
+        assert "haptic" not in displayed
 
     pilot(folder, play)
     main.close()

@@ -92,7 +92,7 @@ def test_a_drawn_study_is_found_where_the_report_finds_it() -> None:
     """Drawn sums, each given to the report as trials: as many studies are significant there as the planner says."""
     spread, people, runs = EffectSpread(0.0, 0.0, 0.0, 0.0, 0.0), 9, 60
     family = [PlannedTest("slips", 3.0, 4.0), PlannedTest("slips", 4.0, 4.0)]
-    said = power_of(family, people=people, trials=1, spread=spread, runs=2000).found
+    text = power_of(family, people=people, trials=1, spread=spread, runs=2000).found
     random, found = np.random.default_rng(5), 0
     for _ in range(runs):
         counts = random.poisson([[[3.0, 4.0], [4.0, 4.0]]] * people)
@@ -116,7 +116,7 @@ def test_a_drawn_study_is_found_where_the_report_finds_it() -> None:
         rows = compare(trials, ["o0", "o1"], ("haptic", "non-haptic"), family=["slips:o0", "slips:o1"])
         (row,) = (t for t in rows if (t.metric, t.object, t.level) == ("slips", "o0", "people"))
         found += row.p_holm is not None and row.p_holm < 0.05
-    assert found / runs == pytest.approx(said, abs=3 * (said * (1 - said) / runs) ** 0.5)
+    assert found / runs == pytest.approx(text, abs=3 * (text * (1 - text) / runs) ** 0.5)
 
 
 def test_a_plan_with_too_few_people_is_refused_and_written_with_a_warning(tmp_path: Path) -> None:
@@ -125,24 +125,24 @@ def test_a_plan_with_too_few_people_is_refused_and_written_with_a_warning(tmp_pa
         done = CliRunner().invoke(cli, ["study", "plan", "--participants", str(people), "--out", out, *more])
         return done.exit_code, str(done.exception or "") + done.output + done.stderr
 
-    code, said = plan(8)
+    code, text = plan(8)
     assert code != 0
-    assert "slips 9, deformations 9" in said
+    assert "slips 9, deformations 9" in text
     assert not (tmp_path / "80").exists()
-    code, said = plan(8, "--anyway")
-    assert (code, "warning: with 8 people" in said) == (0, True)
-    code, said = plan(9)
-    assert (code, "warning" in said) == (0, False)
-    code, said = plan(2, "--simulated")
-    assert (code, "warning" in said) == (0, True)
+    code, text = plan(8, "--anyway")
+    assert (code, "warning: with 8 people" in text) == (0, True)
+    code, text = plan(9)
+    assert (code, "warning" in text) == (0, False)
+    code, text = plan(2, "--simulated")
+    assert (code, "warning" in text) == (0, True)
 
 
 def test_the_verb_prints_the_least_number_of_people() -> None:
     done = CliRunner().invoke(cli, ["study", "power", "--json", "--tests", "1", "--slips", "0.5,4"])
-    told = json.loads(done.stdout)
-    assert told["least_people"] == 6
-    assert [row["people_for_80"] for row in told["rows"]] == [6, 6, 6]
-    assert told["rows"][0]["power"] == {"6": 1.0, "9": 1.0, "12": 1.0, "18": 1.0, "24": 1.0}
+    reported = json.loads(done.stdout)
+    assert reported["least_people"] == 6
+    assert [row["people_for_80"] for row in reported["rows"]] == [6, 6, 6]
+    assert reported["rows"][0]["power"] == {"6": 1.0, "9": 1.0, "12": 1.0, "18": 1.0, "24": 1.0}
 
 
 def test_means_that_cannot_be_drawn_are_refused() -> None:

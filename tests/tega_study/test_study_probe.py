@@ -95,7 +95,7 @@ def test_a_beep_is_a_tone_in_the_noise_and_says_when_it_left(port: SoundPort) ->
     assert abs(tone[0]) < 1e-4
     port.latency_s = 0.2
     with MaskingSound(MaskingSection(), beeps=True) as sound:
-        asked_ns = time.monotonic_ns()
+        requested_ns = time.monotonic_ns()
         sound.beep()
         while not (sounded := sound.sounded_ns()):
             time.sleep(0.005)
@@ -103,7 +103,7 @@ def test_a_beep_is_a_tone_in_the_noise_and_says_when_it_left(port: SoundPort) ->
         while time.monotonic() < until_s:
             time.sleep(0.01)
         assert sound.words == "none"
-    assert sounded[0] - asked_ns >= 0.2e9
+    assert sounded[0] - requested_ns >= 0.2e9
     played = np.concatenate(port.played)
     loud = np.flatnonzero(np.abs(played[:, 0]) > 0)
     assert (played[:, 0] == played[:, 1]).all()
@@ -177,7 +177,11 @@ def test_a_session_with_a_second_task_scores_it_beside_the_outcome(port: SoundPo
         assert (trial.beeps_answered, trial.false_answers) == (len(reactions_s), 2 - len(reactions_s))
         assert trial.reaction_s == (pytest.approx(np.median(reactions_s)) if reactions_s else None)
     assert {e.source for e in events if e.kind == "answer"} == {"participant"}
-    assert sum("beeps answered" in said for said in desk.said) == sum(trial.beeps > 0 for trial in trials) > 0
+    assert (
+        sum("beeps answered" in message for message in desk.said)
+        == sum(trial.beeps > 0 for trial in trials)
+        > 0
+    )
     uses = probe_uses(trials, ["haptic", "non-haptic"])
     assert sum(use.beeps for use in uses) == sum(trial.beeps for trial in trials)
     export(folder, tmp_path / "open", key="secret")

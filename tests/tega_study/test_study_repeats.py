@@ -24,15 +24,15 @@ class _Desk:
 
     def __init__(self, ends: list[str], in_rest: dict[str, str] | None = None) -> None:
         self._ends, self._in_rest = ends, in_rest or {}
-        self._shown, self._waiting = "", list[str]()
+        self._displayed, self._waiting = "", list[str]()
         self.said: list[str] = []
         self.offered: set[str] = set()
 
     def show(self, screen: Screen) -> None:
         self.offered |= {words for _, words in screen.keys}
-        if self._shown == screen.phase + screen.heading:
+        if self._displayed == screen.phase + screen.heading:
             return
-        self._shown = screen.phase + screen.heading
+        self._displayed = screen.phase + screen.heading
         if screen.phase == "trial":
             self._waiting.append(self._ends.pop(0))
         elif screen.phase == "ready":
@@ -62,9 +62,9 @@ def _study(folder: Path) -> Path:
 
 
 def _status(folder: Path) -> tuple[dict[str, object], str]:
-    shown = CliRunner().invoke(cli, ["study", "status", str(folder)])
+    displayed = CliRunner().invoke(cli, ["study", "status", str(folder)])
     found = CliRunner().invoke(cli, ["study", "status", str(folder), "--json"])
-    return json.loads(found.stdout)["participants"][0], shown.stdout
+    return json.loads(found.stdout)["participants"][0], displayed.stdout
 
 
 def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(tmp_path: Path) -> None:
@@ -73,9 +73,9 @@ def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(tmp_path: Path) -
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001, trials=3)
     state = derive(read_plan(folder).of("p01"), read_events(events_path(folder, "p01")))
     assert (state.next, state.n_over, state.broken_off) == ((1, 4), 0, [1])
-    row, shown = _status(folder)
+    row, displayed = _status(folder)
     assert (row["over"], row["broken_off"], row["without_data"]) == (0, [1], [])
-    assert "broken off and to be repeated: 1" in shown
+    assert "broken off and to be repeated: 1" in displayed
     assert "broken off and to be repeated: 1" in desk.said[-1]
 
 
@@ -87,11 +87,11 @@ def test_a_trial_is_given_up_by_key_and_the_end_says_so(tmp_path: Path) -> None:
     state = derive(read_plan(folder).of("p01"), read_events(events_path(folder, "p01")))
     assert state.next is None
     assert state.without_data == {1: "given up", 2: "stopped for safety"}
-    said = "2 of 2 trials without data: 1 (given up), 2 (stopped for safety)"
-    assert said in desk.said
-    row, shown = _status(folder)
+    message = "2 of 2 trials without data: 1 (given up), 2 (stopped for safety)"
+    assert message in desk.said
+    row, displayed = _status(folder)
     assert (row["over"], row["without_data"]) == (2, [1, 2])
-    assert said in shown
+    assert message in displayed
     trials = study_trials(folder)[1]
     assert [(trial.status, trial.counts) for trial in trials] == [
         ("skipped", False),
@@ -103,7 +103,7 @@ class _Broken(StandingBench):
     """Devices that stop in every trial."""
 
     def run(self, trial: object, going: object, folder: Path) -> None:  # noqa: ARG002
-        going.tell("armed", "")  # type: ignore[attr-defined]
+        going.notify("armed", "")  # type: ignore[attr-defined]
         while not going.may_go():  # type: ignore[attr-defined]
             pass
         going.begin(0)  # type: ignore[attr-defined]

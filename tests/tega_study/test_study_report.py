@@ -289,9 +289,9 @@ def test_the_verbs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "5.9,2.8" in call("power", "--slips", "many", code=2)
     full = str(tmp_path / "full")
     fill(Path(full), people=2, courses=False)
-    told = json.loads(call("report", full, "--json"))
-    assert Path(told["page"]).is_file()
-    assert told["table1"][0] == ["Condition", "Metric", "bottle", "bag"]
+    reported = json.loads(call("report", full, "--json"))
+    assert Path(reported["page"]).is_file()
+    assert reported["table1"][0] == ["Condition", "Metric", "bottle", "bag"]
     assert "Table I, simulated" in call("report", full)
 
 
@@ -300,18 +300,21 @@ def opening(page: str) -> str:
 
 
 def test_the_page_opens_with_what_was_compared_and_what_came_out(report: Report) -> None:
-    said = opening(report.page.read_text())
-    assert "compared haptic with non-haptic in lifting bottle, bag. 6 simulated people did 72 trials" in said
+    message = opening(report.page.read_text())
+    assert (
+        "compared haptic with non-haptic in lifting bottle, bag. 6 simulated people did 72 trials" in message
+    )
     for one in report.analysis.outcomes:
         if one.metric == "slips" and one.low is not None and one.high is not None:
             text = f"{one.object} {one.difference:.2f} ({one.low:.2f} to {one.high:.2f})".replace("-", "−")
-            assert text in said
-    told = [one for one in report.analysis.outcomes if one.apart]
-    assert told
+            assert text in message
+    reported = [one for one in report.analysis.outcomes if one.apart]
+    assert reported
     assert all(
-        f"{PAPER_LABELS[one.metric].lower()} of {one.object} (less with haptic)" in said for one in told
+        f"{PAPER_LABELS[one.metric].lower()} of {one.object} (less with haptic)" in message
+        for one in reported
     )
-    assert "Nothing here says anything about people" in said
+    assert "Nothing here says anything about people" in message
 
 
 def test_each_further_condition_is_compared_with_the_second_over_people(report: Report) -> None:
@@ -352,13 +355,13 @@ def test_each_further_condition_is_compared_with_the_second_over_people(report: 
 def test_what_two_people_cannot_tell_is_not_given_as_numbers(tmp_path: Path) -> None:
     fill(tmp_path / "study", people=2, courses=False, simulated=False)
     analysis, _ = analyse_study(tmp_path / "study")
-    said = opening(report_html(analysis, {}))
-    assert said.count("interval not estimable") == len(analysis.outcomes)
-    assert "None of these differences can be told from chance" in said
+    message = opening(report_html(analysis, {}))
+    assert message.count("interval not estimable") == len(analysis.outcomes)
+    assert "None of these differences can be told from chance" in message
     assert "inf" not in " ".join(test.note for test in analysis.tests)
     wide = [test for test in analysis.tests if test.low and test.high and test.effect_name == "ratio"]
     assert all(test.high / test.low <= 1000 for test in wide if test.high and test.low)
-    assert "the conditions are equal in any of these outcomes" in said
+    assert "the conditions are equal in any of these outcomes" in message
     page = report_html(analysis, {})
     ratios = [test for test in analysis.tests if test.level == "people" and test.effect is not None]
     assert ratios
@@ -393,6 +396,6 @@ def test_few_values_are_dots_without_a_violin(n: int, violins: int) -> None:
 def test_on_a_phone_only_tables_and_pictures_scroll(report: Report) -> None:
     page = report.page.read_text()
     assert '<meta name="viewport" content="width=device-width, initial-scale=1">' in page
-    for what in ("<table>", "<img "):
-        assert page.count(what) == page.count(f'<div class="wide">{what}') > 0
+    for subject in ("<table>", "<img "):
+        assert page.count(subject) == page.count(f'<div class="wide">{subject}') > 0
     assert "<caption" not in page, "a note as wide as its table cannot be read on a phone"

@@ -88,8 +88,8 @@ def folder(tmp_path: Path) -> Path:
             main.add(
                 "trial_end", t_ns=begin_ns + 12 * S, trial=trial, status="done", success=True, source="auto"
             )
-            first.look(begin_ns + 13 * S)
-            second.look(begin_ns + 13 * S)
+            first.check(begin_ns + 13 * S)
+            second.check(begin_ns + 13 * S)
             for item in ("mental", "physical", "temporal", "performance", "effort", "frustration"):
                 main.add(
                     "rating", t_ns=begin_ns + 14 * S, trial=trial, item=f"tlx.{item}", value=10.0 * trial

@@ -58,17 +58,17 @@ def test_what_cannot_be_simulated_is_refused_before_anything_is_written(
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study of one person and two trials."""
     folder = tmp_path_factory.mktemp("silico") / "s"
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     simulate(
         folder,
         operators=1,
         objects=["bag"],
         trials=1,
         jobs=1,
-        progress=lambda _, done, n: told.append((done, n)),
+        progress=lambda _, done, n: reported.append((done, n)),
     )
-    assert told[0] == (0, 2)
-    assert told[-1] == (2, 2)
+    assert reported[0] == (0, 2)
+    assert reported[-1] == (2, 2)
     return folder
 
 
@@ -264,7 +264,7 @@ def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
 def begun(folder: Path) -> subprocess.Popen[bytes]:
     """Begin a study of two people with two workers, in a program of its own."""
     code = "from tega.ui.cli.main import main; main()"
-    asked = [
+    requested = [
         "study",
         "simulate",
         "--operators",
@@ -278,12 +278,12 @@ def begun(folder: Path) -> subprocess.Popen[bytes]:
         "--out",
     ]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen([sys.executable, "-c", code, *asked, str(folder)], stdout=quiet, stderr=quiet)
+    return subprocess.Popen([sys.executable, "-c", code, *requested, str(folder)], stdout=quiet, stderr=quiet)
 
 
-def wait_until(what: Callable[[], bool], limit_s: float = 60) -> None:
+def wait_until(subject: Callable[[], bool], limit_s: float = 60) -> None:
     until_s = time.monotonic() + limit_s
-    while not what():
+    while not subject():
         assert time.monotonic() < until_s, f"not so within {limit_s:g} s"
         time.sleep(0.05)
 

@@ -23,7 +23,7 @@ from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.status_file import board_path, read_board
-from tega_study.lead.tell import KEYS, CommandFile, tell, told_path
+from tega_study.lead.tell import KEYS, CommandFile, commands_path, notify
 from tega_study.plan import make_plan, write_plan
 from tega_study.trials import study_trials
 
@@ -66,12 +66,12 @@ def phase(folder: Path) -> str:
     return "" if board is None else board.phase
 
 
-def told(folder: Path, command: str) -> str:
+def reported(folder: Path, command: str) -> str:
     words = [sys.executable, "-m", "tega.ui.cli", "study", "tell", str(folder), "p01", command, "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    said: str = json.loads(done.stdout)["phase"]
-    return said
+    message: str = json.loads(done.stdout)["phase"]
+    return message
 
 
 @pytest.mark.slow
@@ -84,18 +84,18 @@ def test_a_session_is_led_by_other_processes_from_start_to_end(study: Path) -> N
     try:
         for _ in range(2):
             until(lambda: phase(study) == "ready")
-            told(study, "start")
+            reported(study, "start")
             until(lambda: phase(study) == "trial")
-            with told_path(study, "p01").open("a") as file:  # as a program in another language does it
+            with commands_path(study, "p01").open("a") as file:  # as a program in another language does it
                 file.write('{"do": "mark"}\n{"do": "slip"}\n{"do": "lift it"}\n[[[\n')
             time.sleep(1.2)  # in its first second a trial cannot be ended
-            told(study, "end")
+            reported(study, "end")
         until(lambda: phase(study) == "ready")
-        told(study, "start")
+        reported(study, "start")
         until(lambda: not session.is_alive())
     finally:
         if session.is_alive():
-            tell(study, "p01", "quit", clock=SystemClock())
+            notify(study, "p01", "quit", clock=SystemClock())
         session.join()
     trials = study_trials(study)[1]
     assert [(trial.slips, trial.slips_before) for trial in trials] == [(1, 0)] * 2
@@ -135,8 +135,8 @@ def test_where_nobody_leads_a_command_is_refused_and_not_kept_for_later(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(DeviceUnavailableError, match="no program leads the session of p01"):
-        tell(study, "p01", "start", clock=SystemClock())
-    assert not told_path(study, "p01").exists()
+        notify(study, "p01", "start", clock=SystemClock())
+    assert not commands_path(study, "p01").exists()
     with pytest.raises(SystemExit) as ended:
         main(["study", "tell", str(study), "p01", "start"])
     assert ended.value.code == 3
@@ -149,11 +149,11 @@ def test_no_pipe_is_waited_for_and_no_link_written_through(study: Path, tmp_path
     os.mkfifo(tmp_path / "pipe")
     assert CommandFile(tmp_path / "pipe", ManualClock()).take() == []
     (tmp_path / "mine.txt").write_text("mine")
-    path = told_path(study, "p01")
+    path = commands_path(study, "p01")
     path.parent.mkdir(parents=True)
     path.symlink_to(tmp_path / "mine.txt")
     board = board_path(study, "p01")
     board.write_text(json.dumps({"t_ns": SystemClock().now_ns(), "phase": "ready"}))
     with pytest.raises(RecordingError, match=r"told\.jsonl: is a link"):
-        tell(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
+        notify(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
     assert (tmp_path / "mine.txt").read_text() == "mine"

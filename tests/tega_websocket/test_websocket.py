@@ -142,13 +142,13 @@ def run() -> Iterator[Run]:
 @pytest.mark.slow
 def test_the_example_client_closes_the_hand_and_lets_go(tmp_path: Path) -> None:
     with Run(settings(tmp_path)) as running:
-        said = played(running.url)
+        sentence = played(running.url)
         summary = running.end()
-    assert said[0].startswith("TEGA ")
-    assert said[0].endswith("may lead: hand")
-    assert said[-1] == "closed with 1005", said
-    assert not [line for line in said if "refused" in line]
-    assert any(line.startswith("/touch/events") or "/event" in line for line in said), said
+    assert sentence[0].startswith("TEGA ")
+    assert sentence[0].endswith("may lead: hand")
+    assert sentence[-1] == "closed with 1005", sentence
+    assert not [line for line in sentence if "refused" in line]
+    assert any(line.startswith("/touch/events") or "/event" in line for line in sentence), sentence
     counts = summary["websocket"]
     assert (counts["clients"], counts["markers"], counts["refused"]) == (1, 1, {})
     messages = list(McapReader(tmp_path / summary["recording"]["file"]).messages())
@@ -262,7 +262,7 @@ def test_a_slow_client_loses_the_oldest_and_nobody_else_anything(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "sentence"),
     [
         ({"host": "0.0.0.0"}, "token_file is not set"),
         ({"arm": True}, "there is no [arm]"),
@@ -270,11 +270,11 @@ def test_a_slow_client_loses_the_oldest_and_nobody_else_anything(tmp_path: Path)
         ({"token_file": "short"}, "has 5 characters"),
     ],
 )
-def test_settings_that_do_not_fit_are_refused(tmp_path: Path, table: dict[str, Any], said: str) -> None:
+def test_settings_that_do_not_fit_are_refused(tmp_path: Path, table: dict[str, Any], sentence: str) -> None:
     (tmp_path / "short").write_text("abcde\n")
     if "token_file" in table:
         table = table | {"token_file": str(tmp_path / table["token_file"])}
-    with pytest.raises(ConfigError, match=said.replace("[", r"\[")):
+    with pytest.raises(ConfigError, match=sentence.replace("[", r"\[")):
         run_session(check_tree(settings(**table), {}, base=tmp_path).config)
 
 

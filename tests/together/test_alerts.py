@@ -40,7 +40,7 @@ def disturbed(made: Lab, folder: Path, disturb: Callable[[], None], words: str) 
         made.until(lambda: words in made.said())
 
     made.run(script)
-    assert any(words in said for said in recorded(made.summary, folder))
+    assert any(words in text for text in recorded(made.summary, folder))
 
 
 @pytest.mark.raises("clock")
@@ -66,15 +66,15 @@ def test_a_latency_over_its_budget_is_an_alert(tmp_path: Path) -> None:
         def script() -> None:
             made.until(lambda: made.state == "active")
 
-            def told() -> bool:
+            def reported() -> bool:
                 made.sensors["thumb"].say(next(presses))
                 time.sleep(0.4)
                 return "ms are allowed" in made.said()
 
-            made.until(told)
+            made.until(reported)
 
         made.run(script)
-        assert any("ms are allowed" in said for said in recorded(made.summary, tmp_path / "recorded"))
+        assert any("ms are allowed" in text for text in recorded(made.summary, tmp_path / "recorded"))
 
 
 @pytest.mark.raises("recording")
@@ -92,7 +92,7 @@ def test_a_recorder_that_is_killed_is_an_alert(tmp_path: Path) -> None:
 
         made.run(script)
     # The file ended before it; the summary has it.
-    assert any("recorder's process ended" in said for said in made.summary["safety"]["alerts"])
+    assert any("recorder's process ended" in text for text in made.summary["safety"]["alerts"])
 
 
 @pytest.mark.raises("muscles")
@@ -116,4 +116,4 @@ def test_an_electrode_that_moved_is_an_alert(tmp_path: Path) -> None:
         "recording": {"dir": str(tmp_path / "recorded"), "stop_free_mib": 0.0},
     }
     summary = run_session(check_tree(tree, {}, base=tmp_path).config)
-    assert any("moved" in said for said in recorded(summary, tmp_path / "recorded"))
+    assert any("moved" in text for text in recorded(summary, tmp_path / "recorded"))

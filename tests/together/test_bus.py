@@ -13,10 +13,10 @@ from reference.played import finger, muscles
 from reference.sessions import tree
 from reference.waiting import until
 from tega.config import check_tree
-from tega.loop import LoopView, Moment, run_session
+from tega.loop import LoopView, Snapshot, run_session
 from tega.recording.replay import replay_file
 from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
-from tega.records.bus import TOLD_DROPS_S, Backlog, Bus, told_drops
+from tega.records.bus import DROPS_REPORTED_S, Backlog, Bus, report_drops
 
 
 def session(folder: Path) -> dict[str, Any]:
@@ -32,13 +32,13 @@ def state(t_ns: int) -> RunState:
 
 
 def test_records_come_in_the_order_they_are_published_to_subscribers_in_theirs() -> None:
-    bus, told = Bus(), list[tuple[str, str, int]]()
-    bus.subscribe(Record, lambda r: told.append(("first", r.where, r.log_ns)))
-    bus.subscribe(Record, lambda r: told.append(("second", r.where, r.log_ns)))
-    bus.subscribe(Alert, lambda r: told.append(("alerts", r.where, r.t_ns)))
+    bus, reported = Bus(), list[tuple[str, str, int]]()
+    bus.subscribe(Record, lambda r: reported.append(("first", r.where, r.log_ns)))
+    bus.subscribe(Record, lambda r: reported.append(("second", r.where, r.log_ns)))
+    bus.subscribe(Alert, lambda r: reported.append(("alerts", r.where, r.t_ns)))
     bus.publish(state(1))
     bus.publish(Alert(t_ns=2, name="x", said="y"))
-    assert told == [
+    assert reported == [
         ("first", "/run/state", 1),
         ("second", "/run/state", 1),
         ("first", "/run/alert", 2),
@@ -59,18 +59,18 @@ def test_nobody_makes_a_record_that_nobody_wants() -> None:
 def test_who_fails_is_told_of_once_and_left_out_and_the_others_go_on(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    bus, told = Bus(), list[int]()
+    bus, reported = Bus(), list[int]()
 
     def fails(record: RunState) -> None:
         if record.t_ns == 2:
             raise OSError(28, "No space left on device")
-        told.append(-record.t_ns)
+        reported.append(-record.t_ns)
 
     bus.subscribe(RunState, fails, name="disk")
-    bus.subscribe(RunState, lambda record: told.append(record.t_ns), name="page")
+    bus.subscribe(RunState, lambda record: reported.append(record.t_ns), name="page")
     for t_ns in (1, 2, 3):
         bus.publish(state(t_ns))
-    assert told == [-1, 1, 2, 3]
+    assert reported == [-1, 1, 2, 3]
     assert bus.problem() == "disk: No space left on device"
     assert [record.getMessage() for record in caplog.records] == [
         "disk: No space left on device; the run goes on"
@@ -89,30 +89,30 @@ def test_a_vital_subscriber_s_failure_is_the_publisher_s() -> None:
 
 
 def test_a_slow_subscriber_keeps_nobody_waiting_and_what_is_dropped_is_counted_and_told() -> None:
-    bus, told, go = Bus(), list[int](), threading.Event()
+    bus, reported, go = Bus(), list[int](), threading.Event()
     backlog = Backlog("table", most=10)
 
     def slow(record: RunState) -> None:
         go.wait(30)
-        told.append(record.t_ns)
+        reported.append(record.t_ns)
 
     bus.subscribe(RunState, slow, name="table", backlog=backlog)
     for t_ns in range(50):
         bus.publish(state(t_ns))  # returns, though nothing is taken
-    assert told == []
+    assert reported == []
     n_dropped = backlog.n_dropped
     assert n_dropped in {39, 40}  # one may be in its hands
     assert bus.problem() == f"table: {n_dropped} records dropped, it does not keep up"
     go.set()
     backlog.close()
-    assert told == list(range(50 - n_dropped))
+    assert reported == list(range(50 - n_dropped))
 
 
 def test_dropped_records_are_told_for_ten_seconds_after_the_last_one() -> None:
     now_s = time.monotonic()
-    assert told_drops(3, now_s) == "3 records dropped"
-    assert told_drops(3, now_s - TOLD_DROPS_S - 0.001) == ""
-    assert told_drops(0, now_s) == ""
+    assert report_drops(3, now_s) == "3 records dropped"
+    assert report_drops(3, now_s - DROPS_REPORTED_S - 0.001) == ""
+    assert report_drops(0, now_s) == ""
 
 
 def test_one_that_fails_behind_a_backlog_is_left_out_too() -> None:
@@ -176,36 +176,36 @@ def test_markers_of_two_kinds_are_told_apart_by_their_topic() -> None:
 
 
 def test_a_moment_is_made_only_for_who_asks_for_it() -> None:
-    bus, recorded, shown = Bus(), list[Record](), list[Moment]()
+    bus, recorded, displayed = Bus(), list[Record](), list[Snapshot]()
     bus.subscribe(Record, recorded.append)
-    assert not bus.wants(Moment)
-    bus.subscribe(Moment, shown.append)
+    assert not bus.wants(Snapshot)
+    bus.subscribe(Snapshot, displayed.append)
     view = LoopView(0, {}, None, None, None, {})
-    bus.publish(Moment(t_ns=0, view=view))
-    assert [moment.view for moment in shown] == [view]
+    bus.publish(Snapshot(t_ns=0, view=view))
+    assert [snapshot.view for snapshot in displayed] == [view]
     assert recorded == []
 
 
 def test_a_display_that_stands_still_holds_up_nobody() -> None:
-    bus, shown, looked, go = Bus(), list[int](), threading.Event(), threading.Event()
+    bus, displayed, looked, go = Bus(), list[int](), threading.Event(), threading.Event()
 
-    def look(moment: Moment) -> None:
+    def check(snapshot: Snapshot) -> None:
         looked.set()
         go.wait(60)
-        shown.append(moment.t_ns)
+        displayed.append(snapshot.t_ns)
 
     backlog = Backlog("display", most=3)
-    bus.subscribe(Moment, look, name="display", backlog=backlog)
+    bus.subscribe(Snapshot, check, name="display", backlog=backlog)
     view = LoopView(0, {}, None, None, None, {})
-    bus.publish(Moment(t_ns=0, view=view))
+    bus.publish(Snapshot(t_ns=0, view=view))
     assert looked.wait(60)
     for t_ns in range(1, 100):  # returns every time, though nobody takes them
-        bus.publish(Moment(t_ns=t_ns, view=view))
+        bus.publish(Snapshot(t_ns=t_ns, view=view))
     assert backlog.n_dropped == 96
     assert "display" in bus.problem()
     go.set()
     backlog.close()
-    assert shown == [0, 1, 2, 3]
+    assert displayed == [0, 1, 2, 3]
 
 
 def test_a_backlog_for_the_newest_drops_the_oldest_and_tells_how_long_the_rest_waited() -> None:
@@ -230,18 +230,18 @@ def test_a_backlog_for_the_newest_drops_the_oldest_and_tells_how_long_the_rest_w
 
 
 def test_a_display_that_does_not_keep_up_keeps_no_loop_waiting() -> None:
-    bus, gate, shown = Bus(), threading.Event(), list[int]()
+    bus, gate, displayed = Bus(), threading.Event(), list[int]()
     backlog = Backlog("view", most=1, newest=True)
 
     def draw(change: RunState) -> None:
         gate.wait(60.0)
-        shown.append(change.t_ns)
+        displayed.append(change.t_ns)
 
     bus.subscribe(RunState, draw, backlog=backlog)
     for t_ns in range(1000):  # would take minutes if the publisher waited
         bus.publish(RunState(t_ns=t_ns, state="active", reason=""))
     gate.set()
     backlog.close()
-    assert shown[-1] == 999
-    assert len(shown) <= 2
+    assert displayed[-1] == 999
+    assert len(displayed) <= 2
     assert bus.problem() == ""

@@ -60,9 +60,9 @@ options = { interface = "virtual", channel = "cli" }
 
 
 def test_the_bare_program_greets_and_says_what_to_type_first(capsys: pytest.CaptureFixture[str]) -> None:
-    said, wrong = call(capsys)
+    message, wrong = call(capsys)
     assert wrong == ""
-    typed = [line.split()[1] for line in said.splitlines() if line.startswith("  tega-teleop ")]
+    typed = [line.split()[1] for line in message.splitlines() if line.startswith("  tega-teleop ")]
     assert typed[0] == "demo"
     assert set(typed) <= {*cli.list_commands(click.Context(cli)), "--help"}
 
@@ -100,16 +100,18 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["walk"], "No such command 'walk'"),
         (["replay"], "--out"),
         (["devices", "--fast"], "--fast"),
     ],
 )
-def test_wrong_use_ends_with_code_2(capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
+def test_wrong_use_ends_with_code_2(
+    capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
     _, err = call(capsys, *words, code=2)
-    assert said in err
+    assert message in err
 
 
 def test_devices_as_text_and_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -86,7 +86,7 @@ def test_fingers_are_those_of_the_vest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("override", "said"),
+    ("override", "message"),
     [
         ("session.presett=paper", r"session\.presett: unknown key; did you mean 'preset'\?"),
         ("tactile.tumb.driver=images", r"tactile\.tumb: unknown key; did you mean 'thumb'\?"),
@@ -111,8 +111,8 @@ def test_fingers_are_those_of_the_vest() -> None:
         ("preset", r"not of the form key=value"),
     ],
 )
-def test_mistakes_are_named(settings: Path, override: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_mistakes_are_named(settings: Path, override: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         load_config(settings, environ={}, sets=[override])
 
 

@@ -78,10 +78,10 @@ def test_tracking_teaches_a_decoder_that_a_run_uses_and_a_replay_repeats(
     names, rate_hz = ("ch1", "ch2", "ch3"), float(EMG_HZ)
     record = tracked(tmp_path, names, rate_hz)
     assert teleop("emg", "fit", str(record), "--out", str(tmp_path / "p01.json"), "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["person"] == "p01"
-    assert -0.5 <= told["lag_s"] <= -0.1
-    assert told["in_sample"]["rank_correlation"] > 0.9
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["person"] == "p01"
+    assert -0.5 <= reported["lag_s"] <= -0.1
+    assert reported["in_sample"]["rank_correlation"] > 0.9
     decoder = LearnedDecoder.load(tmp_path / "p01.json")
     assert decoder.model.channels == names
     summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)

@@ -21,7 +21,7 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
 from tega.records.bus import Bus
 from tega.records.vest import VestRecord
@@ -54,7 +54,7 @@ class Shown(NamedTuple):
     discs: list[int]
 
 
-def shown(view: LoopView) -> Shown:
+def displayed(view: LoopView) -> Shown:
     console = Console(file=io.StringIO(), width=80, color_system=None)
     console.print(render(view, title="test", rates_hz={}))
     assert isinstance(console.file, io.StringIO)
@@ -71,43 +71,43 @@ def newest(records: Sequence[_R], t_ns: int) -> _R | None:
     return next((one for one in reversed(records) if one.t_ns <= t_ns), None)
 
 
-def check(moment: Shown, recorded: Recorded) -> None:
+def check(snapshot: Shown, recorded: Recorded) -> None:
     """Compare what both displays show at a moment with the newest records up to it."""
-    view, t_ns = moment.view, moment.view.t_ns
-    assert moment.terminal == moment.page
-    assert set(moment.page) == ROWS
+    view, t_ns = snapshot.view, snapshot.view.t_ns
+    assert snapshot.terminal == snapshot.page
+    assert set(snapshot.page) == ROWS
     command = newest(recorded.of(HandCommand), t_ns)
     assert command is not None
-    said = re.match(r"command (?:level (\d)|zero torque)", moment.page["hand"])
-    assert said is not None, moment.page
+    message = re.match(r"command (?:level (\d)|zero torque)", snapshot.page["hand"])
+    assert message is not None, snapshot.page
     ended = view.state == "stopped"
-    assert int(said[1] or 0) == (0 if ended else command.level)
+    assert int(message[1] or 0) == (0 if ended else command.level)
     joints = newest(recorded.of(Joints), t_ns)
     if joints is not None and not ended:
         bends = [sum(joints.angles_rad[4 * k + 1 : 4 * k + 4]) for k in range(4)]
         expected = " ".join(f"{bend:.2f}" for bend in bends)
         source = "reported" if "hand" in view.devices else "modelled"
-        assert f"{source} bend {expected} rad" in moment.page["hand"]
+        assert f"{source} bend {expected} rad" in snapshot.page["hand"]
     intent = newest(recorded.of(Intent), t_ns)
     if intent is not None and not ended:
-        assert f"level {intent.level}: " in moment.page["muscles"]
+        assert f"level {intent.level}: " in snapshot.page["muscles"]
         silent = t_ns - intent.t_ns > 400_000_000
-        assert moment.page["muscles"].startswith("no data") == silent
+        assert snapshot.page["muscles"].startswith("no data") == silent
     frames = recorded.of(SentFrame if "vest" in view.devices else VestFrame)
     frame = newest(frames, t_ns)
     assert frame is not None
     sent = [0] * 40 if ended else list(frame.intensities)
-    assert moment.discs == [value for value in sent if value]
+    assert snapshot.discs == [value for value in sent if value]
     assert (
-        f"up to {max(sent)} %" in moment.page["vest"]
+        f"up to {max(sent)} %" in snapshot.page["vest"]
         if any(sent)
-        else "all motors at 0 %" in moment.page["vest"]
+        else "all motors at 0 %" in snapshot.page["vest"]
     )
 
 
 def run(made: Lab, script: Callable[[], None]) -> list[Shown]:
     moments: list[Shown] = []
-    made.run(script, observe=lambda view: moments.append(shown(view)))
+    made.run(script, observe=lambda view: moments.append(displayed(view)))
     return moments
 
 
@@ -115,10 +115,10 @@ def compared(moments: list[Shown], folder: Path) -> dict[str, list[Shown]]:
     """Compare every moment, and return them by state."""
     recorded = read_recorded(next(folder.rglob("*.mcap")))
     states: dict[str, list[Shown]] = {}
-    for moment in moments:
-        states.setdefault(moment.view.state, []).append(moment)
-        if moment.view.intent is not None and moment.view.vest is not None:
-            check(moment, recorded)
+    for snapshot in moments:
+        states.setdefault(snapshot.view.state, []).append(snapshot)
+        if snapshot.view.intent is not None and snapshot.view.vest is not None:
+            check(snapshot, recorded)
     return states
 
 
@@ -179,7 +179,7 @@ def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
         moments: list[Shown] = []
         made.tree["hand"]["options"]["silent_after_ms"] = 200.0
         with pytest.raises(DeviceUnavailableError):
-            made.run(script, observe=lambda view: moments.append(shown(view)))
+            made.run(script, observe=lambda view: moments.append(displayed(view)))
     states = compared(moments, tmp_path)
     assert states["stopped"][-1].page["hand"].startswith("command zero torque")
     assert states["stopped"][-1].view.reason
@@ -194,7 +194,7 @@ def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: P
     controls = Controls(can_pause=True, can_mute=True, can_go=True)
     moments: list[Shown] = []
     with BrowserView(port=0, controls=controls) as view:
-        bus = observed(lambda loop: moments.append(shown(loop)), Bus())
+        bus = observed(lambda loop: moments.append(displayed(loop)), Bus())
         view.watch(bus)
         clock = PausableClock(lambda: controls.paused)
         beside = threading.Thread(target=lambda: run_session(config, bus=bus, clock=clock))
@@ -204,9 +204,9 @@ def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: P
         controls.paused = True
         until(lambda: "PAUSED" in view.page.run_state.content)
         time.sleep(0.5)
-        n_shown, last = len(moments), moments[-1]
+        n_displayed, last = len(moments), moments[-1]
         time.sleep(0.5)
-        assert len(moments) == n_shown
+        assert len(moments) == n_displayed
         until(lambda: f"<b>{last.page['hand']}</b>" in view.page.status.content)
         controls.paused = False
         beside.join(30.0)

@@ -38,7 +38,7 @@ def lab(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def told(lab: Path, *sets: str, now: datetime = NOW) -> list[Finding]:
+def reported(lab: Path, *sets: str, now: datetime = NOW) -> list[Finding]:
     config = load_config(lab / "lab.toml", environ={}, sets=sets).config
     found = check_calibration(config, settings="lab.toml", now=now)
     assert {f.check for f in found} <= {"calibration"}
@@ -81,7 +81,7 @@ def keep_all(lab: Path, made: datetime = NOW, kind: str = "raw") -> None:
 
 
 def test_without_one_the_next_command_stands_there(lab: Path) -> None:
-    (finding,) = told(lab)
+    (finding,) = reported(lab)
     assert finding.status == "missing"
     assert finding.finding == "there is no calibration for thumb, EMG"
     assert finding.todo[0].endswith("\ntega-teleop calibrate lab.toml --person ID")
@@ -89,7 +89,7 @@ def test_without_one_the_next_command_stands_there(lab: Path) -> None:
 
 def test_where_no_person_is_named_those_there_are_named(lab: Path) -> None:
     keep_all(lab)
-    (finding,) = told(lab)
+    (finding,) = reported(lab)
     assert finding.status == "warning"
     assert "there are those of p01" in finding.finding
     assert finding.todo[0].endswith("\ntega-teleop doctor lab.toml --person p01")
@@ -97,7 +97,7 @@ def test_where_no_person_is_named_those_there_are_named(lab: Path) -> None:
 
 def test_one_that_is_there_and_fresh_is_fine(lab: Path) -> None:
     keep_all(lab)
-    (finding,) = told(lab, "calibration.person=p01")
+    (finding,) = reported(lab, "calibration.person=p01")
     assert finding.status == "ok"
     assert finding.finding == (
         "p01's calibration is there and fresh: thumb, EMG, vest (8 of 8 places named right)"
@@ -106,7 +106,7 @@ def test_one_that_is_there_and_fresh_is_fine(lab: Path) -> None:
 
 def test_what_is_missing_of_a_person_names_whose_there_is_and_the_command(lab: Path) -> None:
     keep_all(lab)
-    thumb, emg, vest = told(lab, "calibration.person=p02")
+    thumb, emg, vest = reported(lab, "calibration.person=p02")
     assert (thumb.status, emg.status) == ("missing", "missing")
     assert "p02 has no calibration on D20641 (there is one of p01)" in thumb.finding
     assert thumb.todo == ("run this:\ntega-teleop calibrate lab.toml --person p02 --only tactile",)
@@ -118,7 +118,7 @@ def test_what_is_missing_of_a_person_names_whose_there_is_and_the_command(lab: P
 def test_a_copied_one_is_foreign(lab: Path) -> None:
     keep_all(lab)
     write_record(touch(person="p07"), lab / "calibrations" / "people" / "p01" / "touch-D20641.toml")
-    fine, foreign = told(lab, "calibration.person=p01")
+    fine, foreign = reported(lab, "calibration.person=p01")
     assert fine.status == "ok"
     assert foreign.status == "error"
     assert "was made for p07 on D20641, not for p01" in foreign.finding
@@ -127,14 +127,14 @@ def test_a_copied_one_is_foreign(lab: Path) -> None:
 
 def test_one_made_another_way_is_wrong(lab: Path) -> None:
     keep_all(lab, kind="envelope")
-    _, wrong = told(lab, "calibration.person=p01")
+    _, wrong = reported(lab, "calibration.person=p01")
     assert wrong.status == "error"
     assert "was calibrated with kind = envelope, the settings have raw" in wrong.finding
 
 
 def test_an_old_one_is_told_with_its_age(lab: Path) -> None:
     keep_all(lab, made=NOW - timedelta(days=40))
-    found = told(lab, "calibration.person=p01")
+    found = reported(lab, "calibration.person=p01")
     fine, thumb, emg = found
     assert "fresh: vest (8 of 8" in fine.finding  # that is good for 90 days
     assert (thumb.status, emg.status) == ("warning", "warning")
@@ -146,17 +146,17 @@ def test_an_old_one_is_told_with_its_age(lab: Path) -> None:
 def test_a_damaged_one_is_wrong(lab: Path) -> None:
     keep_all(lab)
     (lab / "calibrations" / "people" / "p01" / "emg-ttyUSB0.toml").write_text("format =", encoding="utf-8")
-    _, wrong = told(lab, "calibration.person=p01")
+    _, wrong = reported(lab, "calibration.person=p01")
     assert wrong.status == "error"
     assert "damaged" in wrong.finding
 
 
 def test_a_file_that_does_not_fit_or_is_not_there(lab: Path) -> None:
-    (missing,) = told(lab, f"calibration.file={lab / 'none.toml'}")
+    (missing,) = reported(lab, f"calibration.file={lab / 'none.toml'}")
     assert missing.status == "missing"
     maxima = EmgMaxima(kind="raw", rate_hz=500.0, tau=50, channels=("ch1",), maxima=(1.0,))
     save_calibration(Calibration(preset="live", origin="test", emg=maxima), lab / "c.toml")
-    (wrong,) = told(lab, f"calibration.file={lab / 'c.toml'}")
+    (wrong,) = reported(lab, f"calibration.file={lab / 'c.toml'}")
     assert wrong.status == "error"
     assert wrong.finding == "c.toml: has no maxima for finger 'thumb'"
     assert wrong.todo[-1].endswith("tega-teleop calibrate lab.toml --person ID")
@@ -167,7 +167,7 @@ def test_recordings_need_none(tmp_path: Path) -> None:
         '[tactile.thumb]\ndriver = "synthetic-touch"\noptions = { seed = 1, duration_s = 1.0 }\n',
         encoding="utf-8",
     )
-    assert told(tmp_path) == []
+    assert reported(tmp_path) == []
 
 
 def test_the_verb_takes_a_person(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ FINGERS = {"thumb", "index", "middle", "ring"}
 MOST_BYTES = 3_000_000
 
 
-def told(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+def reported(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     with pytest.raises(SystemExit) as done:
         main(list(words))
     out = capsys.readouterr().out
@@ -34,13 +34,13 @@ def test_the_example_is_small_enough_to_be_kept() -> None:
 def test_the_example_is_looked_into_and_computed_again(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    (trial,) = json.loads(told(capsys, "inspect", str(EXAMPLE), "--json"))
+    (trial,) = json.loads(reported(capsys, "inspect", str(EXAMPLE), "--json"))
     topics = {stream["topic"] for stream in trial["streams"]}
     assert {f"/tactile/{finger}/image" for finger in FINGERS} | {"/emg/samples", "/vest/frame"} <= topics
-    (again,) = json.loads(told(capsys, "replay", str(EXAMPLE), "--json"))
+    (again,) = json.loads(reported(capsys, "replay", str(EXAMPLE), "--json"))
     assert again["same"]
     assert {s["stream"] for s in again["streams"]} >= {"/vest/frame", "/hand/frames", "/touch/event"}
-    told(capsys, "export", str(EXAMPLE), "--out", str(tmp_path / "tables"))
+    reported(capsys, "export", str(EXAMPLE), "--out", str(tmp_path / "tables"))
     rows = next((tmp_path / "tables").rglob("vest.frame.csv")).read_text().splitlines()
     assert len(rows) > 100
 
@@ -52,7 +52,7 @@ def test_a_recorded_demo_is_the_same_when_computed_again(
     pytest.importorskip("mujoco", reason="needs the extra sim")
     session = tmp_path / "session"
     words = ("--fast", "--objects", "bag", "--operator", "scripted", "--out", str(tmp_path / "demo"))
-    told(capsys, "demo", *words, "--record", str(session), "--json")
-    (again,) = json.loads(told(capsys, "replay", str(session), "--json"))
+    reported(capsys, "demo", *words, "--record", str(session), "--json")
+    (again,) = json.loads(reported(capsys, "replay", str(session), "--json"))
     assert again["same"]
     assert again["complete"]

@@ -74,9 +74,9 @@ def test_a_brief_pulse_is_in_the_picture_of_a_long_run() -> None:
     ax = new_figure(figsize=(4, 2)).subplots()
     draw_vest(ax, VestCourse(np.arange(10_000) / 100, intensities, ("motor 0",)))
     (mesh,) = ax.collections
-    shown = np.asarray(mesh.get_array())
-    assert shown.size < 1000
-    assert shown.max() == 90
+    displayed = np.asarray(mesh.get_array())
+    assert displayed.size < 1000
+    assert displayed.max() == 90
 
 
 @pytest.fixture
@@ -90,9 +90,9 @@ def test_loose_files_leave_a_picture_and_words(
 ) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
     out = tmp_path / "out"
-    said, _ = call(capsys, "replay", "--tactile", f"thumb={presses}", "--out", out)
-    assert "  thumb: 3 contacts, " in said
-    assert "  vest: on in " in said
+    text, _ = call(capsys, "replay", "--tactile", f"thumb={presses}", "--out", out)
+    assert "  thumb: 3 contacts, " in text
+    assert "  vest: on in " in text
     first = (out / "picture.png").read_bytes()
     assert first.startswith(b"\x89PNG")
     call(capsys, "replay", "--tactile", f"thumb={presses}", "--out", out, "--json")
@@ -105,8 +105,8 @@ def test_without_matplotlib_there_are_words_and_the_line_that_installs_it(
     for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"] + ["matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
     words = ("replay", "--tactile", f"thumb={presses}", "--out", tmp_path / "out")
-    said, noted = call(capsys, *words)
-    assert "thumb: " in said
+    text, noted = call(capsys, *words)
+    assert "thumb: " in text
     assert "no picture: matplotlib is not installed; pip install '" in noted
     assert not (tmp_path / "out/picture.png").exists()
     # Who asks for the picture gets it or no run at all.
@@ -119,11 +119,11 @@ def test_a_session_is_told_and_drawn_by_its_verb_and_by_the_earlier_one(
 ) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
     for verb in ("verify", "replay"):
-        said, _ = call(capsys, verb, lossless, "--picture", tmp_path / f"{verb}.png")
-        assert "  thumb: " in said
-        assert f"  picture: {tmp_path / verb}.png" in said
+        text, _ = call(capsys, verb, lossless, "--picture", tmp_path / f"{verb}.png")
+        assert "  thumb: " in text
+        assert f"  picture: {tmp_path / verb}.png" in text
         assert (tmp_path / f"{verb}.png").read_bytes().startswith(b"\x89PNG")
-    said, _ = call(capsys, "verify", lossless, "--json")
-    (told,) = json.loads(said)
-    assert told["same"]
+    text, _ = call(capsys, "verify", lossless, "--json")
+    (reported,) = json.loads(text)
+    assert reported["same"]
     assert sorted(path.name for path in lossless.parent.iterdir()) == sorted({lossless.name, "session.json"})

@@ -20,9 +20,9 @@ def test_every_guard_stands_where_it_can_be_taken_out(guard: Guard) -> None:
 
 def test_every_line_of_the_hazard_table_has_a_guard() -> None:
     named = re.findall(r"`(tests/\w+/test_\w+\.py::[^`]+)` \|$", PAGE.read_text(encoding="utf-8"), re.M)
-    shown = {name.split("[")[0] for name in named}
-    assert len(shown) > 20
-    assert not shown - {guard.shown_by.split("[")[0] for guard in GUARDS}
+    displayed = {name.split("[")[0] for name in named}
+    assert len(displayed) > 20
+    assert not displayed - {guard.shown_by.split("[")[0] for guard in GUARDS}
 
 
 @pytest.mark.parametrize("guard", [*GUARDS, *LATE], ids=lambda guard: guard.what)

@@ -33,7 +33,7 @@ def test_a_setting_of_another_table_is_suggested_whole(item: str, key: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("item", "said"),
+    ("item", "text"),
     [
         ("session.duration_s=five", "session.duration_s = 'five': expected a number, got text (seconds)"),
         ("vest.threshold=five", "vest.threshold = 'five': expected a number or a list, got text"),
@@ -41,8 +41,8 @@ def test_a_setting_of_another_table_is_suggested_whole(item: str, key: str) -> N
         ("session.pace=7", "session.pace = 7: expected text in quotes, got a whole number"),
     ],
 )
-def test_a_wrong_value_is_shown_as_it_was_given(item: str, said: str) -> None:
-    assert said in _refused(item).message
+def test_a_wrong_value_is_shown_as_it_was_given(item: str, text: str) -> None:
+    assert text in _refused(item).message
 
 
 def test_numbers_of_the_settings_have_no_rounding_noise(

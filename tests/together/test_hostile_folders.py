@@ -33,7 +33,7 @@ from tega_study.episodes.journal import EPISODES, EpisodeJournal
 from tega_study.hand_rows import read_hand
 from tega_study.journal import Journal, events_path
 from tega_study.lead.status_file import board_path, read_board
-from tega_study.lead.tell import tell, told_path
+from tega_study.lead.tell import commands_path, notify
 from tega_study.plan import make_plan, write_plan
 from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.touch_picture import read_touch_picture
@@ -222,17 +222,17 @@ def test_nothing_is_added_through_a_link_or_to_a_pipe(mine: Path, tmp_path: Path
     session = SessionFolder(tmp_path / "session")
     session.begin()
 
-    def told() -> None:
+    def reported() -> None:
         board = {"t_ns": SystemClock().now_ns(), "phase": "ready"}
         board_path(study, "p01").write_text(json.dumps(board))
-        tell(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
+        notify(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
 
     adds: list[tuple[Path, Callable[[], object]]] = [
         (events_path(study, "p01"), lambda: Journal(events_path(study, "p01"))),
         (session.path / EPISODES, lambda: EpisodeJournal(session)),
         (study / "sessions/p01/elsewhere.txt", lambda: note_elsewhere(study, "p01", tmp_path)),
         (study / "withdrawn.txt", lambda: withdraw(study, "p02")),
-        (told_path(study, "p01"), told),
+        (commands_path(study, "p01"), reported),
     ]
     mine.write_text("")  # which every list may be
     for path, add in adds:
@@ -261,11 +261,11 @@ def test_a_pipe_in_a_study_or_of_a_key_or_a_sound_is_an_error(tmp_path: Path) ->
     write_plan(make_plan(participants=1, objects=["bag"], trials=1), study)
     for name in (study / "simulation.toml", tmp_path / "key", tmp_path / "a.wav"):
         os.mkfifo(name)
-    for refused, told in (
+    for refused, reported in (
         (lambda: export(study, tmp_path / "out", key="k"), r"simulation\.toml"),
         (lambda: read_wav(tmp_path / "a.wav"), r"a\.wav"),
     ):
-        with pytest.raises(RecordingError, match=f"{told}: is a pipe, not a file"):
+        with pytest.raises(RecordingError, match=f"{reported}: is a pipe, not a file"):
             refused()
     with pytest.raises(DeviceUnavailableError, match="key: is a pipe, not a file"):
         versions_to_ask(PlayerOptions(version="3", app_id="a", api_key_file=tmp_path / "key"))

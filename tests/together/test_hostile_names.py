@@ -63,9 +63,9 @@ def test_an_attachment_s_name_never_leaves_the_folder(name: str, lossless: Path,
     name = name.format(tmp=tmp_path)
     recording = hostile(lossless, tmp_path / "sent" / "x.mcap", attached=name or "empty/")
     before = everything(tmp_path)
-    with pytest.raises(UnsafeNameError, match=r"x\.mcap: attachment ") as told:
+    with pytest.raises(UnsafeNameError, match=r"x\.mcap: attachment ") as reported:
         export_file(recording, tmp_path / "sent" / "out")
-    assert repr(name)[1:-1] in str(told.value) or not name
+    assert repr(name)[1:-1] in str(reported.value) or not name
     assert everything(tmp_path) == before
     assert not list((tmp_path / "sent" / "out").iterdir())
 
@@ -82,12 +82,12 @@ def test_a_topic_s_finger_never_leaves_the_folder(finger: str, lossless: Path, t
 
 
 @pytest.mark.parametrize("verb", VERBS)
-@pytest.mark.parametrize("what", ["attached", "finger"])
+@pytest.mark.parametrize("subject", ["attached", "finger"])
 def test_no_verb_on_a_recording_writes_elsewhere(
-    verb: str, what: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    verb: str, subject: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     work = tmp_path / "work"
-    given = {"attached": f"{tmp_path}/stolen"} if what == "attached" else {"finger": ".."}
+    given = {"attached": f"{tmp_path}/stolen"} if subject == "attached" else {"finger": ".."}
     recording = hostile(lossless, work / "x.mcap", **given)
     monkeypatch.chdir(work)
     before = everything(tmp_path)
@@ -95,7 +95,7 @@ def test_no_verb_on_a_recording_writes_elsewhere(
         main([*verb.split(), str(recording), *VERBS[verb]])
     assert ended.value.code in {0, 1, 2}
     if "export" in verb:
-        assert (ended.value.code != 0) == (what == "finger" or verb == "recording export")
+        assert (ended.value.code != 0) == (subject == "finger" or verb == "recording export")
     assert {path for path in everything(tmp_path) - before if "out" not in path.parts} == set()
 
 
@@ -119,11 +119,11 @@ def test_a_plan_s_people_have_plain_names(person: str, tmp_path: Path) -> None:
 
 def test_a_plan_s_objects_and_conditions_have_plain_names(tmp_path: Path) -> None:
     plan = make_plan(participants=1)
-    for what in ("object", "condition"):
-        rows = tuple(msgspec.structs.replace(row, **{what: "../x"}) for row in plan.trials)
-        write_plan(StudyPlan(plan.settings, rows), tmp_path / what)
-        with pytest.raises(UnsafeNameError, match=f"{what} '../x'"):
-            read_plan(tmp_path / what)
+    for subject in ("object", "condition"):
+        rows = tuple(msgspec.structs.replace(row, **{subject: "../x"}) for row in plan.trials)
+        write_plan(StudyPlan(plan.settings, rows), tmp_path / subject)
+        with pytest.raises(UnsafeNameError, match=f"{subject} '../x'"):
+            read_plan(tmp_path / subject)
     assert isinstance(rows[0], PlannedTrial)
 
 
@@ -141,8 +141,8 @@ def test_raters_and_people_s_codes_are_plain_names(tmp_path: Path) -> None:
 
 def test_an_interrupted_calibration_s_picture_lies_in_its_folder(tmp_path: Path) -> None:
     folder = CalibrationFolder(tmp_path)
-    kept = path_below(folder.path, "gels/D20982/2026.png", what="picture", source="unfinished.json")
+    kept = path_below(folder.path, "gels/D20982/2026.png", subject="picture", source="unfinished.json")
     assert kept == tmp_path / "gels" / "D20982" / "2026.png"
     for name in ("/etc/passwd", "gels/../../x.png", "", "gels//x.png"):
         with pytest.raises(UnsafeNameError, match=r"unfinished\.json: picture "):
-            path_below(folder.path, name, what="picture", source="unfinished.json")
+            path_below(folder.path, name, subject="picture", source="unfinished.json")

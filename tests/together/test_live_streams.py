@@ -41,9 +41,9 @@ class Viewer:
 
     def advertised(self, topic: str) -> dict[str, Any]:
         while topic not in self.channels:
-            said = self.peer.recv(timeout=30)
-            if isinstance(said, str) and json.loads(said)["op"] == "advertise":
-                self.channels |= {one["topic"]: one for one in json.loads(said)["channels"]}
+            sentence = self.peer.recv(timeout=30)
+            if isinstance(sentence, str) and json.loads(sentence)["op"] == "advertise":
+                self.channels |= {one["topic"]: one for one in json.loads(sentence)["channels"]}
         return self.channels[topic]
 
     def subscribe(self, topic: str) -> None:
@@ -52,15 +52,15 @@ class Viewer:
 
     def message(self) -> bytes:
         while True:
-            said = self.peer.recv(timeout=0.05)
-            if isinstance(said, bytes) and said[0] == 1:
-                return said[13:]
+            sentence = self.peer.recv(timeout=0.05)
+            if isinstance(sentence, bytes) and sentence[0] == 1:
+                return sentence[13:]
 
 
 def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
     bus = Bus()
     with FoxgloveStream(bus, port=0) as stream:
-        told: list[Record] = [
+        reported: list[Record] = [
             Contact(finger=FINGER, t_ns=5_000_000, in_contact=True, cci_norm=0.25),
             VestFrame(t_ns=6_000_000, layout="x16", intensities=(7,) * 16),
             Picture(
@@ -72,7 +72,7 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
                 name="a picture",
             ),
         ]
-        for record in told:
+        for record in reported:
             bus.publish(record)
         viewer = Viewer(stream.url)
         topic = f"/tactile/{FINGER}/contact"
@@ -81,7 +81,7 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         assert viewer.advertised("/vest/frame")["schemaName"] == "tega.VestFrame"
         data = None
         while data is None:  # what comes before the subscription has arrived is for nobody
-            bus.publish(told[0])
+            bus.publish(reported[0])
             try:
                 data = viewer.message()
             except TimeoutError:
@@ -89,7 +89,7 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         value = decoder("tega.Contact", schema_bytes()).FromString(data)
         assert (value.in_contact, value.cci_norm, value.t_ns) == (True, 0.25, 5_000_000)
         viewer.peer.close()
-    bus.publish(told[0])
+    bus.publish(reported[0])
     assert bus.problem() == ""
 
 
@@ -168,15 +168,15 @@ def test_pictures_are_compressed_for_who_listens_alone(monkeypatch: pytest.Monke
         bus.publish(picture)
         viewer = Viewer(stream.url)
         viewer.subscribe(f"/tactile/{FINGER}/image")
-        n_heard = 0
+        n_received = 0
         # The first one heard may be the picture that made the channel: an app can choose it while that is compressed.
-        while n_heard < 2:
+        while n_received < 2:
             bus.publish(picture)
             try:
                 viewer.message()
             except TimeoutError:
                 continue
-            n_heard += 1
+            n_received += 1
         viewer.peer.close()
     assert len(n_compressed) > 2
 
@@ -192,9 +192,9 @@ def test_a_run_is_the_same_with_and_without_the_stream(tmp_path: Path) -> None:
     given = tree(tmp_path / "recorded")
     del given["recording"]
     frames: list[list[VestFrame]] = [[], []]
-    for k, heard in enumerate(frames):
+    for k, received in enumerate(frames):
         bus = Bus()
-        bus.subscribe(VestFrame, heard.append)
+        bus.subscribe(VestFrame, received.append)
         config = check_tree(given, {}, base=tmp_path).config
         if k:
             with FoxgloveStream(bus, port=0):
@@ -202,7 +202,7 @@ def test_a_run_is_the_same_with_and_without_the_stream(tmp_path: Path) -> None:
         else:
             run_session(config, bus=bus)
         assert bus.problem() == ""
-    first, second = ([(frame.t_ns, frame.intensities) for frame in heard] for heard in frames)
+    first, second = ([(frame.t_ns, frame.intensities) for frame in received] for received in frames)
     assert first == second
     assert len(frames[0]) > 30
 

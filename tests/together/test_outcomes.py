@@ -66,7 +66,7 @@ def test_a_trial_is_open_as_long_as_it_can_succeed(stable: StableReading, open_a
     rule = LiftRule()
     rule.height(14.9, 0.2)
     assert rule.verdict(15.5) == "open"
-    rule.look(15.9)
+    rule.check(15.9)
     assert rule.verdict(15.9) == "lifted"
 
 
@@ -80,12 +80,12 @@ class _Raising(StandingBench):
         self._height_m = height_m
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        going.tell("armed", "stands ready")
+        going.notify("armed", "stands ready")
         while not going.may_go():
             pass
         going.begin(0)
         for hundredth in range(1700):
-            going.see("height", hundredth * 10_000_000, self._height_m(hundredth / 100))
+            going.observe("height", hundredth * 10_000_000, self._height_m(hundredth / 100))
 
 
 def _by_study(folder: Path, height_m: Height) -> bool:

@@ -56,14 +56,14 @@ class Operator:
         for _ in range(600):
             if place is not None:
                 self.s.arm.pose(place, _NO_TURN, for_s=for_s)
-            moment = next(self.s)
-            self.words = moment.arm
+            snapshot = next(self.s)
+            self.words = snapshot.arm
             if place is not None and self._pressed and "press it again" in self.words:
                 self._press("lift")
             elif place is not None and not self._pressed and "clutch is open" in self.words:
                 self._press("press")
-            if moment.seen_arm is not None and moment.seen_arm.hand_m is not None:
-                return np.array(moment.seen_arm.hand_m)
+            if snapshot.seen_arm is not None and snapshot.seen_arm.hand_m is not None:
+                return np.array(snapshot.seen_arm.hand_m)
         pytest.fail(self.words)
 
     def _press(self, how: str) -> None:

@@ -54,7 +54,7 @@ def test_a_program_receives_every_moment_of_a_recorded_session(tmp_path: Path) -
     with session(settings(tmp_path)) as s:
         moments = list(s)
     assert s.n_skipped == 0
-    assert [moment.t_s for moment in moments[:3]] == pytest.approx([0, 1 / 30, 2 / 30])
+    assert [snapshot.t_s for snapshot in moments[:3]] == pytest.approx([0, 1 / 30, 2 / 30])
     assert s.summary["ended"] == "complete"
     assert moments[-1].state == "stopped"
     assert {"thumb", "ring"} == set(moments[20].contacts)
@@ -64,10 +64,10 @@ def test_a_program_receives_every_moment_of_a_recorded_session(tmp_path: Path) -
 def test_what_a_program_sends_is_recorded_and_verified(tmp_path: Path) -> None:
     config = settings(tmp_path)
     with session(config) as s:
-        for k, moment in enumerate(s):
+        for k, snapshot in enumerate(s):
             if 10 <= k < 20:
                 s.vest.send(np.full(40, 70.0))
-            if 5 <= k < 25 and moment.state == "active":
+            if 5 <= k < 25 and snapshot.state == "active":
                 s.hand.level(4.5)
     path = tmp_path / "session" / s.summary["recording"]["file"]
     recording = open_recording(path)
@@ -120,9 +120,9 @@ def _calibration(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("way", ["exception", "break", "interrupt", "return"])
+@pytest.mark.parametrize("route", ["exception", "break", "interrupt", "return"])
 @pytest.mark.parametrize("pace", ["fast", pytest.param("real", marks=pytest.mark.slow)])
-def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, way: str, pace: str) -> None:
+def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, route: str, pace: str) -> None:
     config = settings(tmp_path, session={"pace": pace})
 
     def follow(s: ProgramSession) -> None:
@@ -130,18 +130,18 @@ def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, way: str, pace:
             s.vest.send(np.full(40, 60))
             s.hand.level(5)
             if k == 3:
-                if way == "exception":
+                if route == "exception":
                     raise ZeroDivisionError
-                if way == "interrupt":
+                if route == "interrupt":
                     signal.raise_signal(signal.SIGINT)
-                if way == "return":
+                if route == "return":
                     return
                 break
 
     expected: type[BaseException] | None = {
         "exception": ZeroDivisionError,
         "interrupt": KeyboardInterrupt,
-    }.get(way)
+    }.get(route)
     s = session(config)
     if expected is None:
         with s:
@@ -159,9 +159,9 @@ def test_a_program_s_levels_reach_from_1_to_5_and_lapse() -> None:
     hand = ProgramHand(clock, driver="allegro")
     for level in (1, 1.5, 5):
         hand.level(level, for_s=0.2)
-        assert hand.asked() == level
+        assert hand.requested() == level
     clock.sleep_until(clock.now_ns() + 300_000_000)
-    assert hand.asked() is None
+    assert hand.requested() is None
 
 
 def test_what_is_out_of_range_is_refused_and_sends_nothing(tmp_path: Path) -> None:
@@ -228,8 +228,8 @@ def test_settings_are_read_from_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", ["exception", "SIGTERM"])
-def test_emulated_vest_and_hand_are_safe_after_a_failing_program(tmp_path: Path, way: str) -> None:
+@pytest.mark.parametrize("route", ["exception", "SIGTERM"])
+def test_emulated_vest_and_hand_are_safe_after_a_failing_program(tmp_path: Path, route: str) -> None:
     with emulated_lab(tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",)) as lab:
         recorded = {"dir": str(tmp_path / "session"), "stop_free_mib": 0.0}
         config = check_tree({**lab.tree, "recording": recorded}, {}, base=tmp_path).config
@@ -237,14 +237,14 @@ def test_emulated_vest_and_hand_are_safe_after_a_failing_program(tmp_path: Path,
 
         def follow(s: ProgramSession) -> None:
             until_s, n_sent = time.monotonic() + 60, 0
-            for moment in s:
-                if moment.state == "active":
+            for snapshot in s:
+                if snapshot.state == "active":
                     s.vest.send(np.full(40, 50))
                     s.hand.level(5)
                     n_sent += 1
                     seen[:] = seen[0] or not lab.at_rest(), seen[1] or not lab.limp()
                 if (all(seen) and n_sent > 10) or time.monotonic() > until_s:
-                    if way == "exception":
+                    if route == "exception":
                         raise ZeroDivisionError
                     os.kill(os.getpid(), signal.SIGTERM)
                     time.sleep(5)

@@ -14,8 +14,8 @@ import pytest
 
 from reference.parts import observed
 from tega.config import check_tree
-from tega.loop.moment import LoopView
 from tega.loop.session import run_session
+from tega.loop.snapshot import LoopView
 from tega.recording.mcap_file import McapFile
 from tega.records import Value
 
@@ -49,8 +49,8 @@ def _heap_bytes() -> int:
 def test_a_file_that_grows_keeps_its_index_in_memory_and_nothing_else(tmp_path: Path) -> None:
     # In a program of its own: here other tests' threads come and go.
     words = [sys.executable, __file__, str(tmp_path / "long.mcap")]
-    said = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300)
-    heap_bytes, blocks = json.loads(said.stdout)
+    message = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300)
+    heap_bytes, blocks = json.loads(message.stdout)
     assert heap_bytes / 2000 < MOST_BYTES_A_FLUSH
     assert blocks < 1000  # less than one object for two flushes
 
@@ -79,8 +79,8 @@ def grown(path: Path) -> tuple[int, int]:
 
 def test_a_recorded_run_keeps_no_object_for_what_has_passed(tmp_path: Path) -> None:
     words = [sys.executable, __file__, "--run", str(tmp_path)]
-    said = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300)
-    ticks, blocks = json.loads(said.stdout)
+    message = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300)
+    ticks, blocks = json.loads(message.stdout)
     assert ticks >= 26_600
     # 20 s from the early seconds, when all queues and pools have their size, to the late: one object kept for each tick
     # of the hand would be 6660, of the vest 600, of the muscles' levels 400. The muscles' condition keeps the median
@@ -92,7 +92,7 @@ def kept(folder: Path) -> tuple[int, int]:
     """Return the hand's ticks of a recorded run of 80 s, and the objects its last 10 s hold beyond earlier ones."""
     blocks: dict[int, int] = {}
 
-    def look(view: LoopView) -> None:
+    def check(view: LoopView) -> None:
         second = view.t_ns // 1_000_000_000
         if second not in blocks:
             time.sleep(0.05)  # the writer's queue runs empty
@@ -104,7 +104,7 @@ def kept(folder: Path) -> tuple[int, int]:
         "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 80.0}},
         "recording": {"dir": str(folder), "stop_free_mib": 0.0},
     }
-    summary = run_session(check_tree(tree, {}, base=folder).config, bus=observed(look))
+    summary = run_session(check_tree(tree, {}, base=folder).config, bus=observed(check))
     # The least of ten: what waits in a queue at one instant is not kept.
     early = min(n for second, n in blocks.items() if 50 <= second < 60)
     late = min(n for second, n in blocks.items() if 70 <= second < 80)

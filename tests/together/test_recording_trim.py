@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from reference.sessions import SECONDS, attached, messages, record, rewritten, stream, told, tree
+from reference.sessions import SECONDS, attached, messages, record, reported, rewritten, stream, tree
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
 from tega.loop import run_session
@@ -26,7 +26,7 @@ S = 1_000_000_000
 
 
 def epoch_ns(path: Path) -> int:
-    return int(told(path)["tega"]["epoch_ns"])
+    return int(reported(path)["tega"]["epoch_ns"])
 
 
 @pytest.mark.parametrize(("from_s", "to_s"), [(0.311, 0.937), (0.0, 0.7), (0.5, None), (1.2, 99.0)])
@@ -44,10 +44,10 @@ def test_a_part_has_the_same_messages_and_computes_to_the_same_bits(
     files = attached(part)
     assert (files.pop(LEAD_IN, None) is not None) == (from_s > 0)
     assert files == attached(lossless)
-    tables = told(part)
+    tables = reported(part)
     assert tables.pop("span")["from_ns"] == str(round(from_s * S))
     assert tables.pop("origin-1")["file"] == lossless.name
-    assert tables == told(lossless)
+    assert tables == reported(lossless)
     replay = replay_file(part)
     assert replay.same
     assert replay.from_s == from_s
@@ -137,8 +137,8 @@ def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless: Path, tmp_pat
         trim_session(lossless, from_s=0.1, to_s=None, out=taken)
     with pytest.raises(ConfigError, match="is there already"):
         merge_sessions([early, late], out=taken)
-    for from_s, to_s, said in ((1.0, 0.5, "holds nothing"), (9.0, None, "is not in it")):
-        with pytest.raises(RecordingError, match=said):
+    for from_s, to_s, text in ((1.0, 0.5, "holds nothing"), (9.0, None, "is not in it")):
+        with pytest.raises(RecordingError, match=text):
             trim_session(lossless, from_s=from_s, to_s=to_s, out=tmp_path / "new")
     assert not (tmp_path / "new").exists()
     assert [p.name for p in taken.iterdir()] == ["mine.txt"]
@@ -155,13 +155,13 @@ def test_sessions_are_merged_in_order_of_time_as_they_are(lossless: Path, tmp_pa
     both = sorted((tmp_path / "both").glob("*.mcap"))
     assert [messages(path) for path in both] == [messages(early), messages(late)]
     assert [attached(path) for path in both] == [attached(early), attached(late)]
-    assert [told(path)["origin-2"]["session"] for path in both] == ["early", "late"]
+    assert [reported(path)["origin-2"]["session"] for path in both] == ["early", "late"]
     assert all(replay_file(path).same for path in both)
     assert replay_file(both[1]).from_s == 0.8
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "text"),
     [
         ({"tables": {"versions": {"numpy": "1.0"}}}, r"numpy \S+ and 1\.0"),
         ({"tables": {"tega": {"layout": "other"}}}, "vest .* and other"),
@@ -169,12 +169,12 @@ def test_sessions_are_merged_in_order_of_time_as_they_are(lossless: Path, tmp_pa
     ],
 )
 def test_what_does_not_fit_together_is_not_merged(
-    lossless: Path, tmp_path: Path, change: dict[str, Any], said: str
+    lossless: Path, tmp_path: Path, change: dict[str, Any], text: str
 ) -> None:
     late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
     early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
     other = rewritten(late, tmp_path / "other.mcap", **change)
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=text):
         merge_sessions([early, other], out=tmp_path / "both")
     assert not (tmp_path / "both").exists()
 

@@ -171,7 +171,7 @@ def test_a_calibration_from_a_run_gives_the_same_tables(
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (["--preset", "paper"], "made with preset 'live', the run uses 'paper'"),
         (["--emg-kind", "envelope"], "made for emg kind = 'raw', the run has 'envelope'"),
@@ -181,13 +181,13 @@ def test_a_calibration_from_a_run_gives_the_same_tables(
     ],
 )
 def test_a_calibration_that_does_not_fit_is_refused(
-    replay: Replay, press: list[object], tmp_path: Path, change: list[str], said: str, monkeypatch: Any
+    replay: Replay, press: list[object], tmp_path: Path, change: list[str], message: str, monkeypatch: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
     replay(*press, "--out", tmp_path / "one")
     calibration = tmp_path / "one" / "calibration.toml"
     failed = replay(*press, *change, "--calibration", calibration, "--out", tmp_path / "two", code=1)
-    assert f"error: calibration.toml: {said}" in failed["stderr"]
+    assert f"error: calibration.toml: {message}" in failed["stderr"]
     assert "hint: " in failed["stderr"]
 
 
@@ -195,7 +195,7 @@ def test_a_calibration_file_with_mistakes_is_refused(
     replay: Replay, press: list[object], tmp_path: Path
 ) -> None:
     path = tmp_path / "c.toml"
-    for text, said in (
+    for text, message in (
         ("preset = 3", "c.toml: preset = 3: "),
         ('preset = "live"\norigin = "x"\nspeed = 1', "c.toml: speed: unknown key"),
         (
@@ -210,7 +210,7 @@ def test_a_calibration_file_with_mistakes_is_refused(
     ):
         path.write_text(text)
         failed = replay(*press, "--calibration", path, "--out", tmp_path / "out", code=1)
-        assert f"error: {said}" in failed["stderr"]
+        assert f"error: {message}" in failed["stderr"]
 
 
 def test_touch_alone_and_muscles_alone(replay: Replay, press: list[object], tmp_path: Path) -> None:
@@ -345,17 +345,17 @@ def test_the_results_of_an_earlier_run_are_kept_and_told(
     press: list[object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    kept, told = [], []
+    kept, reported = [], []
     for number in range(3):
         with pytest.raises(SystemExit, match="0"):
             main(["replay", "--json", *map(str, press), "--out", str(out)])
-        told.append(capsys.readouterr().err)
+        reported.append(capsys.readouterr().err)
         (out / "vest.csv").write_text(f"of run {number}\n")
         kept.append({name: (out / name).read_bytes() for name in OUTPUTS})
     for number in (1, 2):
         below = out / f"earlier-{number}"
         assert {path.name: path.read_bytes() for path in below.iterdir()} == kept[number - 1]
-        assert told[number] == f"the earlier results in {out} are kept in {below}\n"
+        assert reported[number] == f"the earlier results in {out} are kept in {below}\n"
     assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "earlier-1", "earlier-2"])
 
 
@@ -376,8 +376,8 @@ def test_bad_input_is_named(replay: Replay, press: list[object], tmp_path: Path)
     torn.write_bytes(whole)
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((9, 9, 3), np.uint8))
     words = ["--tactile", f"thumb={tmp_path / 'thumb'}", "--baseline", f"thumb={tmp_path / 'small.png'}"]
-    said = replay(*words, *out, code=1)["stderr"]
-    assert "the baseline small.png has 9×9 pixels, the pictures of thumb have 80×60" in said
+    message = replay(*words, *out, code=1)["stderr"]
+    assert "the baseline small.png has 9×9 pixels, the pictures of thumb have 80×60" in message
     video = tmp_path / "ring.avi"
     video.write_bytes(video.read_bytes()[:-3000])
     assert "its header says 30: the video was cut short" in replay(*press, *out, code=1)["stderr"]
@@ -385,8 +385,8 @@ def test_bad_input_is_named(replay: Replay, press: list[object], tmp_path: Path)
     assert any(n.startswith("ring: ring.avi: ") and "cut short" in n for n in summary["notes"])
     emg = tmp_path / "emg.csv"
     emg.write_text(emg.read_text() + "1,2,three,4,5\n")
-    said = replay(*press, *out, "--allow-truncated", code=1)["stderr"]
-    assert "error: emg.csv:602: not a row of numbers: '1,2,three,4,5'" in said
+    message = replay(*press, *out, "--allow-truncated", code=1)["stderr"]
+    assert "error: emg.csv:602: not a row of numbers: '1,2,three,4,5'" in message
 
 
 def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(
@@ -408,7 +408,7 @@ def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ([], "nothing to replay"),
         (["--tactile", "thumb"], "'thumb' is not FINGER=PATH"),
@@ -421,10 +421,12 @@ def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(
         (["--emg", "e.csv", "--emg-kind", "noisy"], "--emg-kind"),
     ],
 )
-def test_wrong_use_is_told_with_code_2(replay: Replay, tmp_path: Path, words: list[str], said: str) -> None:
+def test_wrong_use_is_told_with_code_2(
+    replay: Replay, tmp_path: Path, words: list[str], message: str
+) -> None:
     stderr = replay(*words, "--out", tmp_path / "out", code=2)["stderr"]
     assert stderr.startswith("error: ")
-    assert said in stderr
+    assert message in stderr
     assert "hint: tega-teleop replay --help" in stderr
 
 
@@ -448,8 +450,8 @@ def test_a_channel_that_never_moves_is_named_by_its_number(replay: Replay, tmp_p
         "--emg-channels",
         "3,6",
     ]
-    said = replay(*words, "--out", tmp_path / "out", code=1)["stderr"]
-    assert "error: EMG e.npy, channels ch3, ch6: maximum of channel 2" in said
+    message = replay(*words, "--out", tmp_path / "out", code=1)["stderr"]
+    assert "error: EMG e.npy, channels ch3, ch6: maximum of channel 2" in message
 
 
 def test_the_docs_name_every_flag(capsys: pytest.CaptureFixture[str]) -> None:

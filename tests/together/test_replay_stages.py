@@ -84,9 +84,9 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     (replay,), code = replayed(recording, *words, capsys=capsys)
     assert code == 1
     assert any(
-        "stages.metric: live" in said and "reading (threshold D8" in said for said in replay["changed"]
+        "stages.metric: live" in text and "reading (threshold D8" in text for text in replay["changed"]
     )
-    assert any("law logistic" in said for said in replay["changed"])
+    assert any("law logistic" in text for text in replay["changed"])
     assert next(s for s in replay["streams"] if s["stream"] == "/tactile/index/contact")["differ"] > 0
     assert next(s for s in replay["streams"] if s["stream"] == "/emg/levels")["differ"] == 0
     with pytest.raises(SystemExit):

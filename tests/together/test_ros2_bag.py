@@ -137,8 +137,8 @@ def test_a_bag_is_replayed_as_fingertip_and_emg(tmp_path: Path, capsys: pytest.C
     assert '"frames": 30' in out
     (bag / "bag_0.mcap").rename(bag / "bag_0.db3")
     (bag / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
-    _, said = call(capsys, "replay", "--tactile", f"thumb={bag}", "--out", tmp_path / "out", code=1)
-    assert "a bag in SQLite" in said
+    _, text = call(capsys, "replay", "--tactile", f"thumb={bag}", "--out", tmp_path / "out", code=1)
+    assert "a bag in SQLite" in text
 
 
 @pytest.mark.parametrize(
@@ -160,8 +160,8 @@ def test_a_file_of_another_program_is_named_with_its_topics(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     bag = write_bag(tmp_path / "a.mcap", [("/emg", "array", BEGIN_NS, array(np.zeros(3, np.float32)))])
-    _, said = call(capsys, *words, bag, *([bag] if "merge" in words else []), code=1)
-    assert "not recorded by TEGA (profile ros2); its topics: /emg std_msgs/msg/Float32MultiArray (1)" in said
+    _, text = call(capsys, *words, bag, *([bag] if "merge" in words else []), code=1)
+    assert "not recorded by TEGA (profile ros2); its topics: /emg std_msgs/msg/Float32MultiArray (1)" in text
     with (tmp_path / "b.mcap").open("wb") as file:
         writer: Any = McapWriter(file)
         writer.start(profile="", library="somebody")
@@ -169,8 +169,8 @@ def test_a_file_of_another_program_is_named_with_its_topics(
         writer.add_message(number, 5, b"{}", 5)
         writer.finish()
     other = tmp_path / "b.mcap"
-    _, said = call(capsys, *words, other, *([other] if "merge" in words else []), code=1)
-    assert "not recorded by TEGA (written by somebody); its topics: /x Y (1)" in said
+    _, text = call(capsys, *words, other, *([other] if "merge" in words else []), code=1)
+    assert "not recorded by TEGA (written by somebody); its topics: /x Y (1)" in text
     other.write_bytes(b"")
-    _, said = call(capsys, *words, other, *([other] if "merge" in words else []), code=1)
-    assert "is empty (0 bytes)" in said or "merge" in words
+    _, text = call(capsys, *words, other, *([other] if "merge" in words else []), code=1)
+    assert "is empty (0 bytes)" in text or "merge" in words

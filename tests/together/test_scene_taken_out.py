@@ -102,9 +102,9 @@ def test_a_session_on_emulated_devices_runs_and_is_verified(teleop: Teleop, tmp_
 
 def test_a_recording_with_its_video_opens_and_names_the_package(teleop: Teleop, filmed: Path) -> None:
     for verb in (("recording", "inspect"), ("verify",)):
-        said = " ".join(teleop(*verb, str(filmed)).stdout.split())
-        assert MISSING in said
-        assert INSTALL in said
+        message = " ".join(teleop(*verb, str(filmed)).stdout.split())
+        assert MISSING in message
+        assert INSTALL in message
     assert json.loads(teleop("recording", "inspect", str(filmed), "--json").stdout)[0]["absent"]
     refused = teleop("recording", "export", str(filmed), "--format", "lerobot", "--out", "set", code=3)
     assert "tega_scene" in refused.stderr
@@ -112,6 +112,6 @@ def test_a_recording_with_its_video_opens_and_names_the_package(teleop: Teleop, 
 
 def test_settings_with_its_table_are_refused_by_name(teleop: Teleop, tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text('[[scene]]\nname = "front"\nsource = "a.avi"\n', encoding="utf-8")
-    said = teleop("run", "lab.toml", code=1).stderr
-    assert "lab.toml: scene: unknown key" in said
-    assert "A feature's table needs its package." in said
+    message = teleop("run", "lab.toml", code=1).stderr
+    assert "lab.toml: scene: unknown key" in message
+    assert "A feature's table needs its package." in message

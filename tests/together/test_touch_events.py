@@ -15,7 +15,7 @@ from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
 from tega.loop import run_session
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
@@ -40,39 +40,39 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[
         "session": TREE["session"] | {"out_dir": str(folder / "out")},
         "recording": {"dir": str(folder / "recorded"), "lossless": True, "stop_free_mib": 0.0},
     }
-    bus, heard, seen = Bus(), list[Event](), list[LoopView]()
-    bus.subscribe(Event, heard.append)
+    bus, received, seen = Bus(), list[Event](), list[LoopView]()
+    bus.subscribe(Event, received.append)
     summary = run_session(check_tree(tree, {}, base=folder).config, bus=observed(seen.append, bus))
-    return folder / "out", folder / "recorded" / summary["recording"]["file"], heard, seen
+    return folder / "out", folder / "recorded" / summary["recording"]["file"], received, seen
 
 
 Session = tuple[Path, Path, list[Event], list[LoopView]]
 
 
 def test_an_event_is_told_recorded_and_tabled_alike(session: Session) -> None:
-    out, file, heard, _ = session
-    assert "contact" in {event.kind for event in heard}
+    out, file, received, _ = session
+    assert "contact" in {event.kind for event in received}
     reader = McapReader(file)
     recorded = [read(Event, m.value) for m in reader.messages() if m.topic == "/touch/event"]
-    assert recorded == heard
+    assert recorded == received
     assert reader.metadata["records"]["Event"] == "1"
     assert reader.metadata["units"]["Event.taken_ns"] == "ns"
     with (out / "events.csv").open(newline="") as text:
         table = list(csv.DictReader(text))
-    assert [(row["kind"], row["finger"]) for row in table] == [(e.kind, e.finger) for e in heard]
-    assert [float(row["confidence"]) for row in table] == [e.confidence for e in heard]
-    assert all(event.began_ns <= event.t_ns <= event.taken_ns for event in heard)
+    assert [(row["kind"], row["finger"]) for row in table] == [(e.kind, e.finger) for e in received]
+    assert [float(row["confidence"]) for row in table] == [e.confidence for e in received]
+    assert all(event.began_ns <= event.t_ns <= event.taken_ns for event in received)
 
 
 def test_a_replay_finds_the_same_events(session: Session) -> None:
-    _, file, heard, _ = session
+    _, file, received, _ = session
     (stream,) = (s for s in replay_file(file).streams if s.stream == "/touch/event")
-    assert (stream.recorded, stream.replayed, stream.differ) == (len(heard), len(heard), 0)
+    assert (stream.recorded, stream.replayed, stream.differ) == (len(received), len(received), 0)
 
 
 def test_a_display_says_the_newest_event_while_it_is_new(session: Session) -> None:
-    *_, heard, seen = session
-    first = heard[0]
+    *_, received, seen = session
+    first = received[0]
     before = [view.newest_event for view in seen if view.t_ns < first.t_ns]
     assert set(before) <= {""}
     after = next(view for view in seen if view.t_ns >= first.taken_ns)
@@ -109,16 +109,16 @@ def test_the_table_of_an_arm_is_made_from_its_turns() -> None:
     head = columns(ArmTurn)
     assert head[:5] == ("t_s", "state", "reason", "holds", "arm_x_m")
     assert head[-1] == "target_qw"
-    asked: dict[str, Any] = dict.fromkeys(("clutch", "dead_man", "may_move", "cleared"), False)
-    asked |= {"t_ns": 1_500_000_000, "poses": (), "stopped": "", "state": "holding", "holds": 2}
-    asked |= {"velocity": (0.0,) * 6, "phase": "ready", "reason": "no pose came, 200 ms"}
+    requested: dict[str, Any] = dict.fromkeys(("clutch", "dead_man", "may_move", "cleared"), False)
+    requested |= {"t_ns": 1_500_000_000, "poses": (), "stopped": "", "state": "holding", "holds": 2}
+    requested |= {"velocity": (0.0,) * 6, "phase": "ready", "reason": "no pose came, 200 ms"}
     place, turn = (0.1, -0.2, 0.30000000000000004), (0.0, 0.0, 0.0, 1.0)
-    known = ArmTurn(measured=(PoseNumbers(1, place, turn),), target=(), **asked)
+    known = ArmTurn(measured=(PoseNumbers(1, place, turn),), target=(), **requested)
     (row,) = csv.DictReader([",".join(head), *rows(known)])
     assert (row["t_s"], row["reason"], row["holds"]) == ("1.500000", "no pose came, 200 ms", "2")
     assert float(row["arm_z_m"]) == place[2]
     assert row["target_x_m"] == ""
-    damaged = ArmTurn(measured=(PoseNumbers(1, (math.nan,), ()),), target=(*place, *turn), **asked)
+    damaged = ArmTurn(measured=(PoseNumbers(1, (math.nan,), ()),), target=(*place, *turn), **requested)
     (row,) = csv.DictReader([",".join(head), *rows(damaged)])
     assert row["arm_x_m"] == ""
     assert float(row["target_qw"]) == 1.0

@@ -87,10 +87,10 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
     frames = [live_frame(k) for k in range(8)]
     camera: Any = ScriptedCamera(frames)
     finger = Finger(camera, frames[0].image, "given", SourceReport())
-    told: list[Picture] = []
+    reported: list[Picture] = []
     given: list[bool] = []
     bus, touched = Bus(), Touching()
-    bus.subscribe(Picture, told.append, vital=True)
+    bus.subscribe(Picture, reported.append, vital=True)
 
     class Listening(LiveMetric):
         def update(self, frame: Any, t_ns: int) -> Any:
@@ -115,7 +115,7 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
         )
         while not contacts.ended:
             contacts.next_until(10**12)
-    assert [picture.loaded for picture in told] == given
+    assert [picture.loaded for picture in reported] == given
     # The fourth frame's metric heard of the ring; what is older than 100 ms says nothing.
     assert given == [False] * 4 + [True] * 4
     assert not touched.beside("ring", 0)
@@ -177,12 +177,12 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
             metric = LiveMetric(FingerSetup(name, finger.baseline), LiveOptions())
             flags[name] = list[bool]()
 
-            def see(
+            def observe(
                 _frame: TactileFrame, _at: int, to: list[bool] = flags[name], of: LiveMetric = metric
             ) -> None:
                 to.append(of.loaded)
 
-            beforehand.add(name, finger, metric, see=see)
+            beforehand.add(name, finger, metric, observe=observe)
         for one in beforehand.measured(lambda: False):
             if one.contact is not None:
                 found[one.finger].append(repr(one.contact))
@@ -223,8 +223,8 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
             while (contact := streams[name].next_until(10**12)) is not None:
                 again.append(repr(contact))
             assert again == found[name]
-    for name, told in flags.items():
-        assert [picture.loaded for picture in told_in_run if picture.finger == name] == told
+    for name, reported in flags.items():
+        assert [picture.loaded for picture in told_in_run if picture.finger == name] == reported
 
 
 @pytest.mark.slow
@@ -286,11 +286,11 @@ def test_maps_are_those_of_the_picture_and_asking_for_them_changes_nothing() -> 
 
 def test_nothing_is_drawn_where_nobody_looks() -> None:
     frames = [live_frame(k) for k in range(3)]
-    asked = []
+    requested = []
 
     class Asked(LiveMetric):
         def touch_map(self) -> Any:
-            asked.append(threading.current_thread().name)
+            requested.append(threading.current_thread().name)
             return super().touch_map()
 
     for watched in (False, True):
@@ -315,7 +315,7 @@ def test_nothing_is_drawn_where_nobody_looks() -> None:
             while not contacts.ended:
                 contacts.next_until(10**12)
         # In the thread that measures: the loop's deadlines do not pay.
-        assert asked == (["tega-thumb"] * 3 if watched else [])
+        assert requested == (["tega-thumb"] * 3 if watched else [])
 
 
 def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:
@@ -371,7 +371,7 @@ def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
         felt = _felt(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000))
         names.append(labels.name(felt))
         plain.append(contact_type(felt.cci_norm, felt.eda_norm))
-    flips = [sum(a != b for a, b in pairwise(said)) for said in (names, plain)]
+    flips = [sum(a != b for a, b in pairwise(sentence)) for sentence in (names, plain)]
     assert flips[1] > 500
     assert flips[0] <= 1
     # What changes clearly is told at once, and a contact that ends forgets.
@@ -459,9 +459,9 @@ def test_depth_and_force_that_were_calibrated_for_another_law_are_refused_and_th
         contact = held([metric.update(frame, k * PERIOD_NS) for k, frame in enumerate(frames[:60])])
         assert contact is not None
         read[name] = contact.depth_mm, contact.force_n
-        said = refused_law("thumb", full, "tega-teleop calibrate lab.toml --person p01")
-        assert len(said) == (name in {"before laws were numbered", "another law"})
-        assert all("--known-ball" in one and "nominal" in one for one in said)
+        sentence = refused_law("thumb", full, "tega-teleop calibrate lab.toml --person p01")
+        assert len(sentence) == (name in {"before laws were numbered", "another law"})
+        assert all("--known-ball" in one and "nominal" in one for one in sentence)
         assert full.of_this_law().noise_counts == noise
     assert read["before laws were numbered"] == read["another law"] == read["nominal"]
     assert read["this law"] != read["nominal"]

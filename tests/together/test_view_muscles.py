@@ -23,7 +23,7 @@ from tega.ui.view.browser.muscle_rows import MuscleRows
 from tega.ui.view.state import ViewState
 
 
-def told(apart: DecodersApart, pairs: list[tuple[float, float]], *, late_ns: int = 0) -> None:
+def reported(apart: DecodersApart, pairs: list[tuple[float, float]], *, late_ns: int = 0) -> None:
     for k, (ours, theirs) in enumerate(pairs):
         apart.connected(Intent(t_ns=k * 100_000_000, level=1, closure=ours))
         apart.beside(BesideIntent(stage="rules", t_ns=k * 100_000_000 + late_ns, level=1, closure=theirs))
@@ -31,13 +31,13 @@ def told(apart: DecodersApart, pairs: list[tuple[float, float]], *, late_ns: int
 
 def test_closures_apart_by_more_than_half_a_level_are_counted_over_ten_seconds() -> None:
     apart = DecodersApart()
-    told(apart, [(0.0, 1.0)] * 50 + [(0.5, 0.6)] * 75 + [(0.5, 0.75)] * 25)
+    reported(apart, [(0.0, 1.0)] * 50 + [(0.5, 0.6)] * 75 + [(0.5, 0.75)] * 25)
     assert apart.rows() == {"beside rules": "closure 0.75 (connected 0.50), apart in 25 % of 10 s"}
 
 
 def test_blocks_of_other_lengths_are_paired_by_their_times() -> None:
     apart = DecodersApart()
-    told(apart, [(0.5, 0.5)] * 20, late_ns=-40_000_000)
+    reported(apart, [(0.5, 0.5)] * 20, late_ns=-40_000_000)
     assert apart.rows()["beside rules"].endswith("apart in 0 % of 10 s")
 
 

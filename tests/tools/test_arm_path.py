@@ -77,11 +77,11 @@ def test_the_table_says_where_the_arm_stays(followed: dict[str, Followed]) -> No
 def test_the_picture_names_every_line_and_the_grey_behind_them(followed: dict[str, Followed]) -> None:
     pytest.importorskip("matplotlib", reason="pip install '.[pictures]'")
     path = hand_path()
-    shown = [
+    displayed = [
         ("default, not late", followed["default, for as long"]),
         ("without filter", followed["without filter"]),
     ]
-    whole, still = arm_figure(path, shown).axes
+    whole, still = arm_figure(path, displayed).axes
     assert (whole.get_xlabel(), whole.get_ylabel()) == ("time, s", "height, cm")
     assert (still.get_xlabel(), still.get_ylabel()) == ("time, s", "off its mean along x, mm")
     legend = whole.get_legend()

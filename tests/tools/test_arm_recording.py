@@ -53,7 +53,7 @@ class _Script:
         self._next = next(self._steps)
         self._since_ns = 0
 
-    def see(self, view: LoopView) -> None:
+    def observe(self, view: LoopView) -> None:
         if self.over:
             return
         wanted, cap, headset = self._next
@@ -81,7 +81,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run_session(
             check_tree(tree, {}, base=folder).config,
             controls=Controls(stop=lambda: script.over or time.monotonic() > until_s),
-            bus=observed(script.see),
+            bus=observed(script.observe),
         )
         assert script.over
     return folder / "session"
@@ -118,7 +118,7 @@ def test_a_changed_setting_and_what_comes_of_it_are_named(session: Path, tmp_pat
     assert replay.changed == ["arm.filter.beta_per_m: 10.0 -> 10.01"]
     (turns,) = (s for s in replay.streams if s.stream == "/arm/turn")
     assert turns.differ > 0
-    assert set(turns.fields) <= {f"{what}_{axis}" for what in ("target", "velocity") for axis in "xyz"}
+    assert set(turns.fields) <= {f"{subject}_{axis}" for subject in ("target", "velocity") for axis in "xyz"}
 
 
 @pytest.mark.slow
@@ -148,8 +148,8 @@ def test_viewers_see_forearm_target_and_hand_as_poses_of_a_well_known_kind(sessi
     assert [
         [p.pose.position.x, p.pose.position.y, p.pose.position.z] for p in _values(found, "/arm/forearm")
     ] == seen
-    shown = [p.pose.position.x for p in _values(found, "/arm/target")]
-    assert shown == [turn.target[0] for turn in turns if turn.target]
+    displayed = [p.pose.position.x for p in _values(found, "/arm/target")]
+    assert displayed == [turn.target[0] for turn in turns if turn.target]
     assert {p.frame_id for p in _values(found, "/arm/forearm")} == {"tracker"}
     assert {p.frame_id for p in _values(found, "/arm/target")} == {"arm_base"}
 
@@ -210,7 +210,7 @@ def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) ->
         lab.cap.say("lift 0")
         followed: list[str] = []
 
-        def see(view: LoopView) -> None:
+        def observe(view: LoopView) -> None:
             if view.arm.startswith("idle: the clutch is open"):
                 lab.cap.say("press 0")
             followed.append(view.arm)
@@ -220,13 +220,13 @@ def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) ->
             check_tree(tree, {}, base=tmp_path).config,
             controls=Controls(
                 stop=lambda: (
-                    any("has ended" in said or said.startswith("stopped") for said in followed[-1:])
+                    any("has ended" in text or text.startswith("stopped") for text in followed[-1:])
                     or time.monotonic() > until_s
                 )
             ),
-            bus=observed(see),
+            bus=observed(observe),
         )
-    assert any(said.startswith("following") for said in followed)
+    assert any(text.startswith("following") for text in followed)
     (_, first), (_, second) = (forearm(folder / "trial-001.mcap") for folder in (session, tmp_path / "next"))
     played = [(pose.position_m, pose.quaternion_xyzw, pose.valid) for pose in second]
     assert played == [(pose.position_m, pose.quaternion_xyzw, pose.valid) for pose in first][: len(played)]

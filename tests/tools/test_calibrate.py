@@ -122,7 +122,7 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         assert (tree["person"], tree["finger"], tree["n_presses"]) == ("p01", "thumb", 6)
         assert tree["live"]["eda_max"] > 4000
         assert tree["live"]["cci_max"] > 10 * tree["paper"]["cci_max"] > 0
-        assert wizard.told["files"][0]["record"]["device"] == "D20641"
+        assert wizard.reported["files"][0]["record"]["device"] == "D20641"
         sensor.say("press 1")
         assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
         summary = json.loads(capsys.readouterr().out)
@@ -132,9 +132,9 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         assert not [note for note in summary["notes"] if "old" in note]
         # Another person, another sensor, an old record.
         assert teleop("run", str(file), "--person", "p02") == 1
-        said = capsys.readouterr().err
-        assert "p02 has no calibration on D20641 (there is one of p01)" in said
-        assert f"hint: tega-teleop calibrate {file} --person p02 --only tactile" in said
+        text = capsys.readouterr().err
+        assert "p02 has no calibration on D20641 (there is one of p01)" in text
+        assert f"hint: tega-teleop calibrate {file} --person p02 --only tactile" in text
         other = lab(tmp_path, thumb(sensor, "D99999"))
         assert teleop("run", str(other), "--person", "p01") == 1
         assert "no calibration on D99999 (p01 was calibrated on D20641)" in capsys.readouterr().err
@@ -167,7 +167,7 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
     wizard = calibrated.wizard
     assert wizard.code == 0, wizard.said
     file = calibrated.copied(tmp_path)
-    (found,) = wizard.told["files"]
+    (found,) = wizard.reported["files"]
     record = found["record"]
     assert record["channels"] == ["ch1", "ch2", "ch3"]
     assert all(m > 3 * r > 0 for m, r in zip(record["live_max"], record["rest"], strict=True))
@@ -180,14 +180,14 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
     assert teleop("run", str(file), "--person", "p01", *paper) == 0
     assert json.loads(capsys.readouterr().out)["emg"]["maxima"] == record["paper_max"]
     command = f"hint: tega-teleop calibrate {file} --person p01 --only emg"
-    for change, said in (
+    for change, text in (
         ("emg.options.channels=[1,2]", "with channels = ch1, ch2, ch3, the run has ch1, ch2"),
         ("emg.kind=rectified", "with kind = raw, the run has rectified"),
         ("emg.options.bits=12", "settings = bits=10, columns=3, leading=0, the run has"),
     ):
         assert teleop("run", str(file), "--person", "p01", "--set", change) == 1
         err = capsys.readouterr().err
-        assert said in err
+        assert text in err
         assert command in err
     made = utc_now() - timedelta(hours=30)
     folder = CalibrationFolder(tmp_path / "calibrations")
@@ -237,23 +237,23 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         assert first.run() == 130
         until(lambda: not any(seen_by(peer).motors))
         assert f"Go on with: tega-teleop calibrate {file} --person p01" in first.said
-        assert first.told["finished"] is False
-        assert first.told["done"] == ["vest.places", "vest.threshold"]
+        assert first.reported["finished"] is False
+        assert first.reported["done"] == ["vest.places", "vest.threshold"]
         assert "vest: 8 of 8 places named right" in first.said
-        wearer.asked.clear()
+        wearer.requested.clear()
         second = Wizard(words, wearer)
         assert second.run() == 0, second.said
         assert "done: vest.places, vest.threshold" in second.said
-        assert "f1" not in wearer.asked[: wearer.asked.index("b4")]
+        assert "f1" not in wearer.requested[: wearer.requested.index("b4")]
         until(lambda: not any(seen_by(peer).motors))
         # 40 percent is the driver's limit; level 6 is the highest below it.
         assert wearer.loudest == 37
         assert not seen_by(peer).errors
         # At the end all columns at once, in steps.
-        shown = [max(motors) for _, motors in seen_by(peer).history if all(motors)]
-        assert shown == sorted(set(shown))
-        assert (len(shown), shown[-1]) == (5, 37)
-        record = second.told["files"][0]["record"]
+        displayed = [max(motors) for _, motors in seen_by(peer).history if all(motors)]
+        assert displayed == sorted(set(displayed))
+        assert (len(displayed), displayed[-1]) == (5, 37)
+        record = second.reported["files"][0]["record"]
         # Both parts count to the person's day.
         worn = json.loads((tmp_path / "calibrations/people/p01/vest-dose.json").read_bytes())
         assert [sum(run["dose_s"]) > 0 for run in worn] == [True, True]
@@ -287,7 +287,7 @@ def test_single_keys_on_a_terminal_answer_every_question_once(tmp_path: Path) ->
         assert record["named_right"] == record["named"] == 8
         until(lambda: not any(seen_by(peer).motors))
         # One key for each vibration that was asked about, none for nothing.
-        n_bursts = len(wearer.asked)
+        n_bursts = len(wearer.requested)
         assert n_bursts > 40
         assert person.n_keys >= n_bursts
 
@@ -338,11 +338,11 @@ def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: P
         assert refused.code == 1
         assert "does something touch the gel?" in refused.said
         assert not (tmp_path / "calibrations" / "gels").exists()
-        asked: list[str] = []
+        requested: list[str] = []
 
         def lets_go(prompt: str) -> str | None:
             if "what now" in prompt:
-                asked.append(prompt)
+                requested.append(prompt)
                 sensor.say("press 0")
                 return "a"
             return presser(prompt)
@@ -350,14 +350,14 @@ def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: P
         presser = Presser(sensor)
         wizard = calibrate(file, lets_go)
         assert wizard.code == 0, wizard.said
-        assert len(asked) == 1
+        assert len(requested) == 1
         sensor.say("wear dimmer")
         sensor.say("wear dark-spot")
         keeps = calibrate(file, lambda prompt: "k" if "what now" in prompt else presser(prompt), "--refresh")
         assert keeps.code == 0, keeps.said
         assert "counts darker than on 2" in keeps.said
         assert "a dark spot of " in keeps.said
-        record = keeps.told["files"][0]["record"]
+        record = keeps.reported["files"][0]["record"]
         assert record["dark_px"] > 40
         assert max(record["shift_counts"]) < -5
 
@@ -376,7 +376,7 @@ def test_exchanged_electrodes_and_half_hearted_squeezes_are_told(tmp_path: Path)
         wizard = calibrate(file, Mover(board, wired=(2, 1, 3)))
         assert wizard.code == 130
         assert "ch1 and ch2 look swapped: each rises with the muscle of the other" in wizard.said
-        assert wizard.told["done"] == ["emg.rest", "emg.squeezes"]
+        assert wizard.reported["done"] == ["emg.rest", "emg.squeezes"]
         weak = Mover(board)
         weak.full = 2 * RESTING
         wizard = calibrate(file, weak, "--restart")
@@ -400,7 +400,7 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     today.full = 1.5
     wizard = calibrate(file, today, "--refresh")
     assert wizard.code == 0, wizard.said
-    before, after = (w.told["files"][0]["record"] for w in (first, wizard))
+    before, after = (w.reported["files"][0]["record"] for w in (first, wizard))
     assert 1.15 < after["scale"] < 1.95
     assert after["made"] == before["made"]
     assert "refreshed" in after
@@ -416,17 +416,17 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     )
     assert tracked.run() == 0, tracked.said
     # Hand at rest all the time: right only while the curve asks for level 1.
-    assert 20 < tracked.told["in_target_percent"] < 70
-    assert tracked.told["rms_error_levels"] > 0.5
-    assert tracked.told["delay_s"] is None
-    assert tracked.told["decoder"] == "rules"
-    assert Path(tracked.told["file"]).is_file()
+    assert 20 < tracked.reported["in_target_percent"] < 70
+    assert tracked.reported["rms_error_levels"] > 0.5
+    assert tracked.reported["delay_s"] is None
+    assert tracked.reported["decoder"] == "rules"
+    assert Path(tracked.reported["file"]).is_file()
 
 
 def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Muscles, tmp_path: Path) -> None:
     file = calibrated.copied(tmp_path)
     calibrated.board.say(f"effort {RESTING}")
-    told = []
+    reported = []
     for decoder in ("rules", "proportional"):
         words = ["--movements", "1", "--dwell-s", "0.3", "--timeout-s", "0.5"]
         tested = Wizard(
@@ -446,12 +446,12 @@ def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Mus
             lambda _prompt: "",
         )
         assert tested.run() == 0, tested.said
-        told.append(tested.told)
+        reported.append(tested.reported)
     # Six distances and widths, once each; whatever the rest twitches, nobody squeezed to level 3.
-    assert [(one["decoder"], one["movements"]) for one in told] == [("rules", 6), ("proportional", 6)]
-    assert all(one["completion"] < 0.5 and one["throughput_bits_s"] == 0 for one in told)
+    assert [(one["decoder"], one["movements"]) for one in reported] == [("rules", 6), ("proportional", 6)]
+    assert all(one["completion"] < 0.5 and one["throughput_bits_s"] == 0 for one in reported)
     kept = sorted((tmp_path / "calibrations/people/p01/fitts").iterdir())
-    assert [str(path) for path in kept] == [one["file"] for one in told]
+    assert [str(path) for path in kept] == [one["file"] for one in reported]
 
 
 def test_a_fitts_test_is_done_on_a_page(calibrated: Muscles, tmp_path: Path) -> None:
@@ -468,4 +468,4 @@ def test_a_fitts_test_is_done_on_a_page(calibrated: Muscles, tmp_path: Path) -> 
             page.get_by_text(re.compile(r"± 0\.\d\d level")).wait_for()
             page.get_by_text("bits/s").wait_for()
         assert running.result(30) == 0, tested.said
-    assert tested.told["movements"] == 6
+    assert tested.reported["movements"] == 6

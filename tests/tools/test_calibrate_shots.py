@@ -22,9 +22,9 @@ def test_a_screen_holds_the_newest_of_what_is_redrawn_and_all_that_is_printed() 
     with Live(console=console, auto_refresh=False, transient=True) as live:
         for left in (3, 2, 1):
             live.update(f"SQUEEZE\n████··\n{left} s left", refresh=True)
-            shown = DrawnTerminal()
-            shown.take(out.getvalue())
-            assert plain(shown) == ["ok rest", "SQUEEZE", "████··", f"{left} s left"]
+            displayed = DrawnTerminal()
+            displayed.take(out.getvalue())
+            assert plain(displayed) == ["ok rest", "SQUEEZE", "████··", f"{left} s left"]
     console.print("let go")
     ended = DrawnTerminal()
     for letter in out.getvalue():  # however it is cut into parts

@@ -72,8 +72,8 @@ def test_an_error_counts_where_the_machine_did_not_stand_still(standing: Standst
 
 def test_each_case_is_one_object_of_the_report(capsys: pytest.CaptureFixture[str]) -> None:
     assert report_cases([CampaignCase({"kill": 3}, lambda: KILL)], as_json=True, attempts=1) == [KILL]
-    told = json.loads(capsys.readouterr().out)
-    assert (told["kill"], told["good"], told["lost_s"]) == (3, True, 0.1)
+    reported = json.loads(capsys.readouterr().out)
+    assert (reported["kill"], reported["good"], reported["lost_s"]) == (3, True, 0.1)
     report_cases([CampaignCase({"kill": 3}, lambda: KILL)], as_json=False, attempts=1)
     assert capsys.readouterr().out.startswith("kill: 3\n  at_s: 1.0\n")
 
@@ -84,8 +84,8 @@ def test_a_table_s_cells_cannot_break_it() -> None:
 
 def test_what_a_station_became_is_told_with_what_it_was_before(tmp_path: Path) -> None:
     with Supervisor(tmp_path / "none.toml") as station:
-        told = [(1.0, "active"), (2.0, "active"), (3.0, "hold"), (4.0, "hold"), (5.0, "idle")]
-        station.lines = [SaidLine(at_s, {"state": state, "alerts": []}) for at_s, state in told]
+        reported = [(1.0, "active"), (2.0, "active"), (3.0, "hold"), (4.0, "hold"), (5.0, "idle")]
+        station.lines = [SaidLine(at_s, {"state": state, "alerts": []}) for at_s, state in reported]
         station.lines.append(SaidLine(6.0, {"said": "waits for an operator"}))
         assert station.since(2.5, "state") == [(2.5, "active"), (3.0, "hold"), (5.0, "idle")]
         assert station.now["state"] == "idle"

@@ -56,11 +56,11 @@ CELLS = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("driver", "fault", "effect", "said"), CELLS)
-def test_a_cell_is_made_by_running_into_the_fault(driver: str, fault: str, effect: str, said: str) -> None:
+@pytest.mark.parametrize(("driver", "fault", "effect", "message"), CELLS)
+def test_a_cell_is_made_by_running_into_the_fault(driver: str, fault: str, effect: str, message: str) -> None:
     outcome = run("--only", driver, "--fault", fault)
     assert outcome["effect"] == effect
-    assert said in str(outcome["said"])
+    assert message in str(outcome["said"])
 
 
 def test_the_page_has_a_cell_for_every_trial() -> None:

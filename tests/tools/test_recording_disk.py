@@ -166,13 +166,13 @@ def run_full(words: list[str]) -> tuple[dict[str, Any], str]:
     return summary, done.stderr
 
 
-def check_full(summary: dict[str, Any], said: str, folder: Path, reason: str) -> None:
+def check_full(summary: dict[str, Any], message: str, folder: Path, reason: str) -> None:
     assert summary["ended"] == "complete"
     assert summary["hand"]["ticks"] == round(SECONDS / 0.003)
     recording = summary["recording"]
     assert recording["state"] == "stopped"
     assert reason in recording["reason"]
-    assert f"recording stopped: {recording['reason']}; the run goes on" in said
+    assert f"recording stopped: {recording['reason']}; the run goes on" in message
     assert sum(recording["dropped"].values()) > 100
     # What had come to the disk is there, and computes the same.
     (recovered,) = SessionFolder(folder).recovered
@@ -185,8 +185,8 @@ def test_a_file_that_may_not_grow_stops_the_recording_and_not_the_run(tmp_path: 
     path = tmp_path / "settings.toml"
     config = check_tree(tree(tmp_path / "session"), {}, base=tmp_path).config
     path.write_text(config_text(config))
-    summary, said = run_full([sys.executable, "-c", FULL, str(path)])
-    check_full(summary, said, tmp_path / "session", "File too large")
+    summary, message = run_full([sys.executable, "-c", FULL, str(path)])
+    check_full(summary, message, tmp_path / "session", "File too large")
 
 
 @pytest.mark.slow
@@ -204,14 +204,14 @@ def test_a_full_disk_stops_the_recording_and_not_the_run(tmp_path: Path) -> None
         config = check_tree(tree(disk / "session"), {}, base=tmp_path).config
         (tmp_path / "settings.toml").write_text(config_text(config))
         words = [sys.executable, "-m", "tega.ui.cli", "run", str(tmp_path / "settings.toml"), "--json"]
-        summary, said = run_full(words)
+        summary, message = run_full(words)
         kept = tmp_path / "kept"
         kept.mkdir()
         for part in (disk / "session").glob("*.part"):
             (kept / part.name).write_bytes(part.read_bytes())
     finally:
         subprocess.run(["umount", str(disk)], check=True)
-    check_full(summary, said, kept, "No space left on device")
+    check_full(summary, message, kept, "No space left on device")
 
 
 def test_too_little_room_finishes_the_file_in_time(tmp_path: Path) -> None:

@@ -60,8 +60,8 @@ def good() -> SoakReport:
 
 def unjudged(n: int, how: str = "unplug") -> list[SoakFault]:
     """So many faults of which nothing can be said."""
-    said = "not judged: the machine stood still for 0.3 s"
-    return [SoakFault(kind="unplug", device="emg", how=how, injected_s=1.0, outcome=said)] * n
+    text = "not judged: the machine stood still for 0.3 s"
+    return [SoakFault(kind="unplug", device="emg", how=how, injected_s=1.0, outcome=text)] * n
 
 
 def test_a_good_report_passes() -> None:

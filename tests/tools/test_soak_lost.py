@@ -11,7 +11,7 @@ from tega.config import check_tree
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
 from tega.records import ArmTarget, Joints, Record, Skip
-from tega_campaigns.soak.lost import KeptCounts, look
+from tega_campaigns.soak.lost import KeptCounts, check
 
 _MS = 1_000_000
 
@@ -26,7 +26,7 @@ def recorded(folder: Path, records: Sequence[Record]) -> KeptCounts:
     for record in records:
         recorder.put(record)
     recorder.finish()
-    return look(recorder.path)
+    return check(recorder.path)
 
 
 def ticks(*at_ms: int) -> list[Record]:

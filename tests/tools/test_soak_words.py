@@ -116,7 +116,7 @@ def _reports(kind: Kind) -> set[str]:
 def test_only_words_about_a_fault_count_as_telling_of_it(kind: Kind) -> None:
     if kind.how == "kill" and kind.device not in {"arm", "recorder"}:
         # After it no word of the program counts, but what the devices do.
-        assert not any(kind.words(said) for lines in _ABOUT.values() for said in lines)
+        assert not any(kind.words(text) for lines in _ABOUT.values() for text in lines)
         return
     counted = {about for about, lines in _ABOUT.items() if any(map(kind.words, lines))}
     assert counted == _reports(kind)

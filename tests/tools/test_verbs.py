@@ -30,9 +30,9 @@ VERBS = dict(verbs())
 
 @pytest.mark.parametrize("name", VERBS)
 def test_the_example_of_a_verb_is_one_of_its_own_calls(name: str) -> None:
-    said = VERBS[name].epilog or ""
-    assert said.startswith("Example: tega-teleop ")
-    words = shlex.split(said.removeprefix("Example: tega-teleop ").partition(", or ")[0].partition("; ")[0])
+    text = VERBS[name].epilog or ""
+    assert text.startswith("Example: tega-teleop ")
+    words = shlex.split(text.removeprefix("Example: tega-teleop ").partition(", or ")[0].partition("; ")[0])
     command: click.Command = cli
     called: list[str] = []
     while (

@@ -79,8 +79,8 @@ class ArmChain:
             self._start_over("the clock went back")
             dt_s = 0.0
         self._now_ns = now_ns
-        self._see_arm(now_ns, measured)
-        before = self._see_poses(now_ns, poses)
+        self._observe_arm(now_ns, measured)
+        before = self._observe_poses(now_ns, poses)
         trouble = self._watch.trouble(now_ns, 1e3 * dt_s)
         doubt = max(before, self._watch.with_poses(now_ns), key=lambda t: t.level)
         self.doubt = "" if doubt.silent else doubt.reason
@@ -113,7 +113,7 @@ class ArmChain:
         if self._state in {"following", "holding"}:
             self._lose(reason)
 
-    def _see_arm(self, now_ns: int, measured: StampedPose | None) -> None:
+    def _observe_arm(self, now_ns: int, measured: StampedPose | None) -> None:
         if measured is None or malformed(measured, self._s.gate):
             return
         if measured.t_ns <= now_ns + self._s.gate.ahead_ms * 1e6:
@@ -123,7 +123,7 @@ class ArmChain:
                 unit(np.array(measured.quaternion_xyzw, np.float64)),
             )
 
-    def _see_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> Trouble:
+    def _observe_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> Trouble:
         """Process poses; return the trouble with them so far."""
         before = self._watch.with_poses(now_ns)
         if before.level >= Level.LOSE:  # then the next pose may be anywhere, and has to be taken hold of anew
@@ -212,10 +212,10 @@ class ArmChain:
         following = self._state == "following"
         if following:
             assert self._hand is not None
-            asked = self._clutch.goal(self._hand)
-            goal = self._workspace.inside(asked)
-            if goal is not asked and not self._s.mapping.absolute:
-                self._clutch.shed(asked, goal)
+            requested = self._clutch.goal(self._hand)
+            goal = self._workspace.inside(requested)
+            if goal is not requested and not self._s.mapping.absolute:
+                self._clutch.shed(requested, goal)
         else:
             goal = self._rest or follower.resting()
         if measured is not None:

@@ -54,12 +54,12 @@ class PoseGate:
 
     def refusal(self, pose: StampedPose, now_ns: int) -> str:
         """Return why a pose is not believed, ``""`` if it is; then the next one is compared with it."""
-        said = malformed(pose, self._s) or self._untimely(pose, now_ns) or self._jump(pose)
-        if not said:
+        text = malformed(pose, self._s) or self._untimely(pose, now_ns) or self._jump(pose)
+        if not text:
             self.last_ns = pose.t_ns
             self._place = np.asarray(pose.position_m, np.float64).tolist()
             self._turn = unit(np.asarray(pose.quaternion_xyzw, np.float64))
-        return said
+        return text
 
     def _untimely(self, pose: StampedPose, now_ns: int) -> str:
         if self.last_ns is not None and pose.t_ns <= self.last_ns:

@@ -57,17 +57,17 @@ def closing_speed(speed: float, distance: float, acceleration: float, dt_s: floa
         >>> closing_speed(1.0, 0.5, 1.0, 0.1)
         0.9
     """
-    way = speed * speed / (2 * acceleration)
+    route = speed * speed / (2 * acceleration)
     room = dt_s + speed / acceleration
     if room <= 0:
         return math.inf
-    faster = (distance + way) / room
+    faster = (distance + route) / room
     if faster >= speed:
         return faster
-    if distance < way:
+    if distance < route:
         return 0.0
     over = speed / acceleration - dt_s
-    return acceleration / 2 * (over + math.sqrt(over * over + 4 / acceleration * (distance - way)))
+    return acceleration / 2 * (over + math.sqrt(over * over + 4 / acceleration * (distance - route)))
 
 
 class _Tick:
@@ -76,7 +76,7 @@ class _Tick:
     def __init__(self, speed: float, acceleration: float) -> None:
         self._speed, self._acceleration = speed, acceleration
 
-    def braking_way(self, velocity: Floats) -> Floats:
+    def braking_distance(self, velocity: Floats) -> Floats:
         return velocity * (_size(velocity) / (2 * self._acceleration))
 
     def change(self, velocity: Floats, wanted: Floats, dt_s: float) -> tuple[Floats, Floats]:
@@ -140,9 +140,9 @@ class Follower:
     def resting(self) -> Pose:
         """Return the pose at which the target would come to rest if it braked now."""
         place, q = self.pose
-        turn = self._turn_tick.braking_way(self.velocity_rad_s)
+        turn = self._turn_tick.braking_distance(self.velocity_rad_s)
         return Pose(
-            place + self._place_tick.braking_way(self.velocity_m_s),
+            place + self._place_tick.braking_distance(self.velocity_m_s),
             unit(multiply(exp(turn), q)) if turn.any() else q,
         )
 
@@ -166,14 +166,14 @@ class Follower:
         error = goal.position_m - place
         turn_error = self._turn_error(q, goal.quaternion_xyzw)
 
-        def in_box(new: Floats, way: Floats) -> bool:
-            end = place + way
-            stop = end + self._place_tick.braking_way(new)
+        def in_box(new: Floats, route: Floats) -> bool:
+            end = place + route
+            stop = end + self._place_tick.braking_distance(new)
             return self._workspace.holds_place(end) and self._workspace.holds_place(stop)
 
-        def in_cone(new: Floats, way: Floats) -> bool:
+        def in_cone(new: Floats, route: Floats) -> bool:
             return self._workspace.holds_turning(
-                unit(multiply(exp(way), q)), self._turn_tick.braking_way(new)
+                unit(multiply(exp(route), q)), self._turn_tick.braking_distance(new)
             )
 
         near, turned_near = in_box, in_cone
@@ -181,28 +181,28 @@ class Follower:
             stop, ahead_m, ahead_rad = self.resting(), self._limits.ahead_m, self._limits.ahead_rad
             if _size(stop.position_m - measured.position_m) <= ahead_m + _GIVE:
 
-                def near(new: Floats, way: Floats) -> bool:
-                    end = place + way - measured.position_m
-                    farthest = max(_size(end), _size(end + self._place_tick.braking_way(new)))
-                    return farthest <= ahead_m + _GIVE and in_box(new, way)
+                def near(new: Floats, route: Floats) -> bool:
+                    end = place + route - measured.position_m
+                    farthest = max(_size(end), _size(end + self._place_tick.braking_distance(new)))
+                    return farthest <= ahead_m + _GIVE and in_box(new, route)
 
             if _size(between(measured.quaternion_xyzw, stop.quaternion_xyzw)) <= ahead_rad + _GIVE:
 
-                def turned_near(new: Floats, way: Floats) -> bool:
-                    end = multiply(exp(way), q)
-                    stop = multiply(exp(self._turn_tick.braking_way(new)), end)
+                def turned_near(new: Floats, route: Floats) -> bool:
+                    end = multiply(exp(route), q)
+                    stop = multiply(exp(self._turn_tick.braking_distance(new)), end)
                     farthest = max(_size(between(measured.quaternion_xyzw, at)) for at in (end, stop))
-                    return farthest <= ahead_rad + _GIVE and in_cone(new, way)
+                    return farthest <= ahead_rad + _GIVE and in_cone(new, route)
 
         self.velocity_m_s, mean = self._place_tick.choose(v, error, dt_s, near)
         self.velocity_rad_s, turning = self._turn_tick.choose(w, turn_error, dt_s, turned_near)
         self._go(mean * dt_s, turning * dt_s)
 
-    def _go(self, way: Floats, turn: Floats) -> None:
+    def _go(self, route: Floats, turn: Floats) -> None:
         place, q = self.pose
         # A turn of nothing leaves the very same numbers: a target at rest does not drift by rounding.
         turned = same_side(unit(multiply(exp(turn), q)), q) if turn.any() else q
-        self.pose = Pose(place + way, turned)
+        self.pose = Pose(place + route, turned)
 
     def _turn_error(self, q: Floats, goal: Floats) -> Floats:
         """Return the rotation vector towards a goal as a swing of the tool's axis and a twist about it.

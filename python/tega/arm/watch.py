@@ -103,8 +103,8 @@ class ArmWatch:
         age_ms = None if self._believed_ns is None else (now_ns - self._believed_ns) / 1e6
         refused = self._refused_ns is not None and (now_ns - self._refused_ns) / 1e6 <= s.hold_ms
         if age_ms is None:
-            said = f"the last one: {self._refusal}" if refused else "is the tracker on?"
-            return Trouble(Level.LOSE, f"there was no pose yet; {said}", silent=not refused)
+            text = f"the last one: {self._refusal}" if refused else "is the tracker on?"
+            return Trouble(Level.LOSE, f"there was no pose yet; {text}", silent=not refused)
         if age_ms <= s.hold_ms:
             return self._with_jumps(now_ns)
         if refused:
@@ -134,8 +134,8 @@ class ArmWatch:
         level = Level.LOSE if away_ms > self._s.silent_ms else Level.HOLD
         return Trouble(level, f"the loop was away for {away_ms:.0f} ms")
 
-    def _by_age(self, age_ms: float, what: str, *, silent: bool = False) -> Trouble:
+    def _by_age(self, age_ms: float, subject: str, *, silent: bool = False) -> Trouble:
         s = self._s
         steps = ((Level.STOP, s.stop_ms), (Level.LOSE, s.silent_ms), (Level.HOLD, s.hold_ms))
         level, over_ms = next(step for step in steps if age_ms > step[1])
-        return Trouble(level, f"{what} for more than {over_ms:g} ms", silent)
+        return Trouble(level, f"{subject} for more than {over_ms:g} ms", silent)

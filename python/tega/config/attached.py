@@ -59,14 +59,14 @@ def _named(stages: StagesSection) -> list[tuple[str, _Place, Path]]:
     tables: list[tuple[Any, str, Any]] = [(g, g, getattr(stages, g).options) for g in _GROUPS]
     tables += [(n, f"beside{n}", one.options) for n, one in enumerate(stages.beside)]
     found = []
-    for where, told, options in tables:
+    for where, reported, options in tables:
         if not isinstance(options, msgspec.Struct):
             continue
         for field in options.__struct_fields__:
             value = getattr(options, field)
             if isinstance(value, Path):
                 suffix = value.suffix if value.suffix[1:].isalnum() else ""
-                found.append((f"stage-{told}-{field}{suffix}", (where, field), value))
+                found.append((f"stage-{reported}-{field}{suffix}", (where, field), value))
     return found
 
 

@@ -145,12 +145,12 @@ def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tup
     side = getattr(config.hand.options, "side", None)
     if config.arm is None or side is None:
         return config, ""
-    said, key = config.arm.mapping.robot_hand, "arm.mapping.robot_hand"
+    text, key = config.arm.mapping.robot_hand, "arm.mapping.robot_hand"
     if key in origins:
-        if said != side:
+        if text != side:
             place = f"{where(origins, key)}: {key}"
             raise ConfigError(
-                f"{place} is {said!r}, but hand.options.side is {side!r}", f"leave {key} out, or correct one"
+                f"{place} is {text!r}, but hand.options.side is {side!r}", f"leave {key} out, or correct one"
             )
         return config, ""
     mapping = msgspec.structs.replace(config.arm.mapping, robot_hand=side)

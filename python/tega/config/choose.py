@@ -110,7 +110,7 @@ def finger_metric(
     return metric
 
 
-def metric_told(stages: StagesSection, preset: Preset) -> str:
+def metric_choice(stages: StagesSection, preset: Preset) -> str:
     """Return name and version of the metric, as recordings say it."""
     chosen = chosen_stage("metric", stages, preset)
     return f"{chosen.name} {chosen.kind.version}"
@@ -146,12 +146,12 @@ def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima
     return decoder
 
 
-def mapping_told(stages: StagesSection, preset: Preset) -> str:
+def mapping_choice(stages: StagesSection, preset: Preset) -> str:
     """Return the name of the mapping, as recordings say it."""
     return chosen_stage("mapping", stages, preset).name
 
 
-def decoder_told(config: SessionConfig) -> tuple[str, str]:
+def decoder_choice(config: SessionConfig) -> tuple[str, str]:
     """Return the name under which a decoder's results are kept, and its options as JSON."""
     chosen = chosen_stage("decoder", config.stages, config.session.preset)
     name = "rules-paper" if (chosen.name, config.session.preset) == ("rules", "paper") else chosen.name

@@ -59,18 +59,18 @@ def explain(
     Returns:
         The error to raise.
     """
-    what, steps = _parts(error)
+    subject, steps = _parts(error)
     value, kind, key = tree, wanted, prefix
     for name, index in steps:
         key = f"{key}[{index}]" if index else f"{key}.{name}".lstrip(".")
         kind = _type_at(kind, name)
         value = _value_at(value, name, index)
-    if (unknown := re.match(r"Object contains unknown field `(.*)`", what)) is not None:
+    if (unknown := re.match(r"Object contains unknown field `(.*)`", subject)) is not None:
         name = unknown.group(1)
         full = f"{key}.{name}".lstrip(".")
         if full in CONSTANTS:
-            said = f"{_origin(origins, full)}: {full} was taken out in 0.3"
-            return ConfigError(said, f"leave it out: it is always {CONSTANTS[full]:g}")
+            text = f"{_origin(origins, full)}: {full} was taken out in 0.3"
+            return ConfigError(text, f"leave it out: it is always {CONSTANTS[full]:g}")
         known = [*_field_names(kind), *(guest_tables() if not key else ())]
         hint = nearest_hint(name, known, "known here:", cutoff=0.5)
         elsewhere = [full for full in _dotted_keys(wanted) if full.rpartition(".")[2] == name]
@@ -79,12 +79,12 @@ def explain(
         elif not key and isinstance(_value_at(value, name, ""), dict | list):
             hint = f"{hint} A feature's table needs its package."
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
-    if (missing := re.match(r"Object missing required field `(.*)`", what)) is not None:
+    if (missing := re.match(r"Object missing required field `(.*)`", subject)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")
         return ConfigError(
             f"{_origin(origins, key)}: {full}: missing", _choices(_type_at(kind, missing.group(1)))
         )
-    return ConfigError(f"{_origin(origins, key)}: {_wrong_value(key, value, what)}", _choices(kind))
+    return ConfigError(f"{_origin(origins, key)}: {_wrong_value(key, value, subject)}", _choices(kind))
 
 
 def wrong_value(error: msgspec.ValidationError, tree: Any) -> str:
@@ -94,26 +94,26 @@ def wrong_value(error: msgspec.ValidationError, tree: Any) -> str:
         error: Error raised by msgspec.
         tree: The values that it checked.
     """
-    what, steps = _parts(error)
+    subject, steps = _parts(error)
     value, key = tree, ""
     for name, index in steps:
         key = f"{key}[{index}]" if index else f"{key}.{name}".lstrip(".")
         value = _value_at(value, name, index)
-    return _wrong_value(key, value, what) if key else _plain(what)
+    return _wrong_value(key, value, subject) if key else _plain(subject)
 
 
-def _wrong_value(key: str, value: Any, what: str) -> str:
-    shown = f"'{value}'" if isinstance(value, str) else repr(value)
+def _wrong_value(key: str, value: Any, subject: str) -> str:
+    displayed = f"'{value}'" if isinstance(value, str) else repr(value)
     if isinstance(value, float):
-        shown = number_text(value, 12)
+        displayed = number_text(value, 12)
     unit = _UNITS.get(key.rpartition("_")[2], "")
-    return f"{key} = {shown}: {_plain(what)}{f' ({unit})' if unit else ''}"
+    return f"{key} = {displayed}: {_plain(subject)}{f' ({unit})' if unit else ''}"
 
 
 def _parts(error: msgspec.ValidationError) -> tuple[str, list[tuple[str, str]]]:
     """Return what is wrong, and the steps to the value: a name or an index each."""
-    what, _, path = str(error).partition(" - at `$")
-    return what, re.findall(r"\.([^.\[\]]+)|\[(\d+)\]", path.removesuffix("`"))
+    subject, _, path = str(error).partition(" - at `$")
+    return subject, re.findall(r"\.([^.\[\]]+)|\[(\d+)\]", path.removesuffix("`"))
 
 
 def _origin(origins: Mapping[str, str], key: str) -> str:
@@ -129,10 +129,10 @@ def _file_and_line(origin: str) -> tuple[str, int]:
     return (file, int(line)) if file and line.isdigit() else (origin, 0)
 
 
-def _plain(what: str) -> str:
-    if what.startswith("Invalid enum value"):
+def _plain(subject: str) -> str:
+    if subject.startswith("Invalid enum value"):
         return "not one of the choices"
-    named = re.sub(r"`([a-z |]+)`", lambda m: _kinds(m.group(1)), what.replace("got `str`", "got text"))
+    named = re.sub(r"`([a-z |]+)`", lambda m: _kinds(m.group(1)), subject.replace("got `str`", "got text"))
     return named[:1].lower() + named[1:]
 
 

@@ -71,8 +71,8 @@ def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         ) from error
     except UnicodeDecodeError as error:
         utf16 = error.object[:2] in {b"\xff\xfe", b"\xfe\xff"}
-        said = f"{path.name}: not UTF-8 text: {'it looks like UTF-16' if utf16 else error.reason}"
-        raise ConfigError(said, "save it as UTF-8") from error
+        message = f"{path.name}: not UTF-8 text: {'it looks like UTF-16' if utf16 else error.reason}"
+        raise ConfigError(message, "save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path.name}: not valid TOML: {error}", toml_hint(text, error)) from error
     if (changed := swallowed_escape(tree)) is not None:

@@ -81,14 +81,14 @@ def person_calibration(
     fingers: dict[str, TouchMaxima] = {}
     for finger, source in sources.items():
         record = needed_record(
-            folder, person, TouchRecord, source.info, what=f"finger {finger!r}", settings=settings
+            folder, person, TouchRecord, source.info, subject=f"finger {finger!r}", settings=settings
         )
         _check_size(record, source, finger, command=calibrate_command(settings, person, "touch"))
         fingers[finger] = record.live if config.session.preset == "live" else record.paper
         warnings += touch_warnings(config, folder, finger, record, settings=settings, now=now)
     muscles = None
     if emg is not None and conditions is not None and config.emg is not None:
-        record_emg = needed_record(folder, person, EmgRecord, emg.info, what="EMG", settings=settings)
+        record_emg = needed_record(folder, person, EmgRecord, emg.info, subject="EMG", settings=settings)
         _check_emg(record_emg, conditions, config, command=calibrate_command(settings, person, "emg"))
         maxima = record_emg.live_max if config.session.preset == "live" else record_emg.paper_max
         muscles = msgspec.structs.replace(conditions, maxima=maxima)
@@ -119,25 +119,32 @@ def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
 
 
 def needed_record(
-    folder: CalibrationFolder, person: str, wanted: type[Any], info: DeviceInfo, *, what: str, settings: str
+    folder: CalibrationFolder,
+    person: str,
+    wanted: type[Any],
+    info: DeviceInfo,
+    *,
+    subject: str,
+    settings: str,
 ) -> Any:
     """Return a record that a run needs, or say what there is instead."""
     part: Part = "touch" if wanted is TouchRecord else "emg"
     command = calibrate_command(settings, person, part)
     if not info.live:
         raise CalibrationError(
-            f"{what}: {info.label} is not a live device, so {person} has no calibration for it",
+            f"{subject}: {info.label} is not a live device, so {person} has no calibration for it",
             "leave calibration.person out, or name calibration.file",
         )
     device = device_name(info)
     try:
         record = folder.record(person, wanted, device)
     except CalibrationError as error:
-        raise CalibrationError(f"{what}: {error.message}", command) from error
+        raise CalibrationError(f"{subject}: {error.message}", command) from error
     if record is None:
         instead = folder.others(person, part, device)
         raise CalibrationError(
-            f"{what}: {person} has no calibration on {device}" + (f" ({instead})" if instead else ""), command
+            f"{subject}: {person} has no calibration on {device}" + (f" ({instead})" if instead else ""),
+            command,
         )
     return record
 
@@ -170,10 +177,10 @@ def _check_emg(record: EmgRecord, now: EmgMaxima, config: SessionConfig, *, comm
         ("tau", record.tau_samples, now.tau),
         ("settings", record.settings, driver_settings(section) if section else ""),
     )
-    for what, then, today in made_with:
+    for subject, then, today in made_with:
         if then != today:
             raise CalibrationError(
-                f"EMG: {record.person} was calibrated with {what} = {_said(then)}, the run has {_said(today)}",
+                f"EMG: {record.person} was calibrated with {subject} = {_text(then)}, the run has {_text(today)}",
                 command,
             )
     if abs(record.rate_hz / now.rate_hz - 1) > _RATE_TOLERANCE:
@@ -188,7 +195,7 @@ def _check_emg(record: EmgRecord, now: EmgMaxima, config: SessionConfig, *, comm
         )
 
 
-def _said(value: object) -> str:
+def _text(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
@@ -260,13 +267,13 @@ def _arm_warnings(
     return _old("arm: forward", record.made, _HEADING_OLD_H, now, calibrate_command(settings, person, "arm"))
 
 
-def _old(what: str, made: datetime, limit_h: float, now: datetime, command: str) -> list[str]:
+def _old(subject: str, made: datetime, limit_h: float, now: datetime, command: str) -> list[str]:
     age = now - made
     if age <= timedelta(hours=limit_h):
         return []
     hours = age / timedelta(hours=1)
-    said = f"{hours:.0f} hours" if hours < 72 else f"{hours / 24:.0f} days"
-    return [f"{what}: {said} old, warned of after {limit_h:g} hours: {command}"]
+    text = f"{hours:.0f} hours" if hours < 72 else f"{hours / 24:.0f} days"
+    return [f"{subject}: {text} old, warned of after {limit_h:g} hours: {command}"]
 
 
 # Before anything is opened.

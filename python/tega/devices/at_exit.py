@@ -25,21 +25,21 @@ _leaving = threading.Event()
 _words: list[str] = []
 
 
-def last_words(said: str) -> None:
+def last_words(text: str) -> None:
     """Print something that a person has to do now, and repeat it as the program's last output.
 
     Args:
-        said: One sentence.
+        text: One sentence.
     """
-    logging.getLogger(__name__).critical(said)
+    logging.getLogger(__name__).critical(text)
     if not _words:
-        atexit.register(_say_words)
-    _words.append(said)
+        atexit.register(_print_words)
+    _words.append(text)
 
 
-def _say_words() -> None:
-    for said in dict.fromkeys(_words):
-        print(said, file=sys.stderr, flush=True)  # noqa: T201  # there is nothing left that could tell it
+def _print_words() -> None:
+    for text in dict.fromkeys(_words):
+        print(text, file=sys.stderr, flush=True)  # noqa: T201  # there is nothing left that could tell it
 
 
 def closes_on_exit(close: Callable[[], None]) -> None:

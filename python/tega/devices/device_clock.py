@@ -30,7 +30,7 @@ class DeviceClock:
     def __init__(self) -> None:
         self._lowest: deque[tuple[int, int]] = deque()  # (arrival, offset), offsets rising
         self._last_ns: int | None = None
-        self._told_ns = 0
+        self._reported_ns = 0
         self.delay_ns = 0
         self.n_leaps = 0
 
@@ -57,8 +57,8 @@ class DeviceClock:
         while self._lowest[0][0] < arrival_ns - _WINDOW_NS:
             self._lowest.popleft()
         self.delay_ns = offset - self._lowest[0][1]
-        self._told_ns = max(self._told_ns, device_ns + self._lowest[0][1])
-        return self._told_ns
+        self._reported_ns = max(self._reported_ns, device_ns + self._lowest[0][1])
+        return self._reported_ns
 
     def _leapt(self, device_ns: int) -> bool:
         """Return whether the clock was set; the stamps of a merely delayed burst continue evenly."""

@@ -12,7 +12,7 @@ from collections import deque
 from typing import NamedTuple
 
 # The line is looked over this often, and the rate is fitted over this long.
-_LOOK_NS = 1_000_000_000
+_POLL_NS = 1_000_000_000
 _FIT_NS = 10_000_000_000
 # A sample that seems to come from further in the future than this has a wrong number.
 _FUTURE_NS = 50_000_000
@@ -55,7 +55,7 @@ class SampleClock:
         self._line: tuple[int, float] | None = None
         self._points: deque[tuple[int, int]] = deque()
         self._earliest_ns = math.inf
-        self._look_ns = 0
+        self._check_ns = 0
         self._arrival_ns = 0
         self._pauses_ns = (0, 0)
         self._last_ns = 0
@@ -77,7 +77,7 @@ class SampleClock:
             self._points.popleft()
         n_lost = 0
         if self._line is None:
-            self._line, self._look_ns = (self._n, float(arrival_ns)), arrival_ns + _LOOK_NS
+            self._line, self._check_ns = (self._n, float(arrival_ns)), arrival_ns + _POLL_NS
             self._arrival_ns = arrival_ns
         before, now = self._pauses_ns
         self._pauses_ns, self._arrival_ns = (before, max(now, arrival_ns - self._arrival_ns)), arrival_ns
@@ -85,8 +85,8 @@ class SampleClock:
         if late_ns < 0:
             self._line, late_ns = (self._n, float(arrival_ns)), 0.0
         self._earliest_ns = min(self._earliest_ns, late_ns)
-        if arrival_ns >= self._look_ns:
-            n_lost = self._look(arrival_ns)
+        if arrival_ns >= self._check_ns:
+            n_lost = self._check(arrival_ns)
         self._last_ns = max(self._last_ns, min(round(self._on_line()), arrival_ns))
         return Stamp(self._last_ns, n_lost)
 
@@ -152,7 +152,7 @@ class SampleClock:
         n, t_ns = self._line or (0, 0.0)
         return t_ns + (self._n - n) * self._period_ns
 
-    def _look(self, arrival_ns: int) -> int:
+    def _check(self, arrival_ns: int) -> int:
         """Raise the line to the earliest arrival of the last second, and count whole turns that went missing."""
         n_lost, late_ns = 0, self._earliest_ns
         if self._turn is not None:
@@ -165,6 +165,6 @@ class SampleClock:
         elif (rate_hz := self.measured_hz) is not None and rate_hz > 0:
             on_line_ns, self._period_ns = self._on_line(), 1e9 / rate_hz
             self._line = (self._n, on_line_ns + late_ns)
-        self._earliest_ns, self._look_ns = math.inf, arrival_ns + _LOOK_NS
+        self._earliest_ns, self._check_ns = math.inf, arrival_ns + _POLL_NS
         self._pauses_ns = (0 if n_lost else self._pauses_ns[1], 0)
         return n_lost

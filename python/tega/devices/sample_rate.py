@@ -16,9 +16,9 @@ LOST_TOLERANCE = 0.2
 
 def too_slow(who: str, rate_hz: float | None, how: str) -> SampleRateError:
     """Return the error for a source below the minimum rate; ``how`` says whether stated or measured."""
-    said = "no rate at all" if rate_hz is None else f"{rate_hz:.4g} samples/s"
+    text = "no rate at all" if rate_hz is None else f"{rate_hz:.4g} samples/s"
     return SampleRateError(
-        f"{who} {how} {said}; the 50 Hz filter needs {LEAST_RATE_HZ:g}",
+        f"{who} {how} {text}; the 50 Hz filter needs {LEAST_RATE_HZ:g}",
         "make the board send faster: no delay() in its loop, a higher baud rate, fewer characters a line",
     )
 

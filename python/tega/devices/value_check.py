@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 # A spoiled sample now and then is no wrong range.
 _BEYOND_SHARE: Final = 0.01
-_LOOK_S: Final = 0.5
+_POLL_S: Final = 0.5
 # No muscle rises evenly for so long.
 _RISING_S: Final = 2.0
 # A counter of few bits begins again now and then; a time stamp has jitter.
@@ -47,7 +47,7 @@ class ValueCheck:
         free_columns: bool,
     ) -> None:
         self._names, self._limits, self._free = tuple(names), limits, free_columns
-        self._n_look = max(2, round(_LOOK_S * rate_hz))
+        self._n_checked = max(2, round(_POLL_S * rate_hz))
         self._n_rising = max(16, round(_RISING_S * rate_hz))
         self._past = np.empty((0, len(self._names)))
         self._new: list[NDArray[np.float64]] = []
@@ -64,7 +64,7 @@ class ValueCheck:
             return
         self._new.append(samples)
         self._n_new += len(samples)
-        if self._n_new < self._n_look:
+        if self._n_new < self._n_checked:
             return
         recent = np.concatenate(self._new)
         self._past = np.concatenate([self._past, recent])[-self._n_rising :]

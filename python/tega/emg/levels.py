@@ -252,11 +252,11 @@ class GraspIntent:
             weights=[] if weights is None else [float(w) for w in weights],
         )
         self._channels = len(values)
-        self._told = f"{kind}, {rate_hz:g} Hz, blocks of {tau}, preset {preset}"
+        self._reported = f"{kind}, {rate_hz:g} Hz, blocks of {tau}, preset {preset}"
 
     def __repr__(self) -> str:
         """Samples, rate, block, preset and channels."""
-        return f"<GraspIntent: {self._told}, {self._channels} channel{'s' * (self._channels != 1)}>"
+        return f"<GraspIntent: {self._reported}, {self._channels} channel{'s' * (self._channels != 1)}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.int64]:
         """Take the next samples.

@@ -139,8 +139,8 @@ class ClosureScale:
 
     def __init__(self, poses_rad: NDArray[np.float64] | None = None) -> None:
         poses = CLOSURE_POSES_RAD if poses_rad is None else poses_rad
-        self._way = poses[4] - poses[0]
-        self._at_level: list[float] = (poses @ self._way).tolist()
+        self._route = poses[4] - poses[0]
+        self._at_level: list[float] = (poses @ self._route).tolist()
 
     def __call__(self, angles_rad: NDArray[np.float64]) -> float:
         """Return the closure.
@@ -148,7 +148,7 @@ class ClosureScale:
         Args:
             angles_rad: Joint angles, float64 (16,), rad.
         """
-        at = float(angles_rad @ self._way)
+        at = float(angles_rad @ self._route)
         for level, (one, other) in enumerate(pairwise(self._at_level), start=1):
             if at < other:
                 return level + max(0.0, (at - one) / (other - one))

@@ -108,22 +108,22 @@ class MotorLayout:
 
 
 def _check(name: str, motors: tuple[Motor, ...]) -> None:
-    said = f"layout {name!r}"
+    text = f"layout {name!r}"
     if not 1 <= len(motors) <= MOST_MOTORS:
-        raise InvalidValueError(f"{said} has {len(motors)} motors: 1 to {MOST_MOTORS} are possible")
+        raise InvalidValueError(f"{text} has {len(motors)} motors: 1 to {MOST_MOTORS} are possible")
     for index, motor in enumerate(motors):
         if motor.face not in {"front", "back"}:
-            raise InvalidValueError(f"{said}, motor {index}: face {motor.face!r} is neither front nor back")
+            raise InvalidValueError(f"{text}, motor {index}: face {motor.face!r} is neither front nor back")
         if not (0 <= motor.number < MOST_MOTORS and 0 <= motor.row < MOST_MOTORS and motor.column >= 0):
-            raise InvalidValueError(f"{said}, motor {index}: row, column and number are 0 to 39: {motor}")
+            raise InvalidValueError(f"{text}, motor {index}: row, column and number are 0 to 39: {motor}")
         if motor.column >= MOST_MOTORS:
-            raise InvalidValueError(f"{said}, motor {index}: row, column and number are 0 to 39: {motor}")
-    for what, seen in (
+            raise InvalidValueError(f"{text}, motor {index}: row, column and number are 0 to 39: {motor}")
+    for subject, seen in (
         ("number", [motor.number for motor in motors]),
         ("place", [(motor.face, motor.row, motor.column) for motor in motors]),
     ):
         if len(set(seen)) < len(seen):
-            raise InvalidValueError(f"{said}: two motors have one {what}")
+            raise InvalidValueError(f"{text}: two motors have one {subject}")
 
 
 def _shipped(name: Literal["paper32", "x40", "x16"], summary: str) -> MotorLayout:

@@ -151,8 +151,8 @@ class MotorLevels:
             raise ShapeError(f"intensities has {n} motors, layout {self.layout} has {wanted}")
         worst = int(self.intensities.argmax())
         if self.intensities[worst] > 100:
-            what = f"intensities[{worst}] = {self.intensities[worst]} percent"
-            raise InvalidValueError(f"{what} is out of range: 0 to 100")
+            subject = f"intensities[{worst}] = {self.intensities[worst]} percent"
+            raise InvalidValueError(f"{subject} is out of range: 0 to 100")
 
     def __eq__(self, other: object) -> bool:
         """Compare layout and every motor."""
@@ -240,10 +240,10 @@ def vest_frame(
         return MotorLevels(layout, _read_only(_native.vest_intensities(*faces, layout=layout, mirror=mirror)))
     table = find_layout(layout).mirrored(mirror)
     percents = dict(zip(("front", "back"), faces, strict=True))
-    shown = [percents[m.face][m.column] if m.column < 4 else 0.0 for m in table.motors]
-    if not np.isfinite(shown).all():
+    displayed = [percents[m.face][m.column] if m.column < 4 else 0.0 for m in table.motors]
+    if not np.isfinite(displayed).all():
         raise InvalidValueError(f"front = {faces[0]}, back = {faces[1]}: a number is not finite")
-    return MotorLevels(layout, _read_only(_native.vest_percents(np.array(shown))))
+    return MotorLevels(layout, _read_only(_native.vest_percents(np.array(displayed))))
 
 
 def vest_intensities(
@@ -284,8 +284,8 @@ def vest_intensities(
         8 if m.column >= 4 else m.column + 4 * (m.face == "back")
         for m in find_layout(layout).mirrored(mirror).motors
     ]
-    shown = np.concatenate(columns, axis=-1)[..., places]
-    return _native.vest_percents(np.ascontiguousarray(shown.ravel())).reshape(shown.shape)
+    displayed = np.concatenate(columns, axis=-1)[..., places]
+    return _native.vest_percents(np.ascontiguousarray(displayed.ravel())).reshape(displayed.shape)
 
 
 class FeltMap:

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tega.loop.loop import DualLoop
     from tega.loop.loop_report import LoopReport
-    from tega.loop.moment import LoopView, Moment
     from tega.loop.session import run_session
+    from tega.loop.snapshot import LoopView, Snapshot
     from tega.loop.touch import TouchLoop
 
-__all__ = ["DualLoop", "LoopReport", "LoopView", "Moment", "TouchLoop", "run_session"]
+__all__ = ["DualLoop", "LoopReport", "LoopView", "Snapshot", "TouchLoop", "run_session"]
 
 # Loaded when they are asked for: a run opens its devices before it needs most of it.
 _PLACES = {
     "DualLoop": "loop",
     "LoopReport": "loop_report",
-    "LoopView": "moment",
-    "Moment": "moment",
+    "LoopView": "snapshot",
+    "Snapshot": "snapshot",
     "TouchLoop": "touch",
     "run_session": "session",
 }

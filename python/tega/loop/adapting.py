@@ -31,7 +31,7 @@ class AdaptationWatch:
         self._touching: dict[str, bool] = {}
         bus.subscribe(RunState, self._changed, name="adaptation")
         bus.subscribe(Contact, self._felt, name="adaptation")
-        bus.subscribe(HeardMarker, self._heard, name="adaptation")
+        bus.subscribe(HeardMarker, self._received, name="adaptation")
         bus.subscribe(Button, self._pressed, name="adaptation")
 
     _target: float | None
@@ -47,7 +47,7 @@ class AdaptationWatch:
     def _felt(self, contact: Contact) -> None:
         self._touching[contact.finger] = contact.in_contact
 
-    def _heard(self, marker: HeardMarker) -> None:
+    def _received(self, marker: HeardMarker) -> None:
         if not marker.text.startswith(_TARGET):
             return
         try:
@@ -73,4 +73,4 @@ def open_adaptation(config: SessionConfig, muscles: Muscles, bus: Bus) -> Channe
     if not settings.on or muscles.decoder is None:
         return None
     watch = AdaptationWatch(bus)
-    return ChannelAdaptation(muscles.maxima, settings, switches=watch.switches, tell=bus.publish)
+    return ChannelAdaptation(muscles.maxima, settings, switches=watch.switches, notify=bus.publish)

@@ -21,9 +21,9 @@ from tega.devices.registry import driver_class
 from tega.devices.tracker.sources.rates import RatePoses
 from tega.errors import ConfigError
 from tega.loop.arm_records import ArmRecords
-from tega.loop.arm_view import ArmView, look
+from tega.loop.arm_view import ArmView, check
 from tega.loop.inbox.inputs import Inputs, Seat
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
 from tega.records.bus import Bus
 
@@ -93,12 +93,12 @@ class Steering:
     def problem(self) -> str:
         """Problems of the arm, its tracker or another pose source; ``""`` for none."""
         doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
-        said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
-        if not any(said) and self._command is not None and self._command.state == "stopped":
-            said = [f"arm: stopped: {self._command.reason}"]
-        return "; ".join(s for s in said if s)
+        text = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
+        if not any(text) and self._command is not None and self._command.state == "stopped":
+            text = [f"arm: stopped: {self._command.reason}"]
+        return "; ".join(s for s in text if s)
 
-    def shown(self, view: LoopView) -> LoopView:
+    def displayed(self, view: LoopView) -> LoopView:
         """Return a view of the loop with the arm's state added."""
         seen = self._view
         height_m = None if seen is None or seen.hand_m is None else seen.hand_m[2]
@@ -132,7 +132,7 @@ class Steering:
             "commands": self._turns,
             "late_commands": self._late,
             "worst_ms": round(self._worst_ms, 3),
-            "off_target_mm": {what: round(mm, 2) for what, mm in off_mm.items()},
+            "off_target_mm": {subject: round(mm, 2) for subject, mm in off_mm.items()},
             "arm_hz": round(health.rate_hz, 1),
             "arm_late_ticks": health.late,
             "refused_commands": health.refused,
@@ -167,10 +167,10 @@ class Steering:
                 arm.recover()
         self._was_pressed = pressed
         stopped, cleared = "", False
-        if arm.phase in {"faulted", "gone"} and (said := arm.problem):
+        if arm.phase in {"faulted", "gone"} and (text := arm.problem):
             # With the clutch still pressed it must not go on by itself once the fault is cleared.
             if self._command is None or self._command.state != "stopped":
-                stopped = said
+                stopped = text
         elif self._wants_clear:
             self._wants_clear, cleared = False, True
         return self._take(
@@ -190,7 +190,7 @@ class Steering:
         """Send the arm the command of a turn, and publish turn and command."""
         command = lead(self._chain, turn)
         self._arm.follow(command)
-        self._command, self._view = command, look(turn, command, self._arm)
+        self._command, self._view = command, check(turn, command, self._arm)
         self._measured = turn.measured
         if command.state == "following" and command.target is not None and turn.measured is not None:
             off_m2 = math.dist(command.target.position_m, turn.measured.position_m) ** 2

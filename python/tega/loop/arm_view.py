@@ -65,7 +65,7 @@ class ArmView(NamedTuple):
         )
 
 
-def look(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
+def check(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
     """Return the view of an arm's turn."""
     measured = () if turn.measured is None else tuple(map(float, turn.measured.position_m))
     target = () if command.target is None else command.target.position_m.tolist()
@@ -75,7 +75,7 @@ def look(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
     )
 
 
-def recorded_look(turn: ArmTurn) -> ArmView:
+def recorded_check(turn: ArmTurn) -> ArmView:
     """Return the view of a recorded turn of an arm."""
     measured = turn.measured[0].position if turn.measured else ()
     state, switches = cast("ArmState", turn.state), (turn.clutch, turn.dead_man)

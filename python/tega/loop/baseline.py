@@ -58,10 +58,10 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
         raise CalibrationError(
             f"finger {finger!r}: {source.info.label} holds no frame", "give a baseline picture"
         )
-    said = f"estimated from the quietest of {len(frames)} frames spread over the recording"
+    text = f"estimated from the quietest of {len(frames)} frames spread over the recording"
     if n_items is not None and n_items == len(frames):
-        said = f"estimated from the quietest of the recording's {len(frames)} frames"
-    return estimate_baseline(frames), said
+        text = f"estimated from the quietest of the recording's {len(frames)} frames"
+    return estimate_baseline(frames), text
 
 
 def _few(source: TactileSource) -> list[NDArray[np.uint8]]:

@@ -62,9 +62,9 @@ def check_baseline(baseline: Picture, pictures: Sequence[Picture], *, name: str,
     bands = [picture_bands(picture) for picture in pictures]
     if baseline.shape != shape:
         looks = _nearest(found, bands) if baseline.shape[:2] == shape[1::-1] else ""
-        said = f"the baseline {name} has {_size(baseline)} pixels, the pictures of {label} have {_size(pictures[0])}"
+        text = f"the baseline {name} has {_size(baseline)} pixels, the pictures of {label} have {_size(pictures[0])}"
         raise RecordingError(
-            f"{said}{f': it looks like them {looks}' if looks else ''}",
+            f"{text}{f': it looks like them {looks}' if looks else ''}",
             "give the baseline taken with the same sensor and mode",
         )
     own = [band_distances(picture, picture_bands(baseline)) for picture in bands]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
     from tega.stages.base import Metric
 
-__all__ = ["look_on", "open_beside"]
+__all__ = ["measure_beside_on", "open_beside"]
 
 # Pictures that may wait: a second of four fingers at 60 Hz would be 55 MB.
 _MOST_PICTURES = 60
@@ -47,7 +47,7 @@ def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus
         TegaError: A stage rejects its arguments.
     """
     maxima = None if prepared.muscles is None else prepared.muscles.maxima
-    look_on(
+    measure_beside_on(
         stack,
         config,
         bus,
@@ -59,7 +59,7 @@ def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus
     )
 
 
-def look_on(
+def measure_beside_on(
     stack: ExitStack,
     config: SessionConfig,
     bus: Bus,

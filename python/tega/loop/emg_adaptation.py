@@ -107,7 +107,7 @@ class ChannelAdaptation:
         maxima: Maxima of the channels, with the kind of the samples.
         settings: Limits of change per minute.
         switches: Asked at the end of every block for the switches, with the number of samples so far.
-        tell: Called with every change of the switches and of gains and offsets.
+        notify: Called with every change of the switches and of gains and offsets.
 
     Attributes:
         gains: Gain of each channel, float64 (channels,).
@@ -120,7 +120,7 @@ class ChannelAdaptation:
         settings: AdaptationSection,
         *,
         switches: Callable[[int], Switches],
-        tell: Callable[[Adaptation | AdaptationSwitch], None] = lambda _told: None,
+        notify: Callable[[Adaptation | AdaptationSwitch], None] = lambda _reported: None,
     ) -> None:
         n = len(maxima.channels)
         self._full, self._raw = np.array(maxima.maxima), maxima.kind == "raw"
@@ -128,7 +128,7 @@ class ChannelAdaptation:
         block_s = maxima.tau / maxima.rate_hz
         self._most_gain = math.log1p(settings.gain_percent_per_min / 100)
         self._most_offset = settings.offset_percent_per_min / 100
-        self._switches, self._tell = switches, tell
+        self._switches, self._notify = switches, notify
         self._seen = Switches()
         self._given: list[NDArray[np.float64]] = []
         self._made: list[NDArray[np.float64]] = []
@@ -137,7 +137,7 @@ class ChannelAdaptation:
         self._mean_gain = -math.expm1(-block_s / _MEAN_S)
         self._amplitude = _Amplitude(block_s)
         self._n_reaction, self._n_since_target = math.ceil(REACTION_S / block_s), 0
-        self._said: Intent | None = None
+        self._text: Intent | None = None
         self._kind: tuple[str, float] = ("", 0.0)
         self._rest: NDArray[np.float64] | None = None
         self._at_target: dict[float, NDArray[np.float64]] = {}
@@ -185,7 +185,7 @@ class ChannelAdaptation:
             t_ns: Time of the newest of the samples.
         """
         if blocks:
-            self._said = blocks[-1]
+            self._text = blocks[-1]
         if self._n_block < self._block:
             return
         given, made = np.concatenate(self._given), np.concatenate(self._made)
@@ -198,7 +198,7 @@ class ChannelAdaptation:
         self._mean = mean if self._mean is None else self._mean + self._mean_gain * (mean - self._mean)
         away = np.abs(made - self._mean) if self._raw else made
         self._read(t_ns)
-        self._look(np.add.reduce(away) / len(away), t_ns)
+        self._check(np.add.reduce(away) / len(away), t_ns)
 
     def _read(self, t_ns: int) -> None:
         """Read the switches, and undo the adaptation if requested."""
@@ -206,7 +206,7 @@ class ChannelAdaptation:
         if seen == self._seen:
             return
         before, self._seen = self._seen, seen
-        self._tell(
+        self._notify(
             AdaptationSwitch(
                 t_ns=t_ns,
                 n_samples=self._n_samples,
@@ -220,9 +220,9 @@ class ChannelAdaptation:
             self._n_since_target = 0
         if seen.n_undone != before.n_undone:
             self.gains, self.offsets = np.ones_like(self.gains), np.zeros_like(self.offsets)
-            self._told("undone" if seen.n_undone % 2 else "again", t_ns)
+            self._reported("undone" if seen.n_undone % 2 else "again", t_ns)
 
-    def _look(self, amplitude: NDArray[np.float64], t_ns: int) -> None:
+    def _check(self, amplitude: NDArray[np.float64], t_ns: int) -> None:
         """Take a block's amplitudes as evidence, and change gains or offsets once there is enough of it."""
         self._n_since_target += 1
         kind = self._sure_of(amplitude)
@@ -239,14 +239,14 @@ class ChannelAdaptation:
         if changed:
             # What was measured was with the old numbers.
             self._amplitude.forget()
-            self._told(kind[0], t_ns)
+            self._reported(kind[0], t_ns)
 
     def _sure_of(self, amplitude: NDArray[np.float64]) -> tuple[str, float]:
         """Return the detected activity: ``rest``, or ``target`` with its closure; empty if neither is certain."""
-        nothing, said, seen = ("", 0.0), self._said, self._seen
-        if not seen.allowed or seen.n_undone % 2 or said is None or not all(said.channels):
+        nothing, text, seen = ("", 0.0), self._text, self._seen
+        if not seen.allowed or seen.n_undone % 2 or text is None or not all(text.channels):
             return nothing
-        closure = (said.level - 1) / 4 if said.closure is None else said.closure
+        closure = (text.level - 1) / 4 if text.closure is None else text.closure
         if seen.target is None or seen.target < _REST_CLOSURE:
             is_rest = closure < _REST_CLOSURE and bool((amplitude < _REST_BELOW * self._full).all())
             return ("rest", 0.0) if is_rest else nothing
@@ -292,8 +292,8 @@ class ChannelAdaptation:
         self.offsets = np.maximum(self.offsets + offset_steps * self._full, 0.0)
         return True
 
-    def _told(self, why: str, t_ns: int) -> None:
-        self._tell(
+    def _reported(self, why: str, t_ns: int) -> None:
+        self._notify(
             Adaptation(
                 t_ns=t_ns,
                 n_samples=self._n_samples,

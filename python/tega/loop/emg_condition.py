@@ -107,11 +107,11 @@ class ConditionWatch:
             if self._n_waiting == self._n_window:
                 window = np.concatenate(self._waiting)
                 self._waiting, self._n_waiting = [], 0
-                if (one := self._look(window, chunk.t_ns)) is not None:
+                if (one := self._check(window, chunk.t_ns)) is not None:
                     found.append(one)
         return found
 
-    def _look(self, window: NDArray[np.float64], t_ns: int) -> MuscleCondition | None:
+    def _check(self, window: NDArray[np.float64], t_ns: int) -> MuscleCondition | None:
         if not (np.abs(window) < 1e100).all():
             return None
         away = np.abs(window - window.mean(axis=0)) if self._raw else window
@@ -147,17 +147,17 @@ class ConditionWatch:
         return float(np.median(steps[:, 1] / steps[:, 0]) / np.median(self._first[k]) * 100)
 
     def _tired(self, slopes: Sequence[float]) -> list[str]:
-        said = []
+        text = []
         for name, slope, first, seen in zip(self._names, slopes, self._first, self._frequencies, strict=True):
             if not slope < SLOPE_PERCENT_PER_MIN:  # NaN is not either
                 continue
             newest = [hz for _, hz in list(seen)[-_NEWEST_S:]]
             fell = 1 - float(np.median(newest) / np.median(first))
             if fell >= FELL_SHARE:
-                said.append(
+                text.append(
                     f"{name}: tired: its median frequency fell by {100 * fell:.0f} %; let the arm rest"
                 )
-        return said
+        return text
 
     def _pattern_change(self, shares: NDArray[np.float64]) -> float:
         """Return how far the channels' shares are from the usual ones, 0 to 1: half the sum of the differences."""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from tega.arm.move_to_start import SPEED_M_S, TURN_RAD_S, MoveToStart
 from tega.arm.pose import Pose
 from tega.arm.settings import FilterSettings, MappingSettings
-from tega.arm.way_to_start import SPEED_M_S, TURN_RAD_S, WayToStart
 from tega.devices.base import SteeredHand, optional
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from tega.config.sections import ArmConfig
     from tega.runtime.guide import Shows
 
-TOLD_S: Final = 3.0
+WARNING_S: Final = 3.0
 """Time for which a motion is announced before anything may move."""
 PATIENCE_S: Final = 30.0
 """So long the dead-man is waited for."""
 OPEN_RAD: Final = 0.2
 """Largest distance of any joint from the open pose for a hand to count as open."""
 _LEVELS_PER_S = 2.0
-_LOOK_S = 0.02
+_POLL_S = 0.02
 # The arm itself comes after its target: it rests once its place has changed by no more for so long, or after a while.
 _SETTLE_S, _STILL_M, _LONGEST_S = 1.0, 0.0005, 5.0
 # What leads the arm tells of itself a hundred times a second; a hand is opened by nothing older.
@@ -61,18 +61,18 @@ class Settling:
 
 
 def go_to_start(
-    config: SessionConfig, shows: Shows, *, told_s: float = TOLD_S, bus: Bus | None = None
+    config: SessionConfig, shows: Shows, *, reported_s: float = WARNING_S, bus: Bus | None = None
 ) -> str:
     """Move the arm to ``arm.start_m`` and open the hand, then let go of both.
 
-    The motion is announced first. Nothing moves before ``told_s`` are over, while the dead-man (and the clutch, if
+    The motion is announced first. Nothing moves before ``reported_s`` are over, while the dead-man (and the clutch, if
     there is one) is not held, or while no process guards the hand. The arm is bound by its workspace, clip, limits
     and watchdogs, and moves at 0.1 m/s at most.
 
     Args:
         config: The settings, with an arm that has a start.
         shows: Shows the progress; an exception that it raises ends the motion.
-        told_s: Time for which the motion is announced before anything may move, seconds.
+        reported_s: Time for which the motion is announced before anything may move, seconds.
         bus: Every turn of the arm is published here.
 
     Returns:
@@ -89,48 +89,50 @@ def go_to_start(
     replace = msgspec.structs.replace
     config = replace(config, arm=_unsteered(arm), session=replace(config.session, pace="real"))
     with ExitStack() as stack:
-        way = WayToStart(start)
+        route = MoveToStart(start)
         bus = Bus() if bus is None else bus
-        bus.subscribe(ArmTurn, way.saw, vital=True)
+        bus.subscribe(ArmTurn, route.saw, vital=True)
         steering = open_arm(
             stack,
             config,
             open_inputs(stack, config),
-            tracker=way,
+            tracker=route,
         )
         hand = _Opening(stack, config)
-        told_until_s = time.monotonic() + told_s
+        warned_until_s = time.monotonic() + reported_s
         steering.start(
             bus,
             time.monotonic_ns(),
-            may_move=lambda: time.monotonic() >= told_until_s and not hand.unguarded,
+            may_move=lambda: time.monotonic() >= warned_until_s and not hand.unguarded,
         )
         stack.callback(steering.stop)
         last_s = held_s = time.monotonic()
         settling = Settling()
         while True:
             now_s = time.monotonic()
-            follows = way.state == "following" and now_s - way.seen_s < _FRESH_S
-            held_s = now_s if follows else max(held_s, told_until_s)
+            follows = route.state == "following" and now_s - route.seen_s < _FRESH_S
+            held_s = now_s if follows else max(held_s, warned_until_s)
             if now_s - held_s > PATIENCE_S:
-                raise TimeoutError(f"the dead-man switch was not held for {PATIENCE_S:g} s: {way.reason}")
-            if now_s < told_until_s:
-                shows.show("THE ARM WILL MOVE: everybody out of its reach", (), told_until_s - now_s)
+                raise TimeoutError(f"the dead-man switch was not held for {PATIENCE_S:g} s: {route.reason}")
+            if now_s < warned_until_s:
+                shows.show("THE ARM WILL MOVE: everybody out of its reach", (), warned_until_s - now_s)
             elif problem := steering.problem or hand.unguarded:
                 shows.show(problem, (), None)
             elif follows:
-                left_m = way.left_m or 0.0
+                left_m = route.left_m or 0.0
                 shows.show(f"the arm moves to its start: {100 * left_m:.0f} cm to go", (), None)
             else:
                 shows.show(
-                    f"hold the dead-man switch, and the arm moves to its start ({way.reason})", (), None
+                    f"hold the dead-man switch, and the arm moves to its start ({route.reason})", (), None
                 )
-            hand.look(now_s - last_s, may_move=follows and not hand.unguarded)
+            hand.check(now_s - last_s, may_move=follows and not hand.unguarded)
             last_s = now_s
-            if settling.rests(now_s, there=follows and way.there and hand.is_open, off_m=way.off_m or 0.0):
+            if settling.rests(
+                now_s, there=follows and route.there and hand.is_open, off_m=route.off_m or 0.0
+            ):
                 break
-            time.sleep(_LOOK_S)
-        return f"the arm is at its start, {1000 * (way.off_m or 0.0):.0f} mm off" + hand.words
+            time.sleep(_POLL_S)
+        return f"the arm is at its start, {1000 * (route.off_m or 0.0):.0f} mm off" + hand.words
 
 
 def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
@@ -150,7 +152,7 @@ def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
     replace = msgspec.structs.replace
     config = replace(config, arm=_unsteered(config.arm), session=replace(config.session, pace="real"))
     with ExitStack() as stack:
-        nowhere = WayToStart(Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
+        nowhere = MoveToStart(Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
         steering = open_arm(stack, config, open_inputs(stack, config), tracker=nowhere)
         steering.start(bus, time.monotonic_ns(), may_move=lambda: False)
         stack.callback(steering.stop)
@@ -203,7 +205,7 @@ class _Opening:
             return f"; the hand is open, {off_rad:.2f} rad off"
         return f"; the hand was commanded to open and is {off_rad:.2f} rad off"
 
-    def look(self, dt_s: float, *, may_move: bool) -> None:
+    def check(self, dt_s: float, *, may_move: bool) -> None:
         """Go on opening it, or have it stay where it is."""
         hand = self._hand
         if hand is None:

@@ -50,13 +50,15 @@ class JointMotion:
         self._seen: list[NDArray[np.float64]] = []
         self._held: float = 0.0
         self._rest: _Rest | None = None
-        self._told: tuple[int, ...] = ()
+        self._reported: tuple[int, ...] = ()
         self._first: tuple[int, NDArray[np.float64]] | None = None
         self._looked_at: tuple[_Rest | None, NDArray[np.float64] | None] = (None, None)
         self._moved = False
         self.n_unmoved = 0
 
-    def look(self, now_ns: int, level: float | None, block: tuple[int, ...] | None) -> tuple[int, ...] | None:
+    def check(
+        self, now_ns: int, level: float | None, block: tuple[int, ...] | None
+    ) -> tuple[int, ...] | None:
         """Check the hand for motion, after the newest level was commanded.
 
         Args:
@@ -72,11 +74,11 @@ class JointMotion:
         if level is None:
             self._begin(0.0)
             return None
-        if self._told:
+        if self._reported:
             return self._wait(now_ns, level, angles)
         if abs(level - self._held) > _NEW_LEVEL:
             if self._rest is not None and block is not None and not self._beyond(self._rest, angles):
-                self._told = (*block, now_ns)
+                self._reported = (*block, now_ns)
             else:
                 self._begin(level)
             return None
@@ -96,7 +98,7 @@ class JointMotion:
         assert self._rest is not None
         if abs(level - self._held) <= _NEW_LEVEL:  # taken back
             self._begin(level)
-        elif now_ns - self._told[-1] > _GIVE_UP_NS:
+        elif now_ns - self._reported[-1] > _GIVE_UP_NS:
             self.n_unmoved += 1
             self._begin(level)
         elif not self._beyond(self._rest, angles):
@@ -104,14 +106,14 @@ class JointMotion:
         elif self._first is None:
             self._first = now_ns, angles
         elif not np.array_equal(angles, self._first[1]):
-            stamps = (*self._told, self._first[0])
+            stamps = (*self._reported, self._first[0])
             self._begin(level)
             return stamps
         return None
 
     def _begin(self, level: float) -> None:
         """Reset the rest position, and check whether the hand stands at a level."""
-        self._held, self._rest, self._told, self._first = level, None, (), None
+        self._held, self._rest, self._reported, self._first = level, None, (), None
         self._seen.clear()
 
     def _beyond(self, rest: _Rest, angles: NDArray[np.float64]) -> bool:

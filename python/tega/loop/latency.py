@@ -51,7 +51,7 @@ SKIN: Final = "skin"
 """The stage that the motor's onset is part of; there is none where that was not measured."""
 
 _LIVE_NS: Final = 5_000_000_000
-_TELL_NS: Final = 1_000_000_000
+_REPORT_NS: Final = 1_000_000_000
 _PENDING: Final = 64
 
 
@@ -120,7 +120,7 @@ class LatencyTrace:
         self._live_until_ns = _LIVE_NS
         self._bus = Bus() if bus is None else bus
         self.warning = self.last_warning = self.line = ""
-        self._told_ns = 0
+        self._reported_ns = 0
 
     def source(self, name: str) -> Callable[[int, int], None]:
         """Return the function that a source's thread calls with an item's stamp and the monotonic time of receipt."""
@@ -162,17 +162,17 @@ class LatencyTrace:
             if len(self._ticks) > _PENDING:
                 del self._ticks[next(iter(self._ticks))]
             if not self._vests:
-                self._shown(tick_ns, 0, self.now_ns())
+                self._displayed(tick_ns, 0, self.now_ns())
         elif fresh:
             # It changes nothing, unless it was offered before and is on its way.
             for name in fresh.keys() - self._offered.keys():
                 del self._fresh[name]
         for vest in self._vests:
             for written_ns, free_ns, at_ns in vest.handed_over():
-                self._shown(written_ns, free_ns - self._start_ns, at_ns - self._start_ns)
-        if made_ns >= self._told_ns + _TELL_NS:
-            self._told_ns = made_ns
-            self.line = self._said()
+                self._displayed(written_ns, free_ns - self._start_ns, at_ns - self._start_ns)
+        if made_ns >= self._reported_ns + _REPORT_NS:
+            self._reported_ns = made_ns
+            self.line = self._text()
         if made_ns >= self._live_until_ns:
             self.warning = "; ".join(filter(None, (self._over_budget(), self._joint_over_budget())))
             self.last_warning = self.warning or self.last_warning
@@ -191,41 +191,41 @@ class LatencyTrace:
             level: Level that the muscles ask for, 1 to 5; ``None`` if another one was commanded, as by a guard.
         """
         if self._joints is not None:
-            moved = self._joints.look(self.now_ns(), level, self._asking)
+            moved = self._joints.check(self.now_ns(), level, self._asking)
             if moved is not None:
                 self._arrived("motion", "emg", moved)
         if self._answered_ns is None:
             return
         if self._block is not None:
-            told_ns = self._block[-1] + self._start_ns
-            if (answer := self._answered_ns(told_ns)) is not None:
+            reported_ns = self._block[-1] + self._start_ns
+            if (answer := self._answered_ns(reported_ns)) is not None:
                 # A report that was in already when the hand was told was not waited for.
-                stamps_ns = (max(answer[0], told_ns) - self._start_ns, answer[1] - self._start_ns)
+                stamps_ns = (max(answer[0], reported_ns) - self._start_ns, answer[1] - self._start_ns)
                 self._arrived("intent", "emg", (*self._block, *stamps_ns))
                 self._block = None
         if self._block is None and (block := self._fresh.pop("emg", None)) is not None:
             self._block = (*block, self.now_ns())
 
-    def _said(self) -> str:
-        said = []
-        for path, what, ours in (
+    def _text(self) -> str:
+        text = []
+        for path, subject, ours in (
             ("touch", "camera to vest", self._limited),
             ("intent", "muscle to hand", "own"),
             ("motion", "muscle to joint", ""),
         ):
             whole = self.spreads[path]["whole"]
             if 0 < whole.n < LEAST_SAMPLES:
-                said.append(f"{what} {whole.worst_ns / 1e6:.0f} ms at most (n {whole.n})")
+                text.append(f"{subject} {whole.worst_ns / 1e6:.0f} ms at most (n {whole.n})")
             elif whole.n:
-                said.append(
-                    f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f} (n {whole.n})"
+                text.append(
+                    f"{subject} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f} (n {whole.n})"
                 )
                 if ours:
                     own = self.spreads[path][ours]
-                    said[-1] += f" (ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
+                    text[-1] += f" (ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
                 if path == "touch" and self.motor is not None:
-                    said[-1] += f", to the skin {whole.at(0.5) / 1e6 + self.motor.ms:.0f}"
-        return " · ".join(said)
+                    text[-1] += f", to the skin {whole.at(0.5) / 1e6 + self.motor.ms:.0f}"
+        return " · ".join(text)
 
     def summary(self) -> dict[str, Any]:
         """Return count and percentiles of every stage, milliseconds, by path; paths with nothing are left out."""
@@ -238,16 +238,16 @@ class LatencyTrace:
             found["touch"][SKIN] = self.motor.skin_ms(found["touch"]["whole"])
         return found
 
-    def _shown(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:
-        shown = self._ticks.pop(tick_ns, {})
+    def _displayed(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:
+        displayed = self._ticks.pop(tick_ns, {})
         replaced = set()
         for older_ns in sorted((t_ns for t_ns in self._ticks if t_ns < tick_ns), reverse=True):
             for name, item in self._ticks.pop(older_ns).items():
                 # What never left by itself has left with this frame, unless the finger has a newer picture in it.
-                if shown.setdefault(name, item)[0] != item[0] != self._felt.get(name):
+                if displayed.setdefault(name, item)[0] != item[0] != self._felt.get(name):
                     replaced.add((name, item[0]))
         self.n_replaced += len(replaced)
-        for name, item in shown.items():
+        for name, item in displayed.items():
             if (newest := self._fresh.get(name)) is not None and newest[0] == item[0]:
                 del self._fresh[name]
                 self._offered.pop(name, None)
@@ -258,13 +258,13 @@ class LatencyTrace:
             self._arrived("touch", name, (*item, max(item[-1], free_ns), handed_ns))
 
     def _arrived(self, path: str, source: str, stamps_ns: tuple[int, ...]) -> None:
-        way = Latency(path=path, source=source, stamps_ns=stamps_ns)
+        route = Latency(path=path, source=source, stamps_ns=stamps_ns)
         live = self._live.get(path)
-        for stage, ns in way.stages_ns().items():
+        for stage, ns in route.stages_ns().items():
             self.spreads[path][stage].add(ns)
             if live is not None:
                 live[stage].add(ns)
-        self._bus.publish(way)
+        self._bus.publish(route)
 
     def _over_budget(self) -> str:
         live = self._live["touch"]

@@ -30,7 +30,7 @@ from tega.records.bus import Bus
 
 if TYPE_CHECKING:
     from tega.loop.hand_output import HandOutput
-    from tega.loop.moment import Moments
+    from tega.loop.snapshot import Moments
     from tega.loop.vest_output import VestOutput
     from tega.safety.guard import Guard
 
@@ -64,8 +64,8 @@ class DualLoop:
         guard: Decides the run's state; without one the run is always active.
         inputs: The operator's input devices, polled in every turn.
         moments: Makes views of the loop for displays; ``None`` without displays.
-        look: Returns at each tick of the hand, by the level of its command, a look at hand and arm from which slips
-            are detected; ``None`` where it is too early for one. Without it slips are detected by touch alone.
+        poll_hand: Returns at each tick of the hand, by the level of its command, a reading of hand and arm from which
+            slips are detected; ``None`` where it is too early for one. Without it slips are detected by touch alone.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class DualLoop:
         guard: Guard | None = None,
         inputs: Inputs | None = None,
         moments: Moments | None = None,
-        look: Callable[[int, float], HandLook | None] | None = None,
+        poll_hand: Callable[[int, float], HandLook | None] | None = None,
     ) -> None:
         self._pacer, self._touch = pacer, touch
         self._contacts = list(contacts.items())
@@ -107,7 +107,7 @@ class DualLoop:
         if bus.wants(Event):
             touch.find_events()
         # Displays and recorders that only receive events have them by touch, for nothing.
-        self._look = look if touch.mapping.wants_events or hand.wants_events else None
+        self._poll = poll_hand if touch.mapping.wants_events or hand.wants_events else None
 
     def run(
         self,
@@ -152,7 +152,7 @@ class DualLoop:
                     continue
                 in_time = self._wait(t_ns)
                 last_ns = t_ns
-                self._inputs.look(self._bus, self._pacer)
+                self._inputs.check(self._bus, self._pacer)
                 if t_ns >= self._due_ns:
                     self._take_in(t_ns)
                 if t_ns >= self._end_ns:
@@ -196,7 +196,7 @@ class DualLoop:
         released = ""
         if (dead_man := self._inputs.seen.get("dead_man")) is not None and not dead_man.held:
             released = f"dead-man: {dead_man.words('dead_man')}"
-        guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, unvoted=unvoted, released=released)
+        guard.check(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, unvoted=unvoted, released=released)
 
     def _drain_final(self, duration_ns: int) -> tuple[int, str]:
         """Read the input up to a set duration, and return when and how the run ended."""
@@ -252,14 +252,14 @@ class DualLoop:
             self._bus.publish(taken)
         self._publish_events(self._touch.found)
 
-    def _look_at_hand(self, t_ns: int) -> None:
-        """Publish a look at hand and arm, and the slips that it shows."""
+    def _poll_hand(self, t_ns: int) -> None:
+        """Publish a reading of hand and arm, and the slips that it shows."""
         level = self._hand.level
-        look = None if self._look is None or not level else self._look(t_ns, level)
-        if look is None:
+        hand = None if self._poll is None or not level else self._poll(t_ns, level)
+        if hand is None:
             return
-        self._bus.publish(look)
-        if slips := self._touch.look(look):
+        self._bus.publish(hand)
+        if slips := self._touch.check(hand):
             self._touch_changed = True
             self._publish_events(slips)
 
@@ -276,7 +276,7 @@ class DualLoop:
             self._tick_vest(t_ns)
 
     def _tick_hand(self, t_ns: int) -> None:
-        self._look_at_hand(t_ns)
+        self._poll_hand(t_ns)
         wanted = self._wanted
         level = wanted if self._guard is None else self._guard.level(wanted)
         imposed = level if level != wanted else 0
@@ -328,15 +328,15 @@ class DualLoop:
             try:
                 self._guard.stop(t_ns, reason)
                 if self._moments is not None and self._moments.wanted:
-                    self._moments.stopped(self._vest.confirmed, [_said(problem) for problem in problems])
+                    self._moments.stopped(self._vest.confirmed, [_text(problem) for problem in problems])
             except BaseException as error:  # of a vital subscriber; reported by the caller
                 problems.append(error)
         return problems
 
 
 def _failure(error: BaseException) -> str:
-    return f"stopped: {_said(error)}"
+    return f"stopped: {_text(error)}"
 
 
-def _said(error: BaseException) -> str:
+def _text(error: BaseException) -> str:
     return (error.message if isinstance(error, TegaError) else str(error)) or type(error).__name__

@@ -133,8 +133,8 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
             percentile=EMG_PERCENTILE[preset],
         )
     except CalibrationError as error:
-        said = f"EMG {source.info.label}, channels {', '.join(conditions.channels)}: {error.message}"
-        raise CalibrationError(said, error.hint) from error
+        text = f"EMG {source.info.label}, channels {', '.join(conditions.channels)}: {error.message}"
+        raise CalibrationError(text, error.hint) from error
     values = tuple(float(m) for m in maxima)
     return EmgMaxima(
         kind=conditions.kind,

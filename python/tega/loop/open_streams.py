@@ -111,19 +111,19 @@ def contact_stream(
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
     assert metric is not None
     live = finger.source.info.live
-    told: dict[str, Any] = {}
+    reported: dict[str, Any] = {}
     if trace is not None and live:
-        told["stamp"] = trace.source(name)
+        reported["stamp"] = trace.source(name)
 
     rezero = FingerRezero(bus, metric, finger.report)
     rezeroed = False
 
-    def look_beside(frame: TactileFrame) -> None:
+    def measure_beside(frame: TactileFrame) -> None:
         nonlocal rezeroed
         metric.loaded = touching.beside(name, frame.t_ns - start_ns)
         rezeroed = rezero.before_picture()
 
-    def see(frame: TactileFrame, received_ns: int) -> None:
+    def observe(frame: TactileFrame, received_ns: int) -> None:
         if bus.wants(Picture):
             at_ns = received_ns if live else None
             picture = picture_of(
@@ -131,19 +131,25 @@ def contact_stream(
             )
             bus.publish(picture)
 
-    def tell(frame: TactileFrame, contact: Contact) -> None:
+    def notify(frame: TactileFrame, contact: Contact) -> None:
         if live:
             touching.note(name, contact.t_ns, bears_load=metric.bears_load)
         if bus.wants(MeasuredPicture):
             bus.publish(MeasuredPicture(image=frame.image, contact=contact, metric=metric))
 
-    told |= {"see": see, "tell": tell}
+    reported |= {"observe": observe, "notify": notify}
     if not live:
-        recorded.add(name, finger, metric, **told)
+        recorded.add(name, finger, metric, **reported)
         return PulledStream(recorded.contacts(name))
-    told["prepare"] = look_beside
+    reported["prepare"] = measure_beside
     produce = partial(
-        measured_contacts, finger.source, finger.baseline, metric, finger.report, start_ns=start_ns, **told
+        measured_contacts,
+        finger.source,
+        finger.baseline,
+        metric,
+        finger.report,
+        start_ns=start_ns,
+        **reported,
     )
     stream: LiveStream[Contact] = LiveStream(
         on_loss=finger.report.drop, on_item=bell.ring if bell is not None else lambda: None
@@ -153,7 +159,7 @@ def contact_stream(
         meter = FrameMeter(finger.baseline, metric, finger.report, live=True, start_ns=start_ns)
         stack.callback(source.feed, None)
         source.feed(
-            fed_contacts(meter, finger.report, stream.put, lambda error: stream.end(error=error), **told)
+            fed_contacts(meter, finger.report, stream.put, lambda error: stream.end(error=error), **reported)
         )
     else:
         reader = Reader(
@@ -180,7 +186,7 @@ def level_stream(
 
     marked = deque(optional(muscles.source, "marked"))
 
-    def see(chunk: EmgChunk) -> None:
+    def observe(chunk: EmgChunk) -> None:
         if bus.wants(EmgSamples):
             bus.publish(samples_of(chunk, live=live, start_ns=start_ns))
         while marked and marked[0].t_ns <= chunk.t_ns:
@@ -193,7 +199,7 @@ def level_stream(
         muscles.report,
         maxima=muscles.maxima,
         start_ns=start_ns,
-        see=see,
+        observe=observe,
         adaptation=adaptation,
     )
     if not live:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from tega.loop.inbox.prepared import Prepared
     from tega.loop.latency import LatencyTrace
     from tega.loop.loop_report import LoopReport
-    from tega.loop.moment import LoopView
     from tega.loop.sinks import Sinks
+    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
     from tega.runtime.device_items import DeviceInfo
     from tega.runtime.wake import Bell
@@ -127,7 +127,7 @@ class Part:
     def begin(self, run: RunStart) -> None:
         """Begin with the run."""
 
-    def shown(self, view: LoopView) -> LoopView:
+    def displayed(self, view: LoopView) -> LoopView:
         """Complete a moment for displays."""
         return view
 

@@ -70,7 +70,7 @@ def prepare(
         calibration.check_fits(preset=preset, fingers=sources, emg=conditions, name=path.name)
         command = calibrate_command(settings, "ID", "touch")
         warnings = tuple(
-            said for one in sources for said in refused_law(one, calibration.touch(one), command)
+            text for one in sources for text in refused_law(one, calibration.touch(one), command)
         )
     elif config.calibration.person is not None:
         calibration, name, warnings = person_calibration(
@@ -79,16 +79,16 @@ def prepare(
     elif origin:
         calibration, name = Calibration(preset=preset, origin=origin, tactile=FingerMaxima()), "none"
     else:
-        for what, source in (*sources.items(), ("emg", emg)):
+        for subject, source in (*sources.items(), ("emg", emg)):
             if source is not None and source.info.live:
                 raise CalibrationError(
-                    f"{what}: {source.info.label} is live and the run has no calibration",
+                    f"{subject}: {source.info.label} is live and the run has no calibration",
                     f"{calibrate_command(settings, 'ID')}, then run with --person ID; or set calibration.file",
                 )
     if sources and calibration is not None and (other := _other_metric(config)):
         warnings = (*warnings, other)
-    for said in warnings:
-        _log.warning("warning: %s", said)
+    for text in warnings:
+        _log.warning("warning: %s", text)
     fingers = _prepare_fingers(config, sources, measure=calibration is None, progress=progress, stop=stop)
     if stop():
         raise KeyboardInterrupt

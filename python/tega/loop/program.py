@@ -29,11 +29,11 @@ from tega.loop.inbox.prepared import Muscles
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.lapsing import Lapsing
-from tega.loop.moment import LoopView, Moment
 from tega.loop.motor_tests import MotorTests
 from tega.loop.parts import Part, RunStart
 from tega.loop.program_arm import ProgramArm
 from tega.loop.session import run_session
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import Intent, ProgramFrame
 from tega.records.bus import Bus
 from tega.records.display import Notice
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 __all__ = ["ProgramArm", "ProgramHand", "ProgramSession", "ProgramVest", "session"]
 
 _LOG = logging.getLogger(__name__)
-_LOOK_S: Final = 0.05
+_POLL_S: Final = 0.05
 _PATIENCE_S: Final = 10.0
 
 
@@ -162,7 +162,7 @@ class ProgramHand:
             raise InvalidValueError(f"level = {level} is out of range: 1 to 5")
         self._level.send(float(level), for_s)
 
-    def asked(self) -> float | None:
+    def requested(self) -> float | None:
         """Return the program's level; ``None`` while none stands."""
         level: float | None = self._level.now()
         return level
@@ -249,8 +249,8 @@ class ProgramSession:
         self.summary: dict[str, Any] = {}
         self._stop = Stop()
         self._change = threading.Condition()
-        self._moment: LoopView | None = None
-        self._n_given = self._n_asked = 0
+        self._snapshot: LoopView | None = None
+        self._n_given = self._n_requested = 0
         self._begun = self._over = False
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="tega-session", daemon=True)
@@ -268,7 +268,7 @@ class ProgramSession:
             self._thread.start()
             with self._change:
                 while not (self._begun or self._over):
-                    self._change.wait(_LOOK_S)
+                    self._change.wait(_POLL_S)
         except BaseException:
             self.close()
             raise
@@ -304,15 +304,15 @@ class ProgramSession:
         if self._thread.ident is None:
             raise InvalidValueError("the session has not begun", "use it in a with statement")
         with self._change:
-            self._n_asked += 1
+            self._n_requested += 1
             self._change.notify_all()
-            while self._moment is None and not self._over:
-                self._change.wait(_LOOK_S)
-            moment, self._moment = self._moment, None
-        if moment is None:
+            while self._snapshot is None and not self._over:
+                self._change.wait(_POLL_S)
+            snapshot, self._snapshot = self._snapshot, None
+        if snapshot is None:
             self._raise()
             raise StopIteration
-        return moment
+        return snapshot
 
     @property
     def over(self) -> bool:
@@ -326,7 +326,7 @@ class ProgramSession:
         until_s = time.monotonic() + _PATIENCE_S
         while self._thread.is_alive():
             try:
-                self._thread.join(_LOOK_S)
+                self._thread.join(_POLL_S)
             except (KeyboardInterrupt, SystemExit) as error:
                 if time.monotonic() > until_s:
                     raise
@@ -342,14 +342,14 @@ class ProgramSession:
 
     def _run(self) -> None:
         bus = self.bus
-        bus.subscribe(Moment, self._take, name="program", vital=self._waits)
+        bus.subscribe(Snapshot, self._take, name="program", vital=self._waits)
         bus.subscribe(Notice, lambda notice: _LOG.info("%s", notice.text), name="program")
         try:
             self.summary = run_session(
                 self.config,
                 clock=self._clock,
                 bus=bus,
-                controls=Controls(stop=self._stop, level=self.hand.asked, motor_tests=self.vest),
+                controls=Controls(stop=self._stop, level=self.hand.requested, motor_tests=self.vest),
                 parts=[_ProgramPart(self.config, self.vest, self.arm, self._begin)],
                 settings=self._name,
             )
@@ -367,12 +367,12 @@ class ProgramSession:
             self._begun = True
             self._change.notify_all()
 
-    def _take(self, moment: Moment) -> None:
+    def _take(self, snapshot: Snapshot) -> None:
         """Take a moment in the loop's thread, which waits for the program only where time is not the world's."""
         with self._change:
-            self.n_skipped += self._moment is not None
-            self._moment = moment.view
+            self.n_skipped += self._snapshot is not None
+            self._snapshot = snapshot.view
             self._n_given += 1
             self._change.notify_all()
-            while self._waits and self._n_asked <= self._n_given and not self._stop.asked:
-                self._change.wait(_LOOK_S)
+            while self._waits and self._n_requested <= self._n_given and not self._stop.requested:
+                self._change.wait(_POLL_S)

@@ -14,13 +14,13 @@ from threading import Lock
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from tega.config.choose import grip_reflex
-from tega.loop.hand_look import fresh_angles_rad, hand_closure
+from tega.loop.hand_poll import fresh_angles_rad, hand_closure
 from tega.records import Button, ReflexGrip
 
 if TYPE_CHECKING:
     from tega.config import ReflexSection, SessionConfig
     from tega.devices.base import SteeredHand
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.records import Contact, Event
     from tega.records.bus import Bus
     from tega.stages.base import Reflex
@@ -75,7 +75,7 @@ class ReflexDial:
             self.press()
 
 
-class ReflexMoment(NamedTuple):
+class ReflexInputs(NamedTuple):
     """Circumstances of the reflex at a tick, which a replay takes from the recording.
 
     Attributes:
@@ -102,8 +102,8 @@ class ReflexArc:
     Args:
         reflex: The stage.
         settings: Its bounds.
-        moment: Returns the circumstances of a tick from its time in nanoseconds.
-        tell: Called with every tick at which the reflex was asked or added something.
+        snapshot: Returns the circumstances of a tick from its time in nanoseconds.
+        notify: Called with every tick at which the reflex was asked or added something.
 
     Attributes:
         authority: Share of the largest addition that it might use at the last tick.
@@ -117,11 +117,11 @@ class ReflexArc:
         reflex: Reflex,
         settings: ReflexSection,
         *,
-        moment: Callable[[int], ReflexMoment],
-        tell: Callable[[ReflexGrip], None] = lambda _told: None,
+        snapshot: Callable[[int], ReflexInputs],
+        notify: Callable[[ReflexGrip], None] = lambda _reported: None,
     ) -> None:
         self.reflex = reflex
-        self._s, self._moment, self._tell = settings, moment, tell
+        self._s, self._snapshot, self._notify = settings, snapshot, notify
         self._authority = self.authority = 0.0
         self._t_ns: int | None = None
         self._firmest = 0.0
@@ -142,7 +142,7 @@ class ReflexArc:
             own: Closure that the person asks for, levels 1 to 5 with fractions.
             contacts: Returns the newest contact of each finger with a fresh frame.
         """
-        now = self._moment(t_ns)
+        now = self._snapshot(t_ns)
         authority = self.authority = now.authority
         if authority <= 0 and self.added <= 0:
             self._events.clear()
@@ -166,7 +166,7 @@ class ReflexArc:
         self._t_ns = t_ns
         self.n_added += self.added > 0
         self.most_added = max(self.most_added, self.added)
-        self._tell(
+        self._notify(
             ReflexGrip(
                 t_ns=t_ns,
                 own=own,
@@ -180,13 +180,13 @@ class ReflexArc:
         )
         return self.added
 
-    def shown(self, view: LoopView) -> LoopView:
+    def displayed(self, view: LoopView) -> LoopView:
         """Add the reflex's addition and its reason to a view of the loop."""
-        said = f"authority {self.authority:.0%}"
+        text = f"authority {self.authority:.0%}"
         if self.added > 0:
-            said = f"+{self.added:.2f} levels added, {said}"
-            said += f" ({self.reflex.cause})" if self.reflex.cause else ""
-        return view._replace(reflex=said)
+            text = f"+{self.added:.2f} levels added, {text}"
+            text += f" ({self.reflex.cause})" if self.reflex.cause else ""
+        return view._replace(reflex=text)
 
     def _fallen(self, dt_s: float, *, back: bool) -> float:
         """Return the remaining addition after a step without a cause."""
@@ -220,17 +220,17 @@ def open_reflex(
     dial.listen(bus)
     closure = hand_closure(config)
 
-    def moment(_t_ns: int) -> ReflexMoment:
+    def snapshot(_t_ns: int) -> ReflexInputs:
         nonlocal wanted
         if (now := authority()) != wanted and now is not None:
             wanted = dial.authority = now
         if (share := dial.authority) <= 0 and arc.added <= 0:
-            return ReflexMoment(0.0, allowed=True, measured=None)
+            return ReflexInputs(0.0, allowed=True, measured=None)
         angles_rad = None if hand is None else fresh_angles_rad(hand)
         measured = None if angles_rad is None else closure(angles_rad)
-        return ReflexMoment(share, active(), measured)
+        return ReflexInputs(share, active(), measured)
 
-    arc = ReflexArc(reflex, settings, moment=moment, tell=bus.publish)
+    arc = ReflexArc(reflex, settings, snapshot=snapshot, notify=bus.publish)
     return arc
 
 

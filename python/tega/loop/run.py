@@ -14,15 +14,15 @@ from tega.loop.adapting import open_adaptation
 from tega.loop.controls import Controls
 from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
-from tega.loop.hand_look import open_looks
 from tega.loop.hand_output import HandOutput
+from tega.loop.hand_poll import open_hand_polls
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView, Moment, Moments
 from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.loop.pacing import Pacer
 from tega.loop.parts import RunStart
 from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.rig import Rig
+from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch_loop import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
@@ -78,7 +78,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         trial=next((part.trial for part in rig.parts if part.trial), "start"),
         layout=layout,
         pace=pace,
-        observed=rig.bus.wants(Moment),
+        observed=rig.bus.wants(Snapshot),
         real=isinstance(clock, SystemClock),
         bell=bell,
     )
@@ -92,7 +92,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         config,
         prepared.calibration,
         prepared.fingers,
-        find_events=rig.bus.wants(Moment) or rig.bus.wants(Event),
+        find_events=rig.bus.wants(Snapshot) or rig.bus.wants(Event),
     )
     start_ns = pacer.start()
     trace = None
@@ -179,8 +179,8 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             devices=rig.devices,
             complete=_displayed(rig, reflex),
         ),
-        look=prepared.look
-        or open_looks(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
+        poll_hand=prepared.poll_hand
+        or open_hand_polls(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
@@ -201,10 +201,10 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
 def _displayed(rig: Rig, reflex: ReflexArc | None) -> list[Callable[[LoopView], LoopView]]:
     """Return the functions that add to a view of the loop, such as link, arm and reflex."""
     return [
-        *([] if reflex is None else [reflex.shown]),
-        rig.sinks.shown,
-        *([] if rig.steering is None else [rig.steering.shown]),
-        *(part.shown for part in rig.parts),
+        *([] if reflex is None else [reflex.displayed]),
+        rig.sinks.displayed,
+        *([] if rig.steering is None else [rig.steering.displayed]),
+        *(part.displayed for part in rig.parts),
     ]
 
 
@@ -230,7 +230,7 @@ def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | 
 
     guard.observers.append(changed)
     guard.alert_observers.append(
-        lambda name, said: bus.publish(Alert(t_ns=pacer.tick_ns, name=name, said=said))
+        lambda name, text: bus.publish(Alert(t_ns=pacer.tick_ns, name=name, said=text))
     )
     if trace is not None:
         guard.watch("latency", lambda: trace.warning)

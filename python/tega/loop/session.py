@@ -29,7 +29,7 @@ def run_session(
     controls: Controls | None = None,
     parts: Sequence[Part] = (),
     prepared: Prepared | None = None,
-    progress: Progress = lambda _what, _done, _total: None,
+    progress: Progress = lambda _subject, _done, _total: None,
     settings: str = "SETTINGS.toml",
 ) -> dict[str, Any]:
     """Run a session from its settings.
@@ -37,7 +37,7 @@ def run_session(
     Args:
         config: The settings.
         clock: The session's clock; ``None`` for the one that its pace needs.
-        bus: Bus of the run; subscribe to records, to :class:`~tega.loop.moment.Moment` for displays, and to
+        bus: Bus of the run; subscribe to records, to :class:`~tega.loop.snapshot.Snapshot` for displays, and to
             :class:`~tega.records.display.Notice` for sentences to the person who runs the session.
         controls: Answers whether to stop, to begin, to vibrate; ``None`` for a run that ends with its sources.
         parts: Parts of the caller, which join after those of features.

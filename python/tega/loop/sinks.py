@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
     from tega.hand.link import Received
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
     from tega.wire import CanFrame
 
@@ -41,10 +41,10 @@ class Sinks(NamedTuple):
     steered: SteeredHand | None
     tables: tuple[DeviceInfo, ...] = ()
 
-    def shown(self, view: LoopView) -> LoopView:
+    def displayed(self, view: LoopView) -> LoopView:
         """Add the status that the real vest reports to a view of the loop."""
-        said = [optional(vest, "condition") for vest in self.live_vests]
-        return view._replace(vest_condition="; ".join(filter(None, said)))
+        text = [optional(vest, "condition") for vest in self.live_vests]
+        return view._replace(vest_condition="; ".join(filter(None, text)))
 
 
 def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
@@ -101,12 +101,12 @@ def _listen(hand: Any, bus: Bus) -> None:
 
     def exchanged(
         t_ns: int,
-        asked: tuple[float, float],
+        requested: tuple[float, float],
         received: Sequence[Received],
         sent: Sequence[CanFrame],
         action: str,
     ) -> None:
-        level, added = asked
+        level, added = requested
         whole, closure = split_level(level)
         bus.publish(
             HandExchange(

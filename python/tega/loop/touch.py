@@ -113,18 +113,18 @@ class TouchLoop:
                 self._events.extend(self.found)
         return replace(contact, front=front, back=back)
 
-    def look(self, look: HandLook) -> Sequence[Event]:
-        """Take in a look at hand and arm; return the slips that it shows."""
+    def check(self, hand: HandLook) -> Sequence[Event]:
+        """Add a reading of hand and arm; return the slips that it shows."""
         if self._detector is None:
             return ()
         found = self._detector.hand(
-            look.seen_ns / 1e9,
-            level=look.level,
-            closure=look.closure,
-            height_m=look.height_m,
-            tips_mm=dict(zip(FINGERS, look.tips_mm, strict=False)),
+            hand.seen_ns / 1e9,
+            level=hand.level,
+            closure=hand.closure,
+            height_m=hand.height_m,
+            tips_mm=dict(zip(FINGERS, hand.tips_mm, strict=False)),
         )
-        slips = [_event(one, look.t_ns) for one in found if one.kind == "slip"]
+        slips = [_event(one, hand.t_ns) for one in found if one.kind == "slip"]
         if self.mapping.wants_events:
             self._events.extend(slips)
         return slips
@@ -142,9 +142,11 @@ class TouchLoop:
         contacts = self.fresh_contacts(t_ns)
         events = tuple(self._events)
         self._events.clear()
-        return self.shown(t_ns, contacts, events)
+        return self.displayed(t_ns, contacts, events)
 
-    def shown(self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]) -> MotorLevels:
+    def displayed(
+        self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]
+    ) -> MotorLevels:
         """Return the vest frame of contacts and events: the mapping's output, evened out for the wearer.
 
         Raises:

@@ -73,8 +73,8 @@ class RecordedFingers:
         finger: Finger,
         metric: Metric,
         *,
-        see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
-        tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+        observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
+        notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
     ) -> None:
         """Add a finger, before anything is measured.
 
@@ -82,17 +82,17 @@ class RecordedFingers:
             name: Name of the finger.
             finger: Its open source, which is not live, its baseline and report.
             metric: Measures its pictures.
-            see: Called with each frame and its time of reception, before it is measured, when the metric knows
+            observe: Called with each frame and its time of reception, before it is measured, when the metric knows
                 whether it is ``loaded``.
-            tell: Called with each measured frame and its contact.
+            notify: Called with each measured frame and its contact.
         """
 
-        def look_beside(frame: TactileFrame) -> None:
+        def measure_beside(frame: TactileFrame) -> None:
             metric.loaded = self._touching.beside(name, frame.t_ns)
 
-        def tell_others(frame: TactileFrame, contact: Contact) -> None:
+        def notify_others(frame: TactileFrame, contact: Contact) -> None:
             self._touching.note(name, contact.t_ns, bears_load=metric.bears_load)
-            tell(frame, contact)
+            notify(frame, contact)
 
         self._pictures[name] = pictures = _TimedPictures(name, finger.source)
         self._waiting[name] = deque()
@@ -101,9 +101,9 @@ class RecordedFingers:
             finger.baseline,
             metric,
             finger.report,
-            prepare=look_beside,
-            see=see,
-            tell=tell_others,
+            prepare=measure_beside,
+            observe=observe,
+            notify=notify_others,
         )
 
     def measured(self, stopped: Callable[[], bool]) -> Iterator[_Found]:
@@ -174,23 +174,23 @@ class _TimedPictures:
 
     @property
     def ended(self) -> bool:
-        self._look()
+        self._check()
         return self._over
 
     def next_ns(self) -> int:
         """Return when the next picture was taken; of a recording that is over, before all others."""
-        self._look()
+        self._check()
         return -1 if self._next is None else self._next.t_ns
 
     def read(self, _timeout_s: float) -> TactileFrame | None:
-        self._look()
+        self._check()
         frame, self._next = self._next, None
         return frame
 
     def close(self) -> None:
         self._frames.close()
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         if self._next is None and not self._over:
             self._next = next(self._frames, None)
             self._over = self._next is None

@@ -79,7 +79,7 @@ class VestOutput:
         self._now_ns = now_ns
         self.rate_hz, self.by_frame = rate_hz, by_frame
         self._tests = tests
-        self._n_asked, self._on = 0, True
+        self._n_requested, self._on = 0, True
         self._sent: MotorLevels | None = None
         self.frame: MotorLevels | None = None
 
@@ -132,8 +132,8 @@ class VestOutput:
         on = self._haptics()
         if on != self._on:
             self._on = on
-            self._bus.publish(records.Haptics(t_ns=t_ns, n_asked=self._n_asked, on=on))
-        self._n_asked += 1
+            self._bus.publish(records.Haptics(t_ns=t_ns, n_asked=self._n_requested, on=on))
+        self._n_requested += 1
         return on
 
     def _changes(self, before: MotorLevels | None, frame: MotorLevels) -> bool:

@@ -220,7 +220,7 @@ def take_tail(part: Path) -> None:
         return
     # After a restart of the machine there is no such folder; and one that is not ours is left alone.
     with contextlib.suppress(RecordingError, UnsafeNameError, OSError, ValueError):
-        name = plain_name(read_words(note).strip(), what="folder", source=note.name)
+        name = plain_name(read_words(note).strip(), subject="folder", source=note.name)
         if name.startswith(_PREFIX):
             _bring(_MEMORY / name, part)
     note.unlink()

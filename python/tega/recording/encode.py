@@ -12,7 +12,7 @@ from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
 from tega.recording.mcap_reader import Message, open_recording, read_picture
 from tega.recording.origin import new_session, origin, span
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
@@ -45,7 +45,7 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
     return made
 
 
-@tells_damage
+@reports_damage
 def _encode(source: Path, target: Path, quality: int) -> None:
     tables = _tables(source)
     if "epoch_ns" not in tables.get("tega", {}):

@@ -14,12 +14,12 @@ from tega.recording.copies import note_copy
 from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
 from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.origin import LEAD_IN
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
 
 
-@tells_damage
+@reports_damage
 def export_file(
     path: Path,
     folder: Path,
@@ -73,19 +73,19 @@ def export_file(
             image = waiting.pop(f"{message.topic.removesuffix('/frame')}/image", None)
             if image is not None:
                 finger = plain_name(
-                    message.topic.split("/")[2], what=f"{message.topic}: finger", source=path.name
+                    message.topic.split("/")[2], subject=f"{message.topic}: finger", source=path.name
                 )
                 _picture(image, folder / finger, message.value.seq)
         name = message.topic.strip("/").replace("/", ".")
         if name not in tables:
-            plain_name(name, what="topic", source=path.name)
+            plain_name(name, subject="topic", source=path.name)
             tables[name] = growing(folder / f"{name}.{kind}")
         if info is None and message.topic.startswith("/emg/"):
             info = emg_source(reader)
         for row in _rows(message, (message.log_ns - epoch_ns) / 1e9, () if info is None else info.channels):
             tables[name].add(row)
     attached = [
-        plain_name(name, what="attachment", source=path.name) for name in reader.files if name != LEAD_IN
+        plain_name(name, subject="attachment", source=path.name) for name in reader.files if name != LEAD_IN
     ]
     for name in attached:
         (folder / name).write_bytes(reader.files[name])

@@ -24,7 +24,7 @@ def no_session(path: Path, names: Iterable[str]) -> RecordingError:
         return RecordingError(f"{path.name}: no recording of a session", "name a file made with --record")
     if not path.stat().st_size:
         return RecordingError(f"{path.name}: is empty (0 bytes)", "copy it again from its source")
-    profile, library, topics = _told(path)
+    profile, library, topics = _reported(path)
     listed = ", ".join(topics[:_MOST_TOPICS])
     if len(topics) > _MOST_TOPICS:
         listed += f" and {len(topics) - _MOST_TOPICS} more"
@@ -32,11 +32,11 @@ def no_session(path: Path, names: Iterable[str]) -> RecordingError:
     hint = "name a recording made with --record"
     if profile == "ros2":
         hint = f"replay pictures or arrays in it: tega-teleop replay --tactile thumb={path.name} --topic thumb=TOPIC"
-    said = f"its topics: {listed}" if listed else "it holds no topic"
-    return RecordingError(f"{path.name}: not recorded by TEGA ({by}); {said}"[:2000], hint)
+    text = f"its topics: {listed}" if listed else "it holds no topic"
+    return RecordingError(f"{path.name}: not recorded by TEGA ({by}); {text}"[:2000], hint)
 
 
-def _told(path: Path) -> tuple[str, str, list[str]]:
+def _reported(path: Path) -> tuple[str, str, list[str]]:
     """Return profile, library, and topics as ``/camera sensor_msgs/msg/Image (120)``, as far as the file has them."""
     make_reader: Any = require("mcap.reader", driver="recording", extra="record").make_reader
     profile = library = ""

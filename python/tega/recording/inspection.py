@@ -16,7 +16,7 @@ from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import origins, span
 from tega.records import Latency as LatencyRecord
 from tega.records.schema import read
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 
 # Two and a half periods without an item are a gap: one was lost, and not only late.
 _GAP_PERIODS = 2.5
@@ -125,7 +125,7 @@ class _Topic:
         self.n_bytes = 0
 
 
-@tells_damage
+@reports_damage
 def inspect_file(path: Path) -> Inspection:
     """Look through a recording; pictures are counted, not decoded.
 
@@ -223,16 +223,16 @@ class _Messages:
             case "tega.Marker":
                 self.markers.append(Marked(value.t_ns / 1e9, value.text))
             case "tega.State":
-                said = f"{value.state}: {value.reason}" if value.reason else value.state
+                sentence = f"{value.state}: {value.reason}" if value.reason else value.state
                 if value.reason.startswith(f"{value.state}:"):
-                    said = value.reason
-                self.states.append(Marked(value.t_ns / 1e9, said))
+                    sentence = value.reason
+                self.states.append(Marked(value.t_ns / 1e9, sentence))
             case "tega.Alert":
-                what = value.said or f"{value.name}: recovered"
-                self.states.append(Marked(value.t_ns / 1e9, what))
+                subject = value.said or f"{value.name}: recovered"
+                self.states.append(Marked(value.t_ns / 1e9, subject))
             case "tega.Latency":
-                way = read(LatencyRecord, value)
-                for stage, ns in way.stages_ns().items():
+                route = read(LatencyRecord, value)
+                for stage, ns in route.stages_ns().items():
                     self.stages[f"{_PATHS[value.path]}: {stage}"].append(ns)
             case "tega.ArmTurn":
                 late = self.stages["forearm pose: captured to taken in"]

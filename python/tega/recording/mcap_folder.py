@@ -265,8 +265,8 @@ def recover_file(source: Path, target: Path) -> Recovered:
 def no_recording(folder: Path) -> RecordingError:
     """Return the error for a folder without a recording; the folder of a run's tables is named as that."""
     tables = any((folder / name).is_file() for name in ("summary.json", "contacts.csv", "vest.csv"))
-    said = "holds a run's tables, not a recording" if tables else "holds no recording"
-    return RecordingError(f"{folder.name}: {said}", "record a run with --record DIR, then name DIR")
+    text = "holds a run's tables, not a recording" if tables else "holds no recording"
+    return RecordingError(f"{folder.name}: {text}", "record a run with --record DIR, then name DIR")
 
 
 def session_files(path: Path) -> list[Path]:

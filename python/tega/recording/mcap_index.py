@@ -18,7 +18,7 @@ import numpy as np
 from tega.errors import RecordingError, TegaError
 from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import MOST_RECORD, McapReader, Message, decoded_message, open_recording
-from tega.runtime.files.foreign_file import MIB, tells_damage
+from tega.runtime.files.foreign_file import MIB, reports_damage
 from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class _Chunk(NamedTuple):
     lists: Mapping[int, int]
 
 
-@tells_damage
+@reports_damage
 def open_indexed(path: Path) -> IndexedReader:
     """Open a recording for access by topic and time; no message is decoded.
 

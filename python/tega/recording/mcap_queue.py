@@ -8,7 +8,7 @@ from collections import Counter, deque
 from typing import NamedTuple, Self
 
 from tega.records import Picture, Record
-from tega.records.bus import told_drops
+from tega.records.bus import report_drops
 from tega.records.video import VideoPacket
 
 __all__ = ["BoundedQueue", "Item"]
@@ -105,7 +105,7 @@ class BoundedQueue:
 
     def problem(self) -> str:
         """Return how many were dropped while that goes on, ``""`` once no more are."""
-        dropped = told_drops(self.dropped.total(), self._dropped_at_s)
+        dropped = report_drops(self.dropped.total(), self._dropped_at_s)
         return f"{dropped}: disk or processor does not keep up" if dropped else ""
 
     def close(self) -> None:

@@ -23,7 +23,7 @@ Progress = Callable[[str, int, int], None]
 """Called with what is being done, how many units of it are done, and how many there are."""
 
 
-def _no_progress(_what: str, _done: int, _total: int) -> None:
+def _no_progress(_subject: str, _done: int, _total: int) -> None:
     """Show nothing."""
 
 

@@ -79,7 +79,7 @@ class McapRecorder:
         self.written: dict[str, int] = {}
         self._newest_ns = 0
         self._warned = False
-        self._told_dropped = 0
+        self._reported_dropped = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._work, name="tega-recorder", daemon=True)
 
@@ -217,7 +217,7 @@ class McapRecorder:
             flushes = now_ns - flush_ns >= FLUSH_NS
             try:
                 if now_ns - status_ns >= STATUS_NS or (
-                    flushes and self._queue.dropped.total() != self._told_dropped
+                    flushes and self._queue.dropped.total() != self._reported_dropped
                 ):
                     status_ns = now_ns
                     self._status()
@@ -246,7 +246,7 @@ class McapRecorder:
         """Watch the disk, and record how the recording goes."""
         free = shutil.disk_usage(self._folder.path).free
         dropped = dict(self._queue.dropped)
-        self._told_dropped = sum(dropped.values())
+        self._reported_dropped = sum(dropped.values())
         t_ns = self._newest_ns
         status = RecorderStatus(
             t_ns=t_ns,

@@ -52,17 +52,17 @@ def _file() -> Any:
     kinds = pb2.FieldDescriptorProto
     for name, kind in MESSAGES.items():
         message = file.message_type.add(name=name)
-        for number, said in enumerate(fields(kind), 1):
-            label = kinds.LABEL_REPEATED if said.repeated else kinds.LABEL_OPTIONAL
-            field = message.field.add(name=said.name, number=number, label=label)
-            if said.part is not None:
-                field.type, field.type_name = kinds.TYPE_MESSAGE, f".{PACKAGE}.{said.wire}"
+        for number, text in enumerate(fields(kind), 1):
+            label = kinds.LABEL_REPEATED if text.repeated else kinds.LABEL_OPTIONAL
+            field = message.field.add(name=text.name, number=number, label=label)
+            if text.part is not None:
+                field.type, field.type_name = kinds.TYPE_MESSAGE, f".{PACKAGE}.{text.wire}"
             else:
-                field.type = getattr(kinds, f"TYPE_{said.wire.upper()}")
-            if said.optional:
+                field.type = getattr(kinds, f"TYPE_{text.wire.upper()}")
+            if text.optional:
                 # As protoc spells a number that may not be there.
                 field.proto3_optional, field.oneof_index = True, len(message.oneof_decl)
-                message.oneof_decl.add(name=f"_{said.name}")
+                message.oneof_decl.add(name=f"_{text.name}")
     return file
 
 
@@ -87,8 +87,8 @@ def message_class(name: str) -> Any:
 
 def encoded(record: Record) -> bytes:
     """Return the message of a record as it stands in a file."""
-    said: bytes = message_class(schema_name(type(record)))(**values(record)).SerializeToString()
-    return said
+    text: bytes = message_class(schema_name(type(record)))(**values(record)).SerializeToString()
+    return text
 
 
 def unit_table() -> dict[str, str]:

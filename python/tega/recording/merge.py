@@ -13,7 +13,7 @@ from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording
 from tega.recording.origin import new_session, origin, span
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 from tega.runtime.lifecycle import require
 
@@ -47,7 +47,7 @@ class _Part(NamedTuple):
         return known | self.tables.get("versions", {})
 
 
-@tells_damage
+@reports_damage
 def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     """Copy all recordings of several sessions into a new one, in order of time, one file each.
 

@@ -66,7 +66,7 @@ class RecordChannels:
             record: The record to log.
             t_ns: Time of arrival, nanoseconds since the start of the session.
         """
-        if not self._heard(record):
+        if not self._received(record):
             return
         log_ns = self.epoch_ns + t_ns
         match record:
@@ -85,7 +85,7 @@ class RecordChannels:
             case _:
                 self._message(record.where, record, log_ns)
 
-    def _heard(self, record: Record) -> bool:
+    def _received(self, record: Record) -> bool:
         topics = [record.where]
         if isinstance(record, Picture):
             topics.append(_frame_topic(record))

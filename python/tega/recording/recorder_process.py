@@ -67,19 +67,19 @@ class RecorderProcess:
         self._sent_ns = 0
         self._queue = BoundedQueue(most_bytes=round(settings.queue_mib * _MIB))
         self.state, self.reason = "recording", ""
-        self._told_dropped: Counter[str] = Counter()
+        self._reported_dropped: Counter[str] = Counter()
         self._answers: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         self._closing = threading.Event()
         self._process = start_child("tega.recording.recorder_program", stdout=subprocess.PIPE)
         assert isinstance(self._process.stdin, io.BufferedWriter)
         assert isinstance(self._process.stdout, io.BufferedReader)
-        self._asked, self._said = self._process.stdin, self._process.stdout
-        widen_pipe(self._asked)
+        self._requested, self._text = self._process.stdin, self._process.stdout
+        widen_pipe(self._requested)
         self._listener = threading.Thread(target=self._listen, name="tega-recorder-answers", daemon=True)
         self._listener.start()
         self._thread = threading.Thread(target=self._ship, name="tega-recorder", daemon=True)
         try:
-            send_object(self._asked, (folder.path, settings, realtime))
+            send_object(self._requested, (folder.path, settings, realtime))
             self.path: Path = self._answer("start")
         except BaseException:
             self._end()
@@ -167,14 +167,14 @@ class RecorderProcess:
     def _end(self) -> None:
         end_child(self._process, _LEAVE_S)
         self._listener.join()
-        self._said.close()
+        self._text.close()
 
     def _ask(self, verb: str, *content: Any) -> Any:
         # A process that stands still with a full pipe would keep the run waiting: only its end frees the pipe.
         patience = threading.Timer(_ANSWER_S, self._process.kill)
         patience.start()
         try:
-            send_object(self._asked, (verb, *content))
+            send_object(self._requested, (verb, *content))
         except OSError as error:
             raise RecordingError(self._gone(), "see the recorder's message above") from error
         finally:
@@ -200,9 +200,9 @@ class RecorderProcess:
         while True:
             closing = self._closing.is_set()  # looked at first: nothing comes after it
             items = self._some()
-            dropped = self._queue.dropped - self._told_dropped
+            dropped = self._queue.dropped - self._reported_dropped
             if items or dropped:
-                self._told_dropped += dropped
+                self._reported_dropped += dropped
                 if not self._say("records", [(item.record, item.t_ns) for item in items], dropped):
                     self._queue.dropped.update(item.record.where for item in items)
                     return
@@ -217,7 +217,7 @@ class RecorderProcess:
     def _say(self, verb: str, *content: Any) -> bool:
         """Send the process a message without an answer; return whether it is still there to receive it."""
         try:
-            send_object(self._asked, (verb, *content))
+            send_object(self._requested, (verb, *content))
         except OSError:
             if self.state != "stopped":
                 self._stop(self._gone())
@@ -237,7 +237,7 @@ class RecorderProcess:
         """Receive the process's messages until it ends."""
         while True:
             try:
-                kind, *content = receive_object(self._said)
+                kind, *content = receive_object(self._text)
             except (EOFError, OSError):
                 self._answers.put(("failed", RecordingError(self._gone())))
                 return

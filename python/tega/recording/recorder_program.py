@@ -52,9 +52,9 @@ def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> A
     return recorder.abandon()
 
 
-def _serve(asked: BufferedReader, answers: AnswerPipe) -> None:
+def _serve(requested: BufferedReader, answers: AnswerPipe) -> None:
     try:
-        path, settings, allowed = receive_object(asked)
+        path, settings, allowed = receive_object(requested)
     except EOFError:  # the run was killed as soon
         return
     with realtime(allowed=allowed), run_realtime("beside"):
@@ -64,11 +64,11 @@ def _serve(asked: BufferedReader, answers: AnswerPipe) -> None:
             answers.say("failed", error)
             return
         answers.say("done", recorder.path)
-        told = (recorder.state, recorder.reason)
+        reported = (recorder.state, recorder.reason)
         verb = ""
         while verb not in {"finish", "abandon"}:
             try:
-                verb, *content = receive_object(asked)
+                verb, *content = receive_object(requested)
             except EOFError:
                 recorder.leave()
                 return
@@ -83,19 +83,19 @@ def _serve(asked: BufferedReader, answers: AnswerPipe) -> None:
                 continue
             if verb not in _UNANSWERED:
                 answers.say("done", answer)
-            if (now := (recorder.state, recorder.reason)) != told:
-                told = now
+            if (now := (recorder.state, recorder.reason)) != reported:
+                reported = now
                 answers.say("state", *now)
 
 
 def main() -> None:
     """Record until the run says that it is over, or is no more."""
-    asked, answers = program_pipes()
+    requested, answers = program_pipes()
     logger = logging.getLogger("tega")
     logger.setLevel(logging.INFO)
     logger.addHandler(_LogAnswers(answers))
     logger.propagate = False
-    _serve(asked, answers)
+    _serve(requested, answers)
 
 
 if __name__ == "__main__":

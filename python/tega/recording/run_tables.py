@@ -63,8 +63,8 @@ class RunTables(Part):
         assert self._prepared is not None
         kept = prepare_folder(self._folder)
         if kept is not None:
-            said = f"the earlier results in {self._folder} are kept in {kept}"
-            self._context.bus.publish(Notice(text=said))
+            message = f"the earlier results in {self._folder} are kept in {kept}"
+            self._context.bus.publish(Notice(text=message))
         tables = _open_tables(
             self._closes, self._context.config, self._prepared, self._context.bus, self._folder
         )
@@ -121,9 +121,9 @@ def _open_tables(
         layout: Any = frame.layout
         vest.write(frame.t_ns, haptics.MotorLevels(layout, np.array(frame.intensities, np.uint8)))
 
-    def command(asked: HandCommand) -> None:
-        frames: Any = asked.frames
-        hand.write(asked.t_ns, frames)
+    def command(requested: HandCommand) -> None:
+        frames: Any = requested.frames
+        hand.write(requested.t_ns, frames)
 
     for kind, table in tables.items():
         bus.subscribe(kind, table.take, name=_NAME, vital=not real, backlog=backlog)

@@ -16,7 +16,7 @@ import numpy as np
 
 from tega.config.attached import attached_files
 from tega.config.calibration.store import calibration_text
-from tega.config.choose import mapping_told, metric_told
+from tega.config.choose import mapping_choice, metric_choice
 from tega.config.guests import guest_files, guest_packages
 from tega.config.text import config_text
 from tega.loop.parts import Part, PartContext, RunStart
@@ -127,15 +127,15 @@ class Recording(Part):
             facts: ``layout``, ``pace``, and whether the vest is live, the hand steered, and a display connected.
         """
         text = config_text(config)
-        told = {
+        reported = {
             "tega": {
                 "format": FORMAT,
                 "version": VERSION,
                 **facts,
                 "sent": "every",
                 "lossless": str(config.recording.lossless).lower(),
-                "metric": metric_told(config.stages, config.session.preset),
-                "mapping": mapping_told(config.stages, config.session.preset),
+                "metric": metric_choice(config.stages, config.session.preset),
+                "mapping": mapping_choice(config.stages, config.session.preset),
                 "config_sha256": sha256(text.encode()).hexdigest(),
                 "calibration": calibration_name,
             },
@@ -160,7 +160,7 @@ class Recording(Part):
             files[name] = ("application/octet-stream", data)
         for name, path in guest_files(config).items():
             files[name] = ("application/octet-stream", path.read_bytes())
-        self._recorder.head(told, files)
+        self._recorder.head(reported, files)
 
     def begin(self, run: RunStart) -> None:
         """Begin, at the start of the session or just after, by the session's clock."""

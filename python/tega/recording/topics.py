@@ -115,8 +115,8 @@ class Topic(Sequence[Any]):
         Raises:
             RecordingError: The index is neither; a slice of seconds is one of the recording.
         """
-        asked = (index.start, index.stop, index.step) if isinstance(index, slice) else (index,)
-        if any(isinstance(one, (str, float)) for one in asked):
+        requested = (index.start, index.stop, index.step) if isinstance(index, slice) else (index,)
+        if any(isinstance(one, (str, float)) for one in requested):
             raise RecordingError(
                 f"{self.name}: messages are numbered, not found by {index}",
                 "a column: topic.to_numpy()[name]; seconds: recording[10.0:20.0][topic]",

@@ -19,7 +19,7 @@ from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import open_recording
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 
 # What a replay needs from before the span.
@@ -43,7 +43,7 @@ _LEADING = frozenset(
 )
 
 
-@tells_damage
+@reports_damage
 def trim_session(
     session: Path, *, from_s: float, to_s: float | None, out: Path, lead_in: bool = True
 ) -> Path:
@@ -76,19 +76,19 @@ def trim_session(
     part = Span(round(from_s * 1e9), None if to_s is None else round(to_s * 1e9))
     if part.to_ns is not None and part.to_ns <= part.from_ns:
         raise RecordingError(f"the span {part} holds nothing", "--to has to be after --from")
-    look = _Look(source, part)
+    check = _Check(source, part)
     new_session(out)
     note_copy(source, out)
     target = out / "trial-001.mcap"
     with new_file(target) as file:
-        _copy(source, look, McapCopy(file), lead_in=look.lead_in if lead_in else b"")
-    lossless = look.tables["tega"].get("lossless") == "true"
-    facts = {"state": "trimmed", "lossless": lossless, "origin": look.origin[1]}
+        _copy(source, check, McapCopy(file), lead_in=check.lead_in if lead_in else b"")
+    lossless = check.tables["tega"].get("lossless") == "true"
+    facts = {"state": "trimmed", "lossless": lossless, "origin": check.origin[1]}
     SessionFolder(out).note(target.name, facts)
     return target
 
 
-class _Look:
+class _Check:
     """First pass over a recording: finds the records that belong to the span.
 
     Attributes:
@@ -159,7 +159,7 @@ class _Look:
             copy.take(item)
 
 
-def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
+def _copy(source: Path, check: _Check, new: McapCopy, *, lead_in: bytes) -> None:
     """Read again, and copy the records of the span."""
     begun = False
     pictures: dict[str, McapItem] = {}
@@ -172,8 +172,8 @@ def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
             if not begun:
                 # A reader has to know all this before the first message.
                 begun = True
-                new.table(SPAN, look.part.table())
-                new.table(*look.origin)
+                new.table(SPAN, check.part.table())
+                new.table(*check.origin)
                 if lead_in:
                     new.attach(LEAD_IN, "application/mcap", lead_in)
             topic: str = item.channel.topic
@@ -182,10 +182,10 @@ def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
             elif topic.startswith("/tactile/") and topic.endswith("/frame"):
                 finger = topic.split("/")[2]
                 picture = pictures.pop(finger, None)
-                if look.holds(item.record) or (finger, item.decoded().t_ns) in look.felt:
+                if check.holds(item.record) or (finger, item.decoded().t_ns) in check.felt:
                     if picture is not None:
                         new.take(picture)
                     new.take(item)
-            elif look.holds(item.record):
+            elif check.holds(item.record):
                 new.take(item)
     new.finish()

@@ -30,14 +30,14 @@ import msgspec
 
 from tega.errors import TegaError
 
-__all__ = ["Backlog", "Bus", "told_drops"]
+__all__ = ["Backlog", "Bus", "report_drops"]
 
 _LOG = logging.getLogger(__name__)
 
 _DRAIN_S = 10.0
 _WAIT_S = 0.01
 # An alert of dropped records ends after this; how many there were stays in the recording and in the summary.
-TOLD_DROPS_S = 10.0
+DROPS_REPORTED_S = 10.0
 
 Kind = TypeVar("Kind", bound=msgspec.Struct)
 
@@ -115,7 +115,7 @@ class Bus:
 
     def problem(self) -> str:
         """Return which subscribers are left out or do not keep up, ``""`` while all is well."""
-        lost = [said for backlog in self._backlogs if (said := backlog.problem())]
+        lost = [text for backlog in self._backlogs if (text := backlog.problem())]
         return "; ".join([*self._failed.values(), *lost])
 
     def _found(self, kind: type[msgspec.Struct]) -> tuple[_Subscription, ...]:
@@ -139,15 +139,15 @@ class Bus:
             self._leave_out(subscription, error)
 
     def _leave_out(self, subscription: _Subscription, error: Exception) -> None:
-        said = _words(error)
+        text = _words(error)
         with self._lock:
             subscription.left_out = True
             self._subscriptions = tuple(s for s in self._subscriptions if s is not subscription)
             self._of = {}
             first = subscription.name not in self._failed
-            self._failed.setdefault(subscription.name, f"{subscription.name}: {said}")
+            self._failed.setdefault(subscription.name, f"{subscription.name}: {text}")
         if first:
-            _LOG.warning("%s: %s; the run goes on", subscription.name, said)
+            _LOG.warning("%s: %s; the run goes on", subscription.name, text)
 
 
 def _words(error: Exception) -> str:
@@ -158,14 +158,14 @@ def _words(error: Exception) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def told_drops(n_dropped: int, newest_s: float) -> str:
+def report_drops(n_dropped: int, newest_s: float) -> str:
     """Return how many records were dropped, ``""`` for none in the last ten seconds.
 
     Args:
         n_dropped: How many since the start.
         newest_s: When the newest of them was, by the monotonic clock, seconds.
     """
-    if not n_dropped or time.monotonic() - newest_s > TOLD_DROPS_S:
+    if not n_dropped or time.monotonic() - newest_s > DROPS_REPORTED_S:
         return ""
     return f"{n_dropped} records dropped"
 
@@ -235,7 +235,7 @@ class Backlog:
 
     def problem(self) -> str:
         """Return how many records were dropped while that goes on; ``""`` else, and where only the newest is wanted."""
-        dropped = "" if self._newest else told_drops(self.n_dropped, self._dropped_at_s)
+        dropped = "" if self._newest else report_drops(self.n_dropped, self._dropped_at_s)
         return f"{self._name}: {dropped}, it does not keep up" if dropped else ""
 
     def close(self) -> None:

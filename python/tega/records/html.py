@@ -16,7 +16,7 @@ def rows_html(title: str, rows: Iterable[tuple[str, object, str]]) -> str:
     """Return a table with a title; each row has a name, a value and its unit."""
     cells = "".join(
         f"<tr><th style='text-align:left'>{escape(name)}</th>"
-        f"<td>{escape(_shown(value))} {'' if unit == '1' else escape(unit)}</td></tr>"
+        f"<td>{escape(_displayed(value))} {'' if unit == '1' else escape(unit)}</td></tr>"
         for name, value, unit in rows
     )
     return f"<table><caption>{escape(title)}</caption>{cells}</table>"
@@ -34,5 +34,5 @@ def record_html(record: Record, title: str) -> str:
     return rows_html(title, [*rows, *((one["name"], one["value"], one["unit"]) for one in more)])
 
 
-def _shown(value: object) -> str:
+def _displayed(value: object) -> str:
     return number_text(value) if isinstance(value, float) else str(value)

@@ -141,20 +141,20 @@ def values(record: msgspec.Struct) -> dict[str, Any]:
     """Return the values of a record's message, by name; missing values are left out."""
     # Called for every record of a run: all that can be known beforehand is in the plan.
     plan = _plan(type(record))
-    said = msgspec.structs.asdict(record)
+    text = msgspec.structs.asdict(record)
     for name in plan.dropped:
-        del said[name]
+        del text[name]
     for attribute, x, y in plan.pairs:
-        said[x], said[y] = said.pop(attribute)
+        text[x], text[y] = text.pop(attribute)
     for name in plan.parts:
-        if parts_of := said.pop(name):
-            said[name] = [values(part) for part in parts_of]
+        if parts_of := text.pop(name):
+            text[name] = [values(part) for part in parts_of]
     for attribute, name in plan.renamed:
-        said[name] = said.pop(attribute)
+        text[name] = text.pop(attribute)
     for name in plan.optional:
-        if said[name] is None:
-            del said[name]
-    return said
+        if text[name] is None:
+            del text[name]
+    return text
 
 
 def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
@@ -166,8 +166,8 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
         unwritten: The fields that the message does not hold, such as the finger that the topic names.
     """
     plain, others = _reading(kind, message.__class__)
-    said: dict[str, Any] = {attribute: getattr(message, name) for attribute, name in plain}
-    said.update(unwritten)
+    text: dict[str, Any] = {attribute: getattr(message, name) for attribute, name in plain}
+    text.update(unwritten)
     pairs: dict[str, list[Any]] = {}
     for field in others:
         if field.optional and not message.HasField(field.name):
@@ -176,12 +176,12 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
         if field.of_pair is not None:
             pairs.setdefault(field.attribute, []).append(value)
         elif field.part is not None:
-            said[field.attribute] = tuple(read(field.part, one) for one in value)
+            text[field.attribute] = tuple(read(field.part, one) for one in value)
         elif field.repeated:
-            said[field.attribute] = np.array(value) if field.array else tuple(value)
+            text[field.attribute] = np.array(value) if field.array else tuple(value)
         else:
-            said[field.attribute] = value
-    record = kind(**said, **{name: tuple(pair) for name, pair in pairs.items()})
+            text[field.attribute] = value
+    record = kind(**text, **{name: tuple(pair) for name, pair in pairs.items()})
     return record.current() if isinstance(record, Record) else record
 
 

@@ -17,11 +17,11 @@ _FOLDERS: Final = {
 
 
 @contextmanager
-def needs_tools(what: str) -> Iterator[None]:
+def needs_tools(subject: str) -> Iterator[None]:
     """Say which pip line brings a package of ``tools/`` that an import in this block does not find.
 
     Args:
-        what: Command that needs the package, for the message.
+        subject: Command that needs the package, for the message.
 
     Raises:
         MissingToolError: The package is not installed; the hint is the pip line, to be typed in a checkout.
@@ -34,6 +34,6 @@ def needs_tools(what: str) -> Iterator[None]:
             raise
         places = " ".join(f"'./tools/{folder}'" for folder in _FOLDERS[package])
         raise MissingToolError(
-            f"{what} needs the package {package!r}, which is not part of the wheel",
+            f"{subject} needs the package {package!r}, which is not part of the wheel",
             f"install it from a checkout of TEGA: pip install {places}",
         ) from error

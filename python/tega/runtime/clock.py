@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-_PAUSE_LOOK_S = 0.02
+_PAUSE_POLL_S = 0.02
 _TOGETHER_S = 0.001
 
 
@@ -134,6 +134,6 @@ class PausableClock:
         if self._paused():
             held_since_ns = self._clock.now_ns()
             while self._paused():
-                time.sleep(_PAUSE_LOOK_S)
+                time.sleep(_PAUSE_POLL_S)
             self.held_ns += self._clock.now_ns() - held_since_ns
         self._clock.sleep_until(t_ns + self.held_ns)

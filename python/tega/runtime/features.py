@@ -135,8 +135,8 @@ def _loaded() -> tuple[dict[str, Feature], tuple[Broken, ...]]:
         try:
             feature = entry.load()
         except Exception as error:
-            said = f"{type(error).__name__}: {error}"
-            broken.append(Broken(name, said, f"pip install --force-reinstall {package}, or remove {package}"))
+            text = f"{type(error).__name__}: {error}"
+            broken.append(Broken(name, text, f"pip install --force-reinstall {package}, or remove {package}"))
             continue
         if isinstance(feature, Feature):
             found[name] = replace(feature, package=package)

@@ -10,7 +10,7 @@ from typing import Any
 
 from tega.runtime.lifecycle import require
 
-_LOOKS = 5
+_POLLS = 5
 # A second stream of one name answers about as soon as the first.
 _ALONE_S = 0.5
 
@@ -57,7 +57,7 @@ def hosts_of(streams: list[Any]) -> str:
 def to_monotonic_s(lsl: Any) -> float:
     """Return the offset from the library's clock to ours: 0 on Linux, where they are one; a constant elsewhere."""
     looks: list[tuple[float, float]] = []
-    for _ in range(_LOOKS):
+    for _ in range(_POLLS):
         before_s, theirs_s, after_s = time.monotonic(), float(lsl.local_clock()), time.monotonic()
         if before_s <= theirs_s <= after_s:  # one clock, for however long this thread was put aside
             return 0.0

@@ -44,7 +44,7 @@ class ClockCorrection:
     def __init__(self, name: str, first_s: float, now_s: float) -> None:
         self._name = name
         self.first_s = self.value_s = self._logged_s = first_s
-        self._value_at_s = self._asked_at_s = now_s
+        self._value_at_s = self._requested_at_s = now_s
         self._leapt: tuple[float, float] | None = None
         self.n_asked, self.n_outliers = 1, 0
 
@@ -55,8 +55,8 @@ class ClockCorrection:
             ask: Returns the library's newest measurement, seconds; may raise ``TimeoutError`` or ``RuntimeError``.
             now_s: Seconds of the monotonic clock.
         """
-        if now_s - self._asked_at_s >= _ASK_S:
-            self._asked_at_s = now_s
+        if now_s - self._requested_at_s >= _ASK_S:
+            self._requested_at_s = now_s
             try:
                 self._take(float(ask()), now_s)
             except (TimeoutError, RuntimeError):

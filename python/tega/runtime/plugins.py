@@ -23,12 +23,12 @@ def _plugins(group: str, _path: tuple[str, ...]) -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=group)}
 
 
-def find_plugin(group: str, what: str, name: str) -> EntryPoint:
+def find_plugin(group: str, subject: str, name: str) -> EntryPoint:
     """Return the entry point of a name.
 
     Args:
         group: The group, such as ``"tega.devices"``.
-        what: Term for a member of the group in messages: driver, metric, decoder, mapping or layout.
+        subject: Term for a member of the group in messages: driver, metric, decoder, mapping or layout.
         name: The name looked for.
 
     Raises:
@@ -38,12 +38,12 @@ def find_plugin(group: str, what: str, name: str) -> EntryPoint:
     entry = entries.get(name)
     if entry is None:
         raise ConfigError(
-            f"no {what} is called {name!r}", nearest_hint(name, sorted(entries), f"installed {what}s:")
+            f"no {subject} is called {name!r}", nearest_hint(name, sorted(entries), f"installed {subject}s:")
         )
     return entry
 
 
-def load_plugin(entry: EntryPoint, what: str) -> Any:
+def load_plugin(entry: EntryPoint, subject: str) -> Any:
     """Import what an entry point names.
 
     Raises:
@@ -57,10 +57,10 @@ def load_plugin(entry: EntryPoint, what: str) -> Any:
         hint = f"install the extra of {plugin_package(entry)!r} that brings {missing!r}"
         if plugin_package(entry) == "tega":
             hint = "install it with: pip install 'tega[lab]'"
-        raise MissingExtraError(f"{what} {entry.name!r} needs {missing!r}: {error}", hint) from error
+        raise MissingExtraError(f"{subject} {entry.name!r} needs {missing!r}: {error}", hint) from error
     except AttributeError as error:
         raise DeviceUnavailableError(
-            f"{what} {entry.name!r} is registered as {entry.value!r}, which does not exist",
+            f"{subject} {entry.name!r} is registered as {entry.value!r}, which does not exist",
             f"reinstall {plugin_package(entry)!r}",
         ) from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 _STEP_NS = 500_000_000
-_TOLD_NS = 5_000_000_000
+_REPORTED_NS = 5_000_000_000
 
 
 class ClockStep:
@@ -14,7 +14,7 @@ class ClockStep:
     def __init__(self) -> None:
         self._offset_ns = time.time_ns() - time.monotonic_ns()
         self._until_ns = 0
-        self._said = ""
+        self._text = ""
 
     def __call__(self) -> str:
         """Return by how much the time of day jumped, for five seconds from then on; ``""`` else."""
@@ -22,8 +22,8 @@ class ClockStep:
         step_ns = time.time_ns() - now_ns - self._offset_ns
         if abs(step_ns) > _STEP_NS:
             self._offset_ns += step_ns
-            self._until_ns = now_ns + _TOLD_NS
-            self._said = (
+            self._until_ns = now_ns + _REPORTED_NS
+            self._text = (
                 f"clock: the time of day jumped by {step_ns / 1e9:+.1f} s; this run counts on as before"
             )
-        return self._said if now_ns < self._until_ns else ""
+        return self._text if now_ns < self._until_ns else ""

@@ -25,17 +25,17 @@ class CtrlC(AnyStop):
         super().__init__()
         self._at_once = False
         self._old: dict[int, Any] = {}
-        self._asked_s = 0.0
+        self._requested_s = 0.0
         self._interrupted = False
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
-        if not self.asked:
+        if not self.requested:
             self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
-            self._asked_s = time.monotonic()
+            self._requested_s = time.monotonic()
             if self._at_once:
                 self._interrupted = True
                 raise KeyboardInterrupt
-        elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:
+        elif not self._interrupted and time.monotonic() - self._requested_s > _PATIENCE_S:
             self._interrupted = True
             raise KeyboardInterrupt
 

@@ -12,8 +12,8 @@ from tega.safety.settings import SafetySection
 from tega.safety.states import RunStates, State, Transition
 
 # Looked at this often, and less where nothing is live; a loop that is late, always.
-_LOOK_NS = 10_000_000
-_LOOK_AT_RECORDINGS_NS = 100_000_000
+_POLL_NS = 10_000_000
+_RECORDINGS_POLL_NS = 100_000_000
 # Rates are counted over the last second, from half a second on.
 _WINDOW_NS = 1_000_000_000
 _FIRST_WINDOW_NS = 400_000_000
@@ -107,7 +107,7 @@ class Guard:
         )
         self._late_ns = round(s.late_ms * 1e6)
         self._next_ns = 0
-        self._look_ns = _LOOK_NS if live else _LOOK_AT_RECORDINGS_NS
+        self._check_ns = _POLL_NS if live else _RECORDINGS_POLL_NS
         self._level: float = _OPEN
         self._counted: deque[tuple[int, dict[str, int]]] = deque()
         self.n_held = 0
@@ -148,19 +148,19 @@ class Guard:
         self.n_held += self._level != wanted
         return self._level
 
-    def alert(self, name: str, said: str) -> None:
+    def alert(self, name: str, text: str) -> None:
         """Report a problem without changing the state; ``""`` clears it."""
-        if said == self.alerts.get(name, ""):
+        if text == self.alerts.get(name, ""):
             return
         # Numbers in it, such as how long a signal is missing, go on changing; that is no news.
-        news = _NUMBERS.sub("", said) != _NUMBERS.sub("", self.alerts.get(name, ""))
-        if said:
-            self.alerts[name] = self._alerted[name] = said
+        news = _NUMBERS.sub("", text) != _NUMBERS.sub("", self.alerts.get(name, ""))
+        if text:
+            self.alerts[name] = self._alerted[name] = text
         else:
             del self.alerts[name]
         if news:
             for observer in self.alert_observers:
-                observer(name, said)
+                observer(name, text)
 
     def watch(self, name: str, problem: Callable[[], str]) -> None:
         """Alert by this name from now on whenever ``problem`` returns a text; it is called at every look."""
@@ -170,7 +170,7 @@ class Guard:
         """Return whether the next look is due: soon after the last one, at once if the loop is late."""
         return t_ns >= self._next_ns or self._too_late(late_ns)
 
-    def look(
+    def check(
         self,
         t_ns: int,
         *,
@@ -191,26 +191,26 @@ class Guard:
             released: Why the dead-man does not count as held; ``""`` while it is, or where there is none.
         """
         late = self._too_late(late_ns)
-        self._next_ns = t_ns + self._look_ns
+        self._next_ns = t_ns + self._check_ns
         self._count(t_ns, counts)
         s = self._settings
         wrong: dict[str, str] = {}
         holding: dict[str, str] = {}
-        if said := self._calibration():
-            wrong["calibration"] = said
+        if text := self._calibration():
+            wrong["calibration"] = text
         for stream in self._streams:
-            if said := self._missing(stream, t_ns, stamps.get(stream.name), good_emg=unvoted is None):
-                wrong[stream.name] = said
+            if text := self._missing(stream, t_ns, stamps.get(stream.name), good_emg=unvoted is None):
+                wrong[stream.name] = text
                 if stream.kind == "emg" or s.tactile_lost == "hold":
-                    holding[stream.name] = said
-            elif said := self._slow(stream):
-                wrong[stream.name] = said
+                    holding[stream.name] = text
+            elif text := self._slow(stream):
+                wrong[stream.name] = text
         for name, reached in self._vests.items():
             if not reached():
                 wrong[name] = f"{name}: not reached, so touch is not felt"
                 if s.vest_lost == "hold":
                     holding[name] = wrong[name]
-        needed = {name: said for name, tells in self._needs.items() if (said := tells())}
+        needed = {name: text for name, reports in self._needs.items() if (text := reports())}
         wrong |= needed
         holding |= needed
         if released:
@@ -218,11 +218,11 @@ class Guard:
         holding |= {"loop": f"the loop was {late_ns / 1e6:.0f} ms late"} if late else {}
         for name in [*(stream.name for stream in self._streams), *self._vests, *self._needs]:
             self.alert(name, wrong.get(name, ""))
-        for name, tells in self._alerts.items():
-            self.alert(name, tells())
+        for name, reports in self._alerts.items():
+            self.alert(name, reports())
         if unvoted is not None:
             self.level(unvoted)
-        self._states.look(t_ns, wrong=wrong, holding=holding, go=self._go())
+        self._states.check(t_ns, wrong=wrong, holding=holding, go=self._go())
 
     def stop(self, t_ns: int, reason: str) -> None:
         """End the run."""
@@ -250,9 +250,9 @@ class Guard:
 
     def _missing(self, stream: Watched, t_ns: int, stamp_ns: int | None, *, good_emg: bool) -> str:
         name, lost = stream.name, stream.report.lost
-        what = "signal" if stream.kind == "emg" else "picture"
+        subject = "signal" if stream.kind == "emg" else "picture"
         if stamp_ns is None:
-            return f"{name}: {lost or f'no {what} yet'}"
+            return f"{name}: {lost or f'no {subject} yet'}"
         stale_ns = _STALE_PICTURE_NS
         if stream.kind == "emg":
             period_ns = 0 if stream.rate_hz is None else round(1e9 / stream.rate_hz)
@@ -262,7 +262,7 @@ class Guard:
             if lost:
                 return f"{name}: lost: {lost}"
             why = "" if stream.kind == "emg" else "; ".join(stream.report.faults or stream.driver_faults())
-            return f"{name}: no {what} for {age_ns / 1e9:.1f} s" + (f": {why}" if why else "")
+            return f"{name}: no {subject} for {age_ns / 1e9:.1f} s" + (f": {why}" if why else "")
         if stream.kind == "emg" and not good_emg:
             why = "; ".join(stream.report.faults)
             return f"{name}: no channel can be believed" + (f": {why}" if why else "")

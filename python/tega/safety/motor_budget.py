@@ -54,7 +54,7 @@ class MotorBudget:
         self._limit = min(limit, 100)
         self._heat_share = heat_share
         self._budget_s = dose_s
-        self._shown = np.zeros(40)
+        self._displayed = np.zeros(40)
         self._t_ns: int | None = None
         self.heat = np.zeros(40)
         self.dose_s = np.zeros(40)
@@ -93,23 +93,23 @@ class MotorBudget:
         limited = np.minimum(wanted, np.uint8(self._limit))
         allowed = np.minimum(limited, ceiling)
         self.n_lowered += allowed.tobytes() != limited.tobytes()
-        self._shown = allowed / 100.0
+        self._displayed = allowed / 100.0
         return allowed
 
     def words(self) -> tuple[str, ...]:
         """Return the notes on the budget that a reader of the results must know."""
         earlier_s = float(self.carried_s.max())
-        said: tuple[str, ...] = ()
+        text: tuple[str, ...] = ()
         if earlier_s >= 1:
-            said = (
+            text = (
                 f"earlier runs of the day used up to {earlier_s:.0f} of {self._budget_s:.0f} s of full drive",
             )
         if not self.n_lowered:
-            return said
+            return text
         tired = int((self.dose_s > (1 - _TAPER) * self._budget_s).sum())
         why = f"the vibration dose of {tired} motors is nearly used up" if tired else "motors were warm"
         return (
-            *said,
+            *text,
             f"intensity was lowered in {self.n_lowered} frames: {why}",
         )
 
@@ -117,7 +117,7 @@ class MotorBudget:
         """Apply the effect of the shown frame until now, in steps short enough for the taper to hold."""
         left_s = 0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)
         self._t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
-        power = self._shown**2
+        power = self._displayed**2
         # A vest that hears nothing for longer falls silent by itself.
         driven_s = min(left_s, _LONGEST_S)
         self.heat = power + (self.heat - power) * np.exp(-driven_s / HEAT_TAU_S)

@@ -46,7 +46,7 @@ class SleepLock:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._released: asyncio.Event | None = None
         self.problem = "not asked for"
-        self.asked = threading.Event()
+        self.requested = threading.Event()
         """Set once the system has answered, whatever it said."""
 
     def load(self) -> None:
@@ -64,7 +64,7 @@ class SleepLock:
         thread, self._thread = self._thread, None
         if thread is None:
             return
-        self.asked.wait(_LEAVE_S)
+        self.requested.wait(_LEAVE_S)
         if self._loop is not None and self._released is not None:
             with contextlib.suppress(RuntimeError):  # its loop has ended
                 self._loop.call_soon_threadsafe(self._released.set)
@@ -78,7 +78,7 @@ class SleepLock:
         except Exception as error:  # no message bus, no logind, or one that refuses: the run goes on without
             self.problem = str(error) or type(error).__name__
         finally:
-            self.asked.set()
+            self.requested.set()
 
     async def _hold(self) -> None:
         from dbus_fast import BusType
@@ -89,18 +89,18 @@ class SleepLock:
             bus = await MessageBus(bus_type=BusType.SYSTEM, negotiate_unix_fd=True).connect()
         locks: list[int] = []
         try:
-            bus.add_message_handler(self._hear)
+            bus.add_message_handler(self._receive)
             rule = f"type='signal',interface='{_MANAGER}',member='PrepareForSleep'"
             await _call(bus, "org.freedesktop.DBus", "AddMatch", rule)
             refused = {}
-            for what, mode in _LOCKS:
+            for subject, mode in _LOCKS:
                 try:
-                    reply = await _call(bus, _MANAGER, "Inhibit", what, "TEGA", self._why, mode)
+                    reply = await _call(bus, _MANAGER, "Inhibit", subject, "TEGA", self._why, mode)
                     locks += reply.unix_fds
                 except OSError as error:
                     refused[mode] = str(error)
             self.problem = refused.get("block", "")
-            self.asked.set()
+            self.requested.set()
             if locks:
                 await self._released.wait()
         finally:
@@ -108,7 +108,7 @@ class SleepLock:
                 os.close(lock)
             bus.disconnect()
 
-    def _hear(self, message: Message) -> bool:
+    def _receive(self, message: Message) -> bool:
         if message.interface == _MANAGER and message.member == "PrepareForSleep" and message.body[0]:
             self._on_sleep()
         return False
@@ -130,6 +130,6 @@ async def _call(bus: MessageBus, interface: str, member: str, *words: str) -> Me
     async with asyncio.timeout(_CALL_S):
         reply = await bus.call(call)
     if reply.message_type is MessageType.ERROR:
-        said = " ".join(map(str, reply.body)) or reply.error_name
-        raise OSError(f"{member}: {said}")
+        text = " ".join(map(str, reply.body)) or reply.error_name
+        raise OSError(f"{member}: {text}")
     return reply

@@ -51,7 +51,7 @@ class RunStates:
 
     Example:
         >>> run = RunStates(settle_ns=0, give_up_ns=None)
-        >>> run.look(0, wrong={"emg": "emg: no signal yet"}), run.look(1, wrong={}), run.reason
+        >>> run.check(0, wrong={"emg": "emg: no signal yet"}), run.check(1, wrong={}), run.reason
         ('idle', 'active', 'all devices ready')
     """
 
@@ -70,7 +70,7 @@ class RunStates:
         self.reason = "not looked yet"
         self.since_ns = 0
 
-    def look(
+    def check(
         self, t_ns: int, *, wrong: Mapping[str, str], holding: Mapping[str, str] = {}, go: bool = True
     ) -> State:
         """Update the state with the current problems.
@@ -90,17 +90,17 @@ class RunStates:
         elif self._clear_ns is None:
             self._clear_ns = t_ns
         clear = self._clear_ns is not None and t_ns - self._clear_ns >= self._settle_ns
-        if self.state == "idle" and not clear and self.reason != (said := _said(every)):
-            self.reason = said
+        if self.state == "idle" and not clear and self.reason != (text := _text(every)):
+            self.reason = text
         if self.state == "armed" and every:
-            self._enter(t_ns, "idle", _said(every))
+            self._enter(t_ns, "idle", _text(every))
         elif self.state == "active" and holding:
-            self._enter(t_ns, "hold", _said(holding))
+            self._enter(t_ns, "hold", _text(holding))
         elif self.state == "hold" and not clear:
             if holding:
-                self.reason = _said(holding)
+                self.reason = _text(holding)
             if self._give_up_ns is not None and t_ns - self.since_ns >= self._give_up_ns:
-                self._enter(t_ns, "idle", f"{_said(every)}; held for {self._give_up_ns / 1e9:g} s")
+                self._enter(t_ns, "idle", f"{_text(every)}; held for {self._give_up_ns / 1e9:g} s")
         elif self.state == "hold":
             self._enter(t_ns, "active", "all devices ready again")
         if self.state == "idle" and clear:
@@ -119,5 +119,5 @@ class RunStates:
         self._on_change(Transition(t_ns, state, reason))
 
 
-def _said(wrong: Mapping[str, str]) -> str:
+def _text(wrong: Mapping[str, str]) -> str:
     return "; ".join(wrong.values()) or "confirming that all devices are stable"

@@ -9,7 +9,7 @@ class Stop:
     """Stop request of a run, which polls it; ``ask`` makes the request, with a reason.
 
     Attributes:
-        asked: Whether a stop was requested.
+        requested: Whether a stop was requested.
         reason: Source of the first request, such as ``Ctrl-C``.
 
     Example:
@@ -19,23 +19,23 @@ class Stop:
     """
 
     def __init__(self) -> None:
-        self.asked = False
+        self.requested = False
         self.reason = ""
         self._sources: list[Callable[[], str]] = []
 
     def __call__(self) -> bool:
         """Return whether the run should end."""
-        if not self.asked:
+        if not self.requested:
             for source in self._sources:
-                if said := source():
-                    self.ask(said)
+                if text := source():
+                    self.ask(text)
                     break
-        return self.asked
+        return self.requested
 
     def ask(self, reason: str) -> None:
         """Ask for the end; the first reason counts."""
-        if not self.asked:
-            self.asked, self.reason = True, reason
+        if not self.requested:
+            self.requested, self.reason = True, reason
 
     def also(self, source: Callable[[], str]) -> None:
         """Look somewhere else as well, such as at a page's button or a pedal.

@@ -95,8 +95,8 @@ class ChangesMapping(SlipRowMapping):
         self._changed_ns[beyond > 0] = self._t_ns
         steady = np.where(self._reminded(), o.steady * level, 0.0)
         gain = np.where(change > 0, o.onset, o.offset)
-        shown: NDArray[np.float64] = np.minimum(steady + gain * beyond, 100)
-        return shown
+        displayed: NDArray[np.float64] = np.minimum(steady + gain * beyond, 100)
+        return displayed
 
     def _reminded(self) -> NDArray[np.bool_]:
         """Return for each value whether its steady level is shown now."""

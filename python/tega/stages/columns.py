@@ -89,7 +89,7 @@ class ColumnsMapping(Mapping):
         self._fingers = tuple(columns.values())
         motors, rows = setup.layout.motors, setup.layout.rows
         # Of each motor: which of the fingers' values it shows, front and back in turn, or the 0 behind them all.
-        self._shown = np.array(
+        self._displayed = np.array(
             [
                 2 * motor.column + (motor.face == "back") if motor.column in columns else 2 * len(columns)
                 for motor in motors
@@ -154,7 +154,7 @@ class ColumnsMapping(Mapping):
         contacts: AnyMapping[str, Contact],  # noqa: ARG002  # for a mapping that shows where they are
     ) -> NDArray[np.float64]:
         """Return the level of every motor from the fingers' values."""
-        levels = values.take(self._shown)
+        levels = values.take(self._displayed)
         if self._options.rows == "bar":
             # A motor is lit by as much of the bar as reaches it.
             levels = 100 * np.minimum(np.maximum(levels / 100 * self._rows - self._below, 0), 1)

@@ -112,5 +112,5 @@ class EqualStepsMapping(SlipRowMapping):
         """Return every motor's level."""
         shares = np.minimum(super().levels(t_ns, contacts, events) / 100, 1)
         n = self._first + shares * (self._n_steps - self._first)
-        shown = self._lowest * np.exp(n * self._log_weber) - self._offset
-        return np.where(shares > 0, np.clip(shown, 0, 100), 0.0)
+        displayed = self._lowest * np.exp(n * self._log_weber) - self._offset
+        return np.where(shares > 0, np.clip(displayed, 0, 100), 0.0)

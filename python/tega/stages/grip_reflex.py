@@ -73,7 +73,7 @@ class GripReflex(Reflex):
         self._first: float | None = None
         self._slid: dict[str, _Slid] = {}
         self._closure = TwoMeans(_QUICK_S, _SLOW_S)
-        self._asked, self._until_ns = 0.0, 0
+        self._requested, self._until_ns = 0.0, 0
         self._why = self._cause = ""
 
     @property
@@ -97,23 +97,23 @@ class GripReflex(Reflex):
             self._closure.add(t_ns / 1e9, measured)
         self._slid = {one.finger: self._slid.get(one.finger) or _Slid(one.t_ns) for one in touching}
         if not touching:
-            self._first, self._asked, self._cause = None, 0.0, ""
+            self._first, self._requested, self._cause = None, 0.0, ""
             return 0.0
         if self._first is None:
             self._first = measured
-        self._look(t_ns, touching, events)
+        self._check(t_ns, touching, events)
         room = self._room(touching, measured)
         if room <= 0:
-            self._asked = 0.0
+            self._requested = 0.0
             return room
-        asked = self._asked if t_ns <= self._until_ns else 0.0
-        self._cause = self._why if asked > 0 else ""
-        return asked * room
+        requested = self._requested if t_ns <= self._until_ns else 0.0
+        self._cause = self._why if requested > 0 else ""
+        return requested * room
 
-    def _look(self, t_ns: int, touching: Sequence[Contact], events: Sequence[Event]) -> None:
+    def _check(self, t_ns: int, touching: Sequence[Contact], events: Sequence[Event]) -> None:
         """Keep the strongest sign of a slip until it has been over for a while."""
         signs = [(self._slips(contact), contact.finger) for contact in touching]
-        silent = {contact.finger for contact in touching if not _tells(contact)}
+        silent = {contact.finger for contact in touching if not _reports(contact)}
         if self._o.events:
             signs += [
                 (event.confidence, event.finger or "hand")
@@ -122,9 +122,9 @@ class GripReflex(Reflex):
             ]
         strongest, finger = max(signs, key=lambda sign: sign[0])
         if t_ns > self._until_ns:
-            self._asked = 0.0
-        if strongest > 0 and strongest >= self._asked:
-            self._asked, self._until_ns = min(strongest, 1.0), t_ns + round(self._o.keep_s * 1e9)
+            self._requested = 0.0
+        if strongest > 0 and strongest >= self._requested:
+            self._requested, self._until_ns = min(strongest, 1.0), t_ns + round(self._o.keep_s * 1e9)
             self._why = f"slip, {finger}"
 
     def _slips(self, contact: Contact) -> float:
@@ -172,6 +172,6 @@ class _Slid:
         self.since_ns, self.share = since_ns, TwoMeans(_QUICK_S, _SLOW_S)
 
 
-def _tells(contact: Contact) -> bool:
+def _reports(contact: Contact) -> bool:
     """Whether a contact's metric knows of slips itself."""
     return any(one.name in {"incipient", "slip_mm_s"} for one in contact.more)

@@ -70,7 +70,7 @@ class PulsesMapping(Mapping):
         self._options = options
         self._columns = finger_columns(setup)
         self._motors = [(motor.face, self._columns.get(motor.column, "")) for motor in setup.layout.motors]
-        self._shown: list[_Pulse] = []
+        self._displayed: list[_Pulse] = []
         self._free_ns: dict[tuple[str, str], int] = {}
         self.n_told = dict.fromkeys(("contact", "slip", "release"), 0)
 
@@ -79,17 +79,17 @@ class PulsesMapping(Mapping):
     ) -> NDArray[np.float64]:
         """Return every motor's level."""
         for event in events:
-            self._tell(event)
-        self._shown = [pulse for pulse in self._shown if t_ns < pulse.end_ns]
+            self._notify(event)
+        self._displayed = [pulse for pulse in self._displayed if t_ns < pulse.end_ns]
         levels = np.zeros(len(self._motors))
-        for pulse in self._shown:
+        for pulse in self._displayed:
             for index, (face, finger) in enumerate(self._motors):
                 if finger in contacts:
-                    shown = (pulse.front if face == "front" else pulse.back).get(finger, 0.0)
-                    levels[index] = max(levels[index], shown)
+                    displayed = (pulse.front if face == "front" else pulse.back).get(finger, 0.0)
+                    levels[index] = max(levels[index], displayed)
         return levels
 
-    def _tell(self, event: Event) -> None:
+    def _notify(self, event: Event) -> None:
         """Begin an event's pulse, unless the same event was just shown."""
         o = self._options
         level = {"contact": o.contact, "release": o.release, "slip": o.slip}.get(event.kind, 0.0)
@@ -98,8 +98,8 @@ class PulsesMapping(Mapping):
             return
         end_ns = event.t_ns + round(o.duration_s * 1e9)
         self._free_ns[key] = end_ns + round(o.gap_s * 1e9)
-        told = {finger: level for finger in self._columns.values() if event.finger in {"", finger}}
-        front = {} if event.kind == "release" else told
-        back = {} if event.kind == "contact" else told
-        self._shown.append(_Pulse(end_ns, front, back))
+        reported = {finger: level for finger in self._columns.values() if event.finger in {"", finger}}
+        front = {} if event.kind == "release" else reported
+        back = {} if event.kind == "contact" else reported
+        self._displayed.append(_Pulse(end_ns, front, back))
         self.n_told[event.kind] += 1

@@ -103,9 +103,9 @@ class ReadingMetric(Metric):
             self._read = self._printed
             for name in ("difference", "centroid_value", "ties", "peak"):
                 if (value := getattr(options, name)) in _MASKED_ONLY:
-                    told = str(value).lower() if value is True else repr(value)
+                    reported = str(value).lower() if value is True else repr(value)
                     raise InvalidValueError(
-                        f"{name} = {told} does not go with threshold {options.threshold}, which is as printed",
+                        f"{name} = {reported} does not go with threshold {options.threshold}, which is as printed",
                         "take one of D3 to D8",
                     )
         elif options.spread != "spatial":

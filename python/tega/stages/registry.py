@@ -124,30 +124,30 @@ def list_stages() -> list[StageRecord]:
     records = []
     for group, (where, _) in GROUPS.items():
         for name, entry in sorted(plugins(where).items()):
-            told: dict[str, Any] = {"group": group, "name": name, "package": plugin_package(entry)}
+            reported: dict[str, Any] = {"group": group, "name": name, "package": plugin_package(entry)}
             try:
-                records.append(_described(group, name, told))
+                records.append(_described(group, name, reported))
             except (TegaError, msgspec.ValidationError, TypeError) as error:
-                records.append(StageRecord(**told, summary="", ready=False, problem=str(error)))
+                records.append(StageRecord(**reported, summary="", ready=False, problem=str(error)))
     return records
 
 
-def _described(group: Group, name: str, told: dict[str, Any]) -> StageRecord:
+def _described(group: Group, name: str, reported: dict[str, Any]) -> StageRecord:
     if group == "layout":
         layout = find_layout(name)
         return StageRecord(
-            **told, summary=f"{layout.summary} ({len(layout.motors)} motors)", ready=True, problem=""
+            **reported, summary=f"{layout.summary} ({len(layout.motors)} motors)", ready=True, problem=""
         )
     stage = stage_class(group, name)
     missing = [module for module in stage.requires if importlib.util.find_spec(module) is None]
     problem = ""
     if missing:
-        problem = f"needs {', '.join(missing)}: pip install '{told['package']}[{stage.extra}]'"
+        problem = f"needs {', '.join(missing)}: pip install '{reported['package']}[{stage.extra}]'"
     values = {}
     if group == "metric" and not _required(stage.options_type):
         values = stage.units(stage.options_type())
     return StageRecord(
-        **told,
+        **reported,
         summary=stage.summary,
         ready=not missing,
         problem=problem,
@@ -163,7 +163,7 @@ def _required(options_type: type[StageOptions]) -> bool:
 def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
     from tega.stages.units import unit_of
 
-    said = _attributes(options_type)
+    message = _attributes(options_type)
     hints = get_type_hints(options_type)
     records = []
     for field in msgspec.structs.fields(options_type):
@@ -178,7 +178,7 @@ def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
                 default=msgspec.to_builtins(default, enc_hook=str),
                 unit=unit_of(field.name),
                 choices=tuple(map(str, _literals(hints[field.name]))),
-                summary=said.get(field.name, ""),
+                summary=message.get(field.name, ""),
             )
         )
     return tuple(records)

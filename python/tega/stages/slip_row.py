@@ -46,7 +46,7 @@ class SlipRowOptions(ColumnsOptions, frozen=True):
     slip_row: Literal["bottom", "top", "none"] = "bottom"
 
 
-class _Told(NamedTuple):
+class _Reported(NamedTuple):
     began_ns: int
     end_ns: int
     finger: str
@@ -70,7 +70,7 @@ class SlipRowMapping(ColumnsMapping):
     def __init__(self, setup: VestSetup, options: SlipRowOptions) -> None:
         super().__init__(setup, options)
         self.wants_events = options.slip_row != "none"
-        self._told: list[_Told] = []
+        self._reported: list[_Reported] = []
         self._columns_of = {finger: column for column, finger in enumerate(self._fingers)}
         motors, rows = setup.layout.motors, setup.layout.rows
         last = {"bottom": 1, "top": 0}.get(options.slip_row)
@@ -87,7 +87,7 @@ class SlipRowMapping(ColumnsMapping):
                     'stages.mapping.options.slip_row = "none"',
                 )
         # The columns have one row less, and a bar stands on what is left of them.
-        self._shown[self._spared] = 2 * len(self._fingers)
+        self._displayed[self._spared] = 2 * len(self._fingers)
         self._rows -= 1
         self._below -= last
         self._below[self._spared] = 0
@@ -98,32 +98,33 @@ class SlipRowMapping(ColumnsMapping):
         """Return every motor's level."""
         levels = super().levels(t_ns, contacts, events)
         if self.wants_events:
-            self._tell(t_ns, events)
-            for told in self._told:
-                self._show(told, t_ns, contacts, levels)
+            self._notify(t_ns, events)
+            for reported in self._reported:
+                self._show(reported, t_ns, contacts, levels)
         return levels
 
-    def _tell(self, t_ns: int, events: Sequence[Event]) -> None:
+    def _notify(self, t_ns: int, events: Sequence[Event]) -> None:
         lasts_ns = (_BURSTS - 1) * _PERIOD_NS + _BURST_NS
         for event in events:
             if event.kind != "slip" or not event.certain:
                 continue
             if any(
-                told.finger == event.finger and event.t_ns < told.end_ns + _AGAIN_NS for told in self._told
+                reported.finger == event.finger and event.t_ns < reported.end_ns + _AGAIN_NS
+                for reported in self._reported
             ):
                 continue
-            self._told.append(_Told(event.t_ns, event.t_ns + lasts_ns, event.finger))
-        self._told = [told for told in self._told if t_ns < told.end_ns + _AGAIN_NS]
+            self._reported.append(_Reported(event.t_ns, event.t_ns + lasts_ns, event.finger))
+        self._reported = [reported for reported in self._reported if t_ns < reported.end_ns + _AGAIN_NS]
 
     def _show(
-        self, told: _Told, t_ns: int, contacts: AnyMapping[str, Contact], levels: NDArray[np.float64]
+        self, reported: _Reported, t_ns: int, contacts: AnyMapping[str, Contact], levels: NDArray[np.float64]
     ) -> None:
         """Set the motor levels of a slip at a given time; a finger without a fresh frame shows nothing."""
-        if not told.began_ns <= t_ns < told.end_ns:
+        if not reported.began_ns <= t_ns < reported.end_ns:
             return
-        if (t_ns - told.began_ns) % _PERIOD_NS >= _BURST_NS:
+        if (t_ns - reported.began_ns) % _PERIOD_NS >= _BURST_NS:
             return
         for finger in contacts:
-            if told.finger in {"", finger} and finger in self._columns_of:
+            if reported.finger in {"", finger} and finger in self._columns_of:
                 lit = self._spared & (self._motor_column == self._columns_of[finger])
                 levels[lit] = _PERCENT

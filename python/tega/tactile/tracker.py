@@ -112,10 +112,10 @@ def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None
     for number, (contact, force_n, depth_mm, _, _) in enumerate(presses):
         if not (contact.in_contact and contact.force_n > 0 and contact.depth_mm > 0):
             raise InvalidValueError(f"press {number} was not felt", "press harder, or leave it out")
-        for what, value in (("force_n", force_n), ("depth_mm", depth_mm)):
+        for subject, value in (("force_n", force_n), ("depth_mm", depth_mm)):
             if value is not None and not 0 < value < math.inf:
                 raise InvalidValueError(
-                    f"press {number}: {what} = {value}, wanted more than 0", "measure it again"
+                    f"press {number}: {subject} = {value}, wanted more than 0", "measure it again"
                 )
     light = nominal_light() if light is None else light
     steep = [None if p.depth_map is None else _steepness(p.depth_map, k) for k, p in enumerate(presses)]

@@ -36,7 +36,7 @@ _SPAN_NS: Final = 50_000_000
 _SLOW: Final = 0.9
 
 
-class _SaidOnce:
+class _EchoedOnce:
     """Shows progress to the guide, each message once."""
 
     def __init__(self, guide: AcceptanceGuide) -> None:
@@ -93,7 +93,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
     turns: list[ArmTurn] = []
     bus = Bus()
     bus.subscribe(ArmTurn, turns.append)
-    told, said = _SaidOnce(guide), ""
+    reported, text = _EchoedOnce(guide), ""
     try:
         for up_m in (LEAST_UP_M, 0.0):
             guide.say("Let go of dead-man and clutch; hold both once you are asked to, until it is there.")
@@ -101,7 +101,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
             goal = msgspec.structs.replace(
                 arm, limits=limits, start_m=(x, y, z + up_m), start_xyzw=home.quaternion
             )
-            said = go_to_start(msgspec.structs.replace(config, arm=goal), told, bus=bus)
+            text = go_to_start(msgspec.structs.replace(config, arm=goal), reported, bus=bus)
     except TimeoutError as error:
         yield from skipped_steps(("limits",), "the arm did not move")
         todo = "hold dead-man and clutch when you are asked to; else check the arm's own messages"
@@ -109,7 +109,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
     else:
         yield _speed_step(turns, limits.speed_m_s)
         answer = guide.ask("Did the hand go up by 2 cm and come back?")
-        yield _least_step(turns, home.position, said, answer)
+        yield _least_step(turns, home.position, text, answer)
     yield _stands(config, arm, guide)
 
 
@@ -141,7 +141,7 @@ def _turn_rate(turns: Sequence[ArmTurn], agreed_hz: float) -> AcceptanceStep:
 
 
 def _speed_step(turns: Sequence[ArmTurn], limit_m_s: float) -> AcceptanceStep:
-    asked_m_s = max(math.hypot(*turn.velocity[:3]) for turn in turns)
+    requested_m_s = max(math.hypot(*turn.velocity[:3]) for turn in turns)
     places = _places(turns)
     newest, fastest_m_s = places[0], 0.0
     for place in places:
@@ -155,17 +155,17 @@ def _speed_step(turns: Sequence[ArmTurn], limit_m_s: float) -> AcceptanceStep:
         for sooner, later in pairwise(turns)
         if not sooner.dead_man and not later.dead_man and later.t_ns > sooner.t_ns
     )
-    good = asked_m_s <= limit_m_s * 1.001 and fastest_m_s <= _OVER * limit_m_s and held
+    good = requested_m_s <= limit_m_s * 1.001 and fastest_m_s <= _OVER * limit_m_s and held
     return AcceptanceStep(
         name="limits",
         status="passed" if good else "failed",
-        said=f"the limit is {100 * limit_m_s:g} cm/s; the fastest command was {100 * asked_m_s:.1f}, and it was "
+        said=f"the limit is {100 * limit_m_s:g} cm/s; the fastest command was {100 * requested_m_s:.1f}, and it was "
         f"measured at {100 * fastest_m_s:.1f}" + ("" if held else "; commands sped up without the dead-man"),
-        measured={"told_m_s": round(asked_m_s, 4), "measured_m_s": round(fastest_m_s, 4)},
+        measured={"told_m_s": round(requested_m_s, 4), "measured_m_s": round(fastest_m_s, 4)},
     )
 
 
-def _least_step(turns: Sequence[ArmTurn], home: tuple[float, ...], said: str, answer: str) -> AcceptanceStep:
+def _least_step(turns: Sequence[ArmTurn], home: tuple[float, ...], text: str, answer: str) -> AcceptanceStep:
     places = [place for _, place in _places(turns)]
     up_m = max(place[2] for place in places) - home[2]
     off_m = math.dist(places[-1], home)
@@ -180,7 +180,7 @@ def _least_step(turns: Sequence[ArmTurn], home: tuple[float, ...], said: str, an
     return AcceptanceStep(
         name="least",
         status=status,
-        said=f"by its own word it went up by {1000 * up_m:.1f} mm and came back to {1000 * off_m:.1f} mm ({said})",
+        said=f"by its own word it went up by {1000 * up_m:.1f} mm and came back to {1000 * off_m:.1f} mm ({text})",
         todo=todo,
         measured={"up_m": round(up_m, 4), "left_over_m": round(off_m, 4)},
         answers={"Did the hand go up by 2 cm and come back?": answer},

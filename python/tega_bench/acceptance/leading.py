@@ -45,9 +45,9 @@ def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> I
     seen = _poses(source, _WATCH_S)
     good = [(at_ns, pose) for at_ns, pose in seen if pose.valid]
     if len(good) < 2:
-        said = f"{len(good)} poses that are believed came in {_WATCH_S:g} s"
+        text = f"{len(good)} poses that are believed came in {_WATCH_S:g} s"
         todo = source.problem or "is the forearm in its sight?"
-        yield AcceptanceStep(name="rate", status="failed", said=said, todo=todo)
+        yield AcceptanceStep(name="rate", status="failed", said=text, todo=todo)
         return
     yield _pose_rate(good, source.info.rate_hz)
     ages_ms = np.array([(at_ns - pose.t_ns) * 1e-6 for at_ns, pose in good])
@@ -214,8 +214,8 @@ def _input_rate(moved: list[InputReading]) -> AcceptanceStep:
     stamps_ns = sorted({one.t_ns for one in moved})
     spans_ms = np.diff(stamps_ns) * 1e-6
     if not len(spans_ms):
-        said = "it said nothing while it was to be moved; at rest such a device may be silent"
-        return AcceptanceStep(name="rate", status="skipped", said=said)
+        text = "it said nothing while it was to be moved; at rest such a device may be silent"
+        return AcceptanceStep(name="rate", status="skipped", said=text)
     return AcceptanceStep(
         name="rate",
         status="passed",
@@ -230,14 +230,14 @@ def _input_limits(rest: list[InputReading], moved: list[InputReading]) -> Accept
     most = max((abs(x) for one in moved for x in one.motion), default=0.0)
     away = any(not one.live for one in rest)
     bad = bool(held) or most > 1
-    said = [f"untouched, its axes stay within {100 * drift:.1f} %"]
-    said += [f"{', '.join(held)} reads as held although it is untouched"] if held else []
-    said += [f"an axis went to {100 * most:.0f} %, beyond full deflection"] if most > 1 else []
-    said += ["for a while it had no data"] if away else []
+    text = [f"untouched, its axes stay within {100 * drift:.1f} %"]
+    text += [f"{', '.join(held)} reads as held although it is untouched"] if held else []
+    text += [f"an axis went to {100 * most:.0f} %, beyond full deflection"] if most > 1 else []
+    text += ["for a while it had no data"] if away else []
     return AcceptanceStep(
         name="limits",
         status="failed" if bad else "look" if drift > _DRIFT or away else "passed",
-        said="; ".join(said),
+        said="; ".join(text),
         todo="a switch that is held by itself is no dead-man: another device" if held else "",
         measured={"drift_percent": round(100 * drift, 2), "largest_percent": round(100 * most, 1)},
     )

@@ -27,7 +27,7 @@ _PULSES: Final = 20
 _SILENT_S: Final = 0.5
 _MOVE_S: Final = 2.0
 _MOVED_RAD: Final = 0.01
-_NOT_SAID: Final = "was not said yes to"
+_NOT_REPORTED: Final = "was not said yes to"
 
 
 def skipped_steps(names: Sequence[str], why: str) -> list[AcceptanceStep]:
@@ -58,7 +58,7 @@ def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide)
     motors = dark.motors.tolist()
     question = f"May motors {motors[0]} and {motors[-1]} vibrate by turns, at {percent} %, for a second?"
     if not guide.confirm(question):
-        yield from skipped_steps(STEPS[1:], f"the pulse {_NOT_SAID}")
+        yield from skipped_steps(STEPS[1:], f"the pulse {_NOT_REPORTED}")
         return
     vest.write(time.monotonic_ns(), dark)
     largest, n_zero, left_ms = _pulse(vest, dark, motors)
@@ -111,15 +111,15 @@ def _pulse(vest: Any, dark: MotorLevels, motors: list[int]) -> tuple[int, int, l
 
 def _vest_rate(left_ms: list[tuple[float, float]]) -> AcceptanceStep:
     if len(left_ms) < 2:
-        said = "this driver does not report when a frame leaves"
-        return AcceptanceStep(name="rate", status="skipped", said=said)
+        text = "this driver does not report when a frame leaves"
+        return AcceptanceStep(name="rate", status="skipped", said=text)
     times_s = np.array([left_s for left_s, _ in left_ms])
     rate_hz = (len(times_s) - 1) / max(float(times_s[-1] - times_s[0]), 1e-9)
-    asked_hz = 1 / _PERIOD_S
+    requested_hz = 1 / _PERIOD_S
     return AcceptanceStep(
         name="rate",
-        status="passed" if rate_hz > 0.8 * asked_hz else "look",
-        said=f"{len(left_ms)} new frames left at {rate_hz:.1f} a second, {asked_hz:g} were asked for",
+        status="passed" if rate_hz > 0.8 * requested_hz else "look",
+        said=f"{len(left_ms)} new frames left at {rate_hz:.1f} a second, {requested_hz:g} were asked for",
         measured={"rate_hz": round(rate_hz, 2)},
     )
 
@@ -203,7 +203,7 @@ def accept_hand(
         f"May its motors go on, with {100 * share:.0f} % of the torque, and the fingers close a little?"
     )
     if least is None or not guide.confirm(question):
-        why = "the driver has no ceiling of torque" if least is None else f"the motion {_NOT_SAID}"
+        why = "the driver has no ceiling of torque" if least is None else f"the motion {_NOT_REPORTED}"
         yield from skipped_steps(STEPS[2:], why)
         return
     with make(least) as hand:
@@ -308,10 +308,10 @@ def _motors_off(make: Any, options: Any, step: AcceptanceStep) -> AcceptanceStep
     driver: Any = make
     with driver(harmless) as hand:
         on = isinstance(hand, ReportingHand) and hand.state().servo_on
-    said = "the hand says that its motors are ON" if on else "the hand says that its motors are off"
+    text = "the hand says that its motors are ON" if on else "the hand says that its motors are off"
     return msgspec.structs.replace(
         step,
         status="failed" if on else step.status,
-        said=f"{step.said}; {said}",
+        said=f"{step.said}; {text}",
         todo="use the emergency switch" if on else step.todo,
     )

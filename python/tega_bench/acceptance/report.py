@@ -140,7 +140,7 @@ def report_text(report: AcceptanceReport) -> str:
             lines += _wrapped(f"→ {step.todo}")
         lines.append("")
     lines.append("Passed." if report.passed else "Not passed.")
-    lines += ["", "To send back:", *(f"- {what}" for what in report.send_back), ""]
+    lines += ["", "To send back:", *(f"- {subject}" for subject in report.send_back), ""]
     return "\n".join(lines)
 
 

@@ -25,7 +25,7 @@ from tega_bench.acceptance.outputs import accept_hand, accept_vest, least_vest_o
 from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceReport, AcceptanceStep
 from tega_bench.acceptance.sensors import accept_amplifier, accept_camera, reopen_step
 
-_LOOK_S: Final = 30.0
+_POLL_S: Final = 30.0
 
 
 def acceptance_case(config: SessionConfig, name: str) -> DriverCase:
@@ -101,8 +101,8 @@ def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> I
         section = msgspec.structs.replace(config.vest, options=least)
         layout: Any = config.vest.layout or DEFAULT_LAYOUT[config.session.preset]
         with worn_vest(section, dose_file(config.calibration)) as vest:
-            said = (vest.info.label, optional(vest, "condition"), *vest.info.notes)
-            yield AcceptanceStep(name="identity", status="passed", said="; ".join(filter(None, said)))
+            text = (vest.info.label, optional(vest, "condition"), *vest.info.notes)
+            yield AcceptanceStep(name="identity", status="passed", said="; ".join(filter(None, text)))
             yield from accept_vest(vest, layout, least.limit, guide)
         return
     found = _found(case)
@@ -128,14 +128,14 @@ def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> I
 
 def _found(case: DriverCase) -> AcceptanceStep:
     """Return what ``doctor`` says of a device that is opened without force."""
-    findings = try_all([case], _LOOK_S)
+    findings = try_all([case], _POLL_S)
     bad = [f for f in findings if f.status in {"error", "missing"}]
     doubts = [f for f in findings if f.status == "warning"]
     measured = {k: v for f in findings for k, v in f.measured.items()}
-    said = "; ".join(f"{f.finding} ({f.why})" if f.why else f.finding for f in findings)
+    text = "; ".join(f"{f.finding} ({f.why})" if f.why else f.finding for f in findings)
     todo = "; ".join(step for f in (*bad, *doubts) for step in f.todo)
     status: Any = "failed" if bad else "look" if doubts else "passed"
-    return AcceptanceStep(name="identity", status=status, said=said, todo=todo, measured=measured)
+    return AcceptanceStep(name="identity", status=status, said=text, todo=todo, measured=measured)
 
 
 def _plain_options(options: Any) -> dict[str, str]:

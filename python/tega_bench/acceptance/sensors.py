@@ -58,9 +58,9 @@ def _watch(source: Any, seconds: float, values_of: Callable[[Any], NDArray[Any]]
 
 def _rate_step(seen: _Arrivals, agreed_hz: float | None, measured_hz: float | None) -> AcceptanceStep:
     if seen.n < 2 or len(seen.stamped_s) < 2:
-        said = f"{seen.n} items came in {_WATCH_S:g} s"
+        text = f"{seen.n} items came in {_WATCH_S:g} s"
         return AcceptanceStep(
-            name="rate", status="failed", said=said, todo="look at power, cable and the driver's page"
+            name="rate", status="failed", said=text, todo="look at power, cable and the driver's page"
         )
     spans = np.diff(seen.stamped_s)
     rate_hz = measured_hz or (len(seen.stamped_s) - 1) / max(float(spans.sum()), 1e-9)
@@ -166,12 +166,12 @@ def accept_amplifier(source: Any, guide: AcceptanceGuide) -> Iterator[Acceptance
     yield _touch_step(float(rises.max()), _RISE, "the signal's spread", {"Did you hold it?": ready})
 
 
-def _touch_step(ratio: float, wanted: float, what: str, answers: dict[str, str]) -> AcceptanceStep:
+def _touch_step(ratio: float, wanted: float, subject: str, answers: dict[str, str]) -> AcceptanceStep:
     felt = ratio >= wanted
     return AcceptanceStep(
         name="least",
         status="passed" if felt else "look",
-        said=f"{what} rose to {ratio:.1f} times that of rest; {wanted:g} are needed to count as seen",
+        said=f"{subject} rose to {ratio:.1f} times that of rest; {wanted:g} are needed to count as seen",
         todo=""
         if felt
         else "nothing was touched or tensed, or the sensor does not see so little: try it firmer",

@@ -109,15 +109,15 @@ def find_onsets(
     signal = load_signal()
     sound = np.asarray(samples, np.float64)
     loudest = float(np.abs(sound).max(initial=0.0))
-    heard = [c for c in commands_s if c >= _QUIET_S[0] and (c + on_s) * rate_hz < len(sound)]
-    if not heard:
+    received = [c for c in commands_s if c >= _QUIET_S[0] and (c + on_s) * rate_hz < len(sound)]
+    if not received:
         return _nothing(commands_s, "no burst lies within the recording", "does it belong to this log?")
     if loudest < 1e-4 or np.ptp(sound) == 0:
         return _nothing(
             commands_s, "the recording is silent: there is no microphone behind it, or it is muted",
             "look whether it is plugged in and its level is up",
         )  # fmt: skip
-    spin_hz = _spin(signal, sound, rate_hz, heard, on_s)
+    spin_hz = _spin(signal, sound, rate_hz, received, on_s)
     if not np.isfinite(spin_hz):
         return _nothing(
             commands_s, "no vibration detected: nothing between 40 and 400 Hz is louder in the bursts",
@@ -125,7 +125,9 @@ def find_onsets(
         )  # fmt: skip
     strength = _Strength(signal, sound, rate_hz, spin_hz)
     bursts = [
-        strength.burst(c, on_s) if c in heard else BurstOnset(np.nan, np.nan, np.nan, "outside the recording")
+        strength.burst(c, on_s)
+        if c in received
+        else BurstOnset(np.nan, np.nan, np.nan, "outside the recording")
         for c in commands_s
     ]
     return _judged(spin_hz, _without_strays(bursts))

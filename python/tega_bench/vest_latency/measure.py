@@ -67,7 +67,7 @@ def play_bursts(
     clock: Clock,
     seed: int = 0,
     stop: Callable[[], bool] = lambda: False,
-    told: Callable[[int, int], None] = lambda _done, _total: None,
+    reported: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> tuple[list[float], int]:
     """Drive one motor again and again, with rests; the vest is silent afterwards whatever happens.
 
@@ -82,7 +82,7 @@ def play_bursts(
         clock: Time.
         seed: Seed of the rests.
         stop: Asked all the time whether to end early, which raises KeyboardInterrupt.
-        told: Called with the number of finished bursts and the total.
+        reported: Called with the number of finished bursts and the total.
 
     Returns:
         When the first frame of each burst left, seconds on the monotonic clock; and how many did not leave as wanted.
@@ -96,7 +96,7 @@ def play_bursts(
     sent: list[int] = []
     begin_ns = clock.now_ns() + round(_BEFORE_S * 1e9)
     for k in range(bursts):
-        told(k, bursts)
+        reported(k, bursts)
         clock.sleep_until(begin_ns)
         if stop():
             raise KeyboardInterrupt
@@ -110,7 +110,7 @@ def play_bursts(
             duration_s=BURST_S,
             clock=clock,
             stop=stop,
-            told=lambda frame: sent.append(int(frame.intensities.max())),
+            reported=lambda frame: sent.append(int(frame.intensities.max())),
         )
         first = _first_handed_over_s(leaving.handed_over())
         if first is None or min(sent, default=0) < percent:
@@ -118,7 +118,7 @@ def play_bursts(
         else:
             left_s.append(first)
         begin_ns = clock.now_ns() + round(rests.uniform(*_REST_S) * 1e9)
-    told(bursts, bursts)
+    reported(bursts, bursts)
     # The last one has to be heard to its end.
     clock.sleep_until(begin_ns)
     return left_s, unsent

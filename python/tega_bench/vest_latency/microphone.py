@@ -87,11 +87,11 @@ class Microphone:
             stream.close()
 
     @property
-    def heard_s(self) -> float:
+    def received_s(self) -> float:
         """Length of the recording so far, seconds."""
         return self._n / self.rate_hz
 
-    def heard(self) -> NDArray[np.float64]:
+    def received(self) -> NDArray[np.float64]:
         """Return the recorded sound, float64 (n,), -1 to 1.
 
         Raises:

@@ -70,17 +70,17 @@ def learn(
         ) from None
     for one in record.scores():
         guide.say(
-            f"{one.aspect}: {100 * one.right:.0f} % right of {one.asked} (guessing: {100 * one.chance:.0f} %)"
+            f"{one.aspect}: {100 * one.right:.0f} % right of {one.requested} (guessing: {100 * one.chance:.0f} %)"
         )
     guide.say(f"{record.mapping}: {record.right_percent:.0f} % right in all", tone="good")
     kept = CalibrationFolder(file.parents[3])
     earlier = [one for one in kept_vest_skill(kept, person, record.mapping) if one.made < record.made]
     if earlier:
-        said = ", ".join(f"{one.right_percent:.0f} %" for one in earlier[-5:])
-        guide.say(f"Earlier tests of {person} with {record.mapping}: {said}")
+        text = ", ".join(f"{one.right_percent:.0f} %" for one in earlier[-5:])
+        guide.say(f"Earlier tests of {person} with {record.mapping}: {text}")
     if as_json:
-        told = {
+        reported = {
             name: getattr(record, name) for name in ("person", "mapping", "right_percent", "chance_percent")
         }
-        told |= {"difference_percent": record.difference_percent, "dose_s": record.dose_s}
-        echo_json({**told, "aspects": [one._asdict() for one in record.scores()], "file": str(file)})
+        reported |= {"difference_percent": record.difference_percent, "dose_s": record.dose_s}
+        echo_json({**reported, "aspects": [one._asdict() for one in record.scores()], "file": str(file)})

@@ -141,7 +141,7 @@ def demo(
         click.echo(f"the earlier results in {out_dir} are kept in {kept}", err=True)
     with CtrlC() as stop, short_turns(), ExitStack() as stack:
         show, more = stack.enter_context(
-            _shown(view=view, port=view_port, terminal=not as_json, objects=objects)
+            _displayed(view=view, port=view_port, terminal=not as_json, objects=objects)
         )
         person = stack.enter_context(_at_keyboard(plans[0])) if operator == "keyboard" else None
         stopped = more.pop("stop", lambda: False)
@@ -162,7 +162,7 @@ def demo(
     if not report.trials:  # stopped before the first one
         raise KeyboardInterrupt
     write_demo(out_dir, report, courses)
-    if stop.asked:  # whoever leaves waits for no picture
+    if stop.requested:  # whoever leaves waits for no picture
         click.echo(f"tables and summary.json are in {out_dir}", err=True)
         raise KeyboardInterrupt
     try:
@@ -181,7 +181,7 @@ def demo(
 
 
 @contextmanager
-def _shown(
+def _displayed(
     *, view: bool, port: int, terminal: bool, objects: list[str]
 ) -> Iterator[tuple[Callable[[ViewState], None] | None, dict[str, Callable[[], Any]]]]:
     """Open the displays of the run; yield callables that may be slow, and the viewers' wishes."""

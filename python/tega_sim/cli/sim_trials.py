@@ -164,7 +164,7 @@ def _print(results: list[TrialResult], table: list[Row], *, wall_s: float, jobs:
     from rich.table import Table
 
     out = Console(highlight=False, width=110)
-    shown = Table(title="simulated trials, means", title_justify="left", box=SIMPLE)
+    displayed = Table(title="simulated trials, means", title_justify="left", box=SIMPLE)
     columns: list[tuple[str, Any]] = [
         ("object", lambda row: row.object),
         ("condition", lambda row: row.condition),
@@ -177,10 +177,10 @@ def _print(results: list[TrialResult], table: list[Row], *, wall_s: float, jobs:
         ("peak N", lambda row: f"{row.peak_force_n:.1f}"),
     ]
     for name, _ in columns:
-        shown.add_column(name, justify="left" if name in {"object", "condition"} else "right")
+        displayed.add_column(name, justify="left" if name in {"object", "condition"} else "right")
     for row in table:
-        shown.add_row(*(text(row) for _, text in columns))
-    out.print(shown)
+        displayed.add_row(*(text(row) for _, text in columns))
+    out.print(displayed)
     out.print(
         f"{len(results)} trials with {len({r.seed for r in results})} simulated persons took {wall_s:.1f} s "
         f"({jobs} workers)"

@@ -24,7 +24,7 @@ from tega_sim.operator.person import PersonNumbers, stream
 from tega_sim.operator.renewing import RenewingGrip
 from tega_sim.operator.rules import Rules, RulesVersion
 from tega_sim.operator.settled import JudgingEyes, SettledGrip
-from tega_sim.operator.vest_sense import LOOK_S, Skin
+from tega_sim.operator.vest_sense import POLL_S, Skin
 from tega_sim.operator.vision import Eyes, SeenEvent, ViewName
 from tega_sim.seams import Act, Percept
 
@@ -153,7 +153,7 @@ class Operator:
             )
         trial.last_s = t_s
         grip = trial.grip
-        trial.pending += trial.eyes.see(
+        trial.pending += trial.eyes.observe(
             t_s,
             dt_s,
             percept.scene,
@@ -168,35 +168,35 @@ class Operator:
         if self._feels:
             self._skin.feel(t_s, dt_s, percept.vest)
         if t_s >= trial.next_decision_s - 1e-9:
-            trial.next_decision_s = t_s + LOOK_S
+            trial.next_decision_s = t_s + POLL_S
             self._decide(t_s, percept, trial)
         excitation = trial.motor.step(t_s, dt_s)
         return Act(excitation, grip.forearm.step(t_s), grip.phase)
 
-    def practise(self, name: str, shown: Callable[[float, float], MotorLevels | None]) -> None:
+    def practise(self, name: str, displayed: Callable[[float, float], MotorLevels | None]) -> None:
         """Close and open the hand on an object level by level, watching it and feeling the vest, before it is lifted.
 
         The first version of the rules learns nothing from it, the others only what each panel does at each closure.
 
         Args:
             name: Name of the object.
-            shown: Frames sent to the vest, by the time in seconds and the closure in levels.
+            displayed: Frames sent to the vest, by the time in seconds and the closure in levels.
         """
         belief = self._recall(name, 0.0)
         if not self._feels or not isinstance(belief.closure, ConfirmedClosure):
             return
         noise, reaction, link = (
-            stream(self._seed, "operator", name, "practice", what) for what in ("vest", "touch", "link")
+            stream(self._seed, "operator", name, "practice", subject) for subject in ("vest", "touch", "link")
         )
         self._skin.begin(rest_s=0.0, noise=noise, reaction=reaction, link=link)
-        looks_per_level = round(PRACTICE_S / LOOK_S)
-        for n in range(len(PRACTISED_LEVELS) * looks_per_level):
-            level = PRACTISED_LEVELS[n // looks_per_level]
+        glances_per_level = round(PRACTICE_S / POLL_S)
+        for n in range(len(PRACTISED_LEVELS) * glances_per_level):
+            level = PRACTISED_LEVELS[n // glances_per_level]
             for tick in range(5):
-                t_s = n * LOOK_S + tick * _TICK_S
-                self._skin.feel(t_s, _TICK_S, shown(t_s, float(level)))
-            self._skin.look(t_s, LOOK_S)
-            if (n + 1) % looks_per_level == 0:
+                t_s = n * POLL_S + tick * _TICK_S
+                self._skin.feel(t_s, _TICK_S, displayed(t_s, float(level)))
+            self._skin.check(t_s, POLL_S)
+            if (n + 1) % glances_per_level == 0:
                 # The pose is in plain sight for several looks.
                 belief.closure.set(float(level), self.person.vision.pose_sd**2 / 4)
                 for panel in _PANELS:
@@ -224,7 +224,7 @@ class Operator:
                 grip.judge_pose(trial.eyes.pose(percept.closure))
         due = [event for event in trial.pending if event.due_s <= t_s]
         trial.pending = [event for event in trial.pending if event.due_s > t_s]
-        decision = grip.decide(t_s, LOOK_S, due, percept.scene)
+        decision = grip.decide(t_s, POLL_S, due, percept.scene)
         if decision is not None:
             if decision.change is None:
                 trial.motor.command(decision.level)
@@ -233,7 +233,7 @@ class Operator:
 
     def _attend(self, t_s: float, trial: TrialOfPerson) -> None:
         skin, grip = self._skin, trial.grip
-        skin.look(t_s, LOOK_S)
+        skin.check(t_s, POLL_S)
         heeded = tuple(self._heeds(grip.closure, panel) for panel in _PANELS)
         if (
             self._rules.onset
@@ -292,8 +292,8 @@ class Operator:
         return ConfirmedClosure(self.person.grip, self.person.vest.threshold)
 
     def _start(self, name: str, width_m: float, trial: int, rest_s: float) -> TrialOfPerson:
-        def process(what: str) -> np.random.Generator:
-            return stream(self._seed, "operator", name, trial, what)
+        def process(subject: str) -> np.random.Generator:
+            return stream(self._seed, "operator", name, trial, subject)
 
         person = self.person
         self._skin.begin(

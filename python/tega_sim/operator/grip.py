@@ -65,7 +65,7 @@ class GripDecisions:
         self._phase_s = 0.0
         self._contact_s: float | None = None
         # What this command has taught so far: each once.
-        self._judged = self._posed = self._need_told = self._harm_told = False
+        self._judged = self._posed = self._need_reported = self._harm_reported = False
         self._before = (1.0, 0.0)
         self._barred = 0
         self._attempts, self._least = 1, 1
@@ -139,19 +139,19 @@ class GripDecisions:
             x, var = self._before if self._precedes(event) else (self.closure.x, self.closure.var)
             if event.kind == "slip" and self.phase in HELD:
                 self.belief.slipped(x, var)
-                self._need_told = True
+                self._need_reported = True
             elif event.kind == "deformation":
                 self.belief.harmed(x, var)
-                self._harm_told = True
+                self._harm_reported = True
         if t_s - max(self._commanded_s, self._phase_s) < self._grip.quiet_s:
             return
         # Once a command: to go on holding is no new evidence.
-        if self.phase == "hold" and not self._need_told:
+        if self.phase == "hold" and not self._need_reported:
             self.belief.sufficed(self.closure.x, self.closure.var)
-            self._need_told, self._barred = True, max(self._barred, 0)
-        if not self._harm_told:
+            self._need_reported, self._barred = True, max(self._barred, 0)
+        if not self._harm_reported:
             self.belief.spared(self.closure.x, self.closure.var)
-            self._harm_told = True
+            self._harm_reported = True
 
     def _precedes(self, event: SeenEvent) -> bool:
         """Whether an event belongs to the closure before the last command: the hand needs a moment to follow one."""
@@ -189,7 +189,7 @@ class GripDecisions:
         self._set_closure(self.closure.x + step if adjusted else float(level))
         self.level = level
         self._commanded_s, self._free_s = t_s, t_s + self._grip.refractory_ms / 1e3
-        self._judged = self._posed = self._need_told = self._harm_told = False
+        self._judged = self._posed = self._need_reported = self._harm_reported = False
         self.commands.append(Decision(t_s, level, why))
         return self.commands[-1]
 

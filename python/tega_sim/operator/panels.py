@@ -58,7 +58,7 @@ class ConfirmedClosure(Closure):
         for place in range(2):
             at = slice(1 + place * n, 1 + (place + 1) * n)
             self._cov[at, at] = prior
-        self._own_way = 1.0 / max(math.log(1.0 / threshold), 0.5)
+        self._own_direction = 1.0 / max(math.log(1.0 / threshold), 0.5)
         self.log_odds: dict[Panel, float] = {"front": _FIRST_ODDS, "back": _FIRST_ODDS}
 
     def trust(self, panel: Panel) -> float:
@@ -108,7 +108,7 @@ class ConfirmedClosure(Closure):
         if fresh:
             spread = float(h @ self._cov @ h) + var
             foretold = math.exp(-surprise * surprise / (2 * spread)) / math.sqrt(2 * math.pi * spread)
-            odds = self.log_odds[panel] + math.log(max(foretold, 1e-12) / self._own_way)
+            odds = self.log_odds[panel] + math.log(max(foretold, 1e-12) / self._own_direction)
             self.log_odds[panel] = min(max(odds, -_MOST_ODDS), _MOST_ODDS)
         self._take(surprise, h, var, share=self.trust(panel), learns=fresh)
 

@@ -28,11 +28,11 @@ class RenewingGrip(GripDecisions):
     _suffices = 9.0
 
     def _learn(self, t_s: float, events: list[SeenEvent]) -> None:
-        if self._need_told and self.closure.x < self._suffices - self._grip.belief_floor_sd:
-            self._need_told = False
-        told = self._need_told
+        if self._need_reported and self.closure.x < self._suffices - self._grip.belief_floor_sd:
+            self._need_reported = False
+        reported = self._need_reported
         super()._learn(t_s, events)
-        if self._need_told and not told:
+        if self._need_reported and not reported:
             self._suffices = self.closure.x
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
@@ -58,9 +58,9 @@ class RenewingGrip(GripDecisions):
         return min(levels or [self.level], key=self._expected)
 
     def _expected(self, level: int) -> float:
-        return cost(self.belief, level, min(self._anew(level), self._corrected(level)))
+        return cost(self.belief, level, min(self._renewed(level), self._corrected(level)))
 
-    def _anew(self, level: int) -> float:
+    def _renewed(self, level: int) -> float:
         """Variance of the closure after a new movement to a level."""
         return (self._aim_sd * level) ** 2 + self._grip.closure_sd**2
 
@@ -69,7 +69,7 @@ class RenewingGrip(GripDecisions):
         return self.closure.var + (self._aim_sd * (level - self.closure.x)) ** 2
 
     def _command(self, t_s: float, level: int, why: str) -> Decision:
-        if why in {"close", "open"} or self._anew(level) <= self._corrected(level):
+        if why in {"close", "open"} or self._renewed(level) <= self._corrected(level):
             decision = super()._command(t_s, level, why)
             self._set_closure(float(level))
             self._suffices = 9.0

@@ -139,8 +139,8 @@ class _Permuted:
 def _inverted(t_s: float, frame: MotorLevels) -> MotorLevels:
     del t_s
     # One per cent is what the printed law shows where nothing is touched.
-    shown = np.where(frame.intensities > 1, 100 - frame.intensities, frame.intensities)
-    return MotorLevels(frame.layout, shown.astype(np.uint8))
+    displayed = np.where(frame.intensities > 1, 100 - frame.intensities, frame.intensities)
+    return MotorLevels(frame.layout, displayed.astype(np.uint8))
 
 
 def _half(t_s: float, frame: MotorLevels) -> MotorLevels:

@@ -18,12 +18,12 @@ from tega_sim.operator.sections import VestSection, Vision
 from tega_sim.operator.vision import Kind, SeenEvent, normal_cdf, reaction_s
 
 # The score of the 75 % point in a comparison of two looks: sqrt(2) * 0.6745.
-_TWO_LOOKS = 0.954
+_TWO_GLANCES = 0.954
 # Time between two looks, which is that between two decisions, seconds.
-LOOK_S = 0.05
+POLL_S = 0.05
 
 
-class Look(NamedTuple):
+class Glance(NamedTuple):
     """One look at the vest.
 
     Attributes:
@@ -48,7 +48,7 @@ class Skin:
     def __init__(self, vest: VestSection, vision: Vision) -> None:
         self._p, self._choice_s = vest, vision.choice_ms / 1e3
         self._floor_ms = vision.rt_floor_ms
-        self.look_sd = math.log1p(vest.weber) / _TWO_LOOKS
+        self.look_sd = math.log1p(vest.weber) / _TWO_GLANCES
         self._adapted = np.ones((2, 4))
 
     def begin(
@@ -66,8 +66,8 @@ class Skin:
         self._target = np.zeros((2, 4))
         self._queue: deque[tuple[float, NDArray[np.float64]]] = deque()
         self._last_frame: MotorLevels | None = None
-        n_looks = round(2 * self._p.compare_s / LOOK_S)
-        self.looks: deque[Look] = deque(maxlen=n_looks)
+        n_checks = round(2 * self._p.compare_s / POLL_S)
+        self.looks: deque[Glance] = deque(maxlen=n_checks)
         self._next_compare_s = 0.0
 
     def feel(self, t_s: float, dt_s: float, frame: MotorLevels | None) -> None:
@@ -87,7 +87,7 @@ class Skin:
             self._moving = self._target - gap * np.where(gap > 0, up, down)
             self._moving[self._moving < 1e-4] = 0.0
 
-    def look(self, t_s: float, dt_s: float) -> Look:
+    def check(self, t_s: float, dt_s: float) -> Glance:
         """Attend to the vest once; adaptation goes on by ``dt_s``."""
         p = self._p
         drift = dt_s / p.adapt_s
@@ -101,9 +101,9 @@ class Skin:
         panels = [self._read(float(felt[n].max()), float(missed[n]), float(errors[n])) for n in range(2)]
         if swapped[0] < p.panel_swap:
             panels.reverse()
-        look = Look(t_s, panels[0], panels[1])
-        self.looks.append(look)
-        return look
+        check = Glance(t_s, panels[0], panels[1])
+        self.looks.append(check)
+        return check
 
     def onset(self, t_s: float) -> SeenEvent | None:
         """Return the event of feeling something after silence, if that was the last look."""
@@ -111,7 +111,8 @@ class Skin:
         if (last.front is None and last.back is None) or not before:
             return None
         silent = all(
-            look.front is None and look.back is None for look in before[-round(self._p.compare_s / LOOK_S) :]
+            check.front is None and check.back is None
+            for check in before[-round(self._p.compare_s / POLL_S) :]
         )
         return self._noticed(t_s, "onset") if silent else None
 
@@ -124,8 +125,8 @@ class Skin:
         if last.front is None or last.back is None or not before:
             return None
         both = any(
-            look.front is not None and look.back is not None
-            for look in before[-round(self._p.compare_s / LOOK_S) :]
+            check.front is not None and check.back is not None
+            for check in before[-round(self._p.compare_s / POLL_S) :]
         )
         return None if both else self._noticed(t_s, "slip")
 
@@ -145,20 +146,20 @@ class Skin:
         for panel, sign in zip(("front", "back"), falls, strict=True):
             if sign is None:
                 continue
-            before = [y for look in looks[:half] if (y := getattr(look, panel)) is not None]
-            after = [y for look in looks[half:] if (y := getattr(look, panel)) is not None]
+            before = [y for check in looks[:half] if (y := getattr(check, panel)) is not None]
+            after = [y for check in looks[half:] if (y := getattr(check, panel)) is not None]
             if self._fell(before, after, half) if sign else self._fell(after, before, half):
                 return self._noticed(t_s, "weaker")
         return None
 
     def mean_log(self, panel: str, since_s: float) -> tuple[float, float] | None:
         """Return a panel's mean log intensity over the looks since a time and the variance of that."""
-        ys = [y for look in self.looks if look.t_s > since_s and (y := getattr(look, panel)) is not None]
+        ys = [y for check in self.looks if check.t_s > since_s and (y := getattr(check, panel)) is not None]
         # Half of a look's noise stays however many are averaged.
         return (sum(ys) / len(ys), self.look_sd**2 * (0.5 + 0.5 / len(ys))) if ys else None
 
-    def _fell(self, before: list[float], after: list[float], n_looks: int) -> bool:
-        if len(before) >= n_looks - 1 and len(after) <= 1:
+    def _fell(self, before: list[float], after: list[float], n_checks: int) -> bool:
+        if len(before) >= n_checks - 1 and len(after) <= 1:
             return True
         if len(before) < 2 or len(after) < 2:
             return False

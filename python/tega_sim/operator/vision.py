@@ -97,13 +97,13 @@ class Eyes:
     ) -> None:
         self._aside_deg, self._elsewhere = VIEWS[view], False
         self._p, self._width_m = vision, width_m
-        self._gaze, self._looks, self._poses, self._reaction = gaze, looks, poses, reaction
+        self._gaze, self._checks, self._poses, self._reaction = gaze, looks, poses, reaction
         self._motion = 0.0
-        self._next_look_s = 0.0
+        self._next_check_s = 0.0
         self._last_distance_m: float | None = None
         self.on_hand = True
 
-    def see(
+    def observe(
         self, t_s: float, dt_s: float, scene: WorldTruth, *, carried: bool, lifting: bool, held: bool = False
     ) -> list[SeenEvent]:
         """Return the events that have been noticed since the last call.
@@ -122,11 +122,11 @@ class Eyes:
         if self._motion > self._p.motion_c:
             self._motion = -self._p.motion_c / 2
             events.append(self._noticed(t_s, "slip"))
-        if t_s >= self._next_look_s:
-            self._next_look_s = t_s + self._p.look_s
+        if t_s >= self._next_check_s:
+            self._next_check_s = t_s + self._p.look_s
             share = self._p.gaze_transport if carried else self._p.gaze_grasp
             self.on_hand = bool(self._gaze.random() < share)
-            events += self._look(t_s, scene)
+            events += self._check(t_s, scene)
         return events
 
     def pose(self, closure: float) -> tuple[float, float] | None:
@@ -139,8 +139,8 @@ class Eyes:
         """Whether the hand is seen now."""
         return math.isfinite(self._aside_deg) if self._elsewhere else self.on_hand
 
-    def _look(self, t_s: float, scene: WorldTruth) -> list[SeenEvent]:
-        deformed, touched = self._looks.random(2)
+    def _check(self, t_s: float, scene: WorldTruth) -> list[SeenEvent]:
+        deformed, touched = self._checks.random(2)
         if not self._looking:
             return []
         found: list[SeenEvent] = []

@@ -52,7 +52,7 @@ class BenchBody:
         self._t_s, self._looked_s = 0.0, time.monotonic()
         self._fault = ""
 
-    def see(self) -> HandSeen:
+    def observe(self) -> HandSeen:
         """Let the time pass that has passed, and return where the palm is."""
         now_s = time.monotonic()
         until_s = self._t_s + min(now_s - self._looked_s, _MOST_S)

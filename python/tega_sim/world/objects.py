@@ -163,10 +163,10 @@ def crossed(
         ['bag_300g_mu50', 'bag_600g_mu50']
     """
     factors = {"mass_kg": mass_kg, "stiffness_n_m": stiffness_n_m, "friction": friction}
-    asked = {what: tuple(dict.fromkeys(values)) for what, values in factors.items() if values}
+    requested = {subject: tuple(dict.fromkeys(values)) for subject, values in factors.items() if values}
     variants: dict[str, ObjectSpec] = {}
-    for spec, values in itertools.product(specs, itertools.product(*asked.values())):
-        changes = dict(zip(asked, values, strict=True))
+    for spec, values in itertools.product(specs, itertools.product(*requested.values())):
+        changes = dict(zip(requested, values, strict=True))
         name = variant_name(spec.name, changes)
         variants[name] = spec.with_(name=name, **changes)
     return variants
@@ -179,15 +179,15 @@ def variant_name(name: str, changes: Mapping[str, float | None]) -> str:
         >>> variant_name("bag", {"mass_kg": 0.6, "stiffness_n_m": None, "friction": 0.45})
         'bag_600g_mu45'
     """
-    for what, value in changes.items():
+    for subject, value in changes.items():
         if value is not None:
-            factor, form = _IN_NAME[what]
+            factor, form = _IN_NAME[subject]
             name += "_" + form.format(f"{factor * value:g}".replace(".", "-"))
     return name
 
 
 def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:
-    plain_name(name, what="object", source=where)
+    plain_name(name, subject="object", source=where)
     ranges = msgspec.convert(table.pop("range", {}), dict[str, tuple[float, float]])
     source = msgspec.convert(table.pop("source", {}), dict[str, str])
     if missing := sorted(
@@ -198,10 +198,10 @@ def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:
             f"write it under [{name}.source]",
         )
     spec = msgspec.convert({**without_removed(table, REMOVED_FIELDS), "name": name}, ObjectSpec)
-    for what, (low, high) in ranges.items():
-        if not low <= getattr(spec, what, high + 1) <= high:
+    for subject, (low, high) in ranges.items():
+        if not low <= getattr(spec, subject, high + 1) <= high:
             raise ConfigError(
-                f"{where}: object {name!r}: {what} is not within its range {low:g} to {high:g}",
+                f"{where}: object {name!r}: {subject} is not within its range {low:g} to {high:g}",
                 "correct one of them",
             )
     return ObjectRecord(spec, ranges, source)

@@ -13,7 +13,7 @@ from tega.hand import CLOSURE_POSES_RAD, HandController
 _OPEN_RAD: Final = ((0.0, 0.50, 0.40, 0.30), (1.35, 0.20, -0.14, 0.15))
 # Fingers: how far along the default poses' way (1 open to 5 tight) levels 2 to 5 of the bench are. The defaults share
 # the way out evenly, so that on an object of 80 to 100 mm three of five would not touch it; here the second does.
-_WAY: Final = (3.9, 4.3, 4.65, 5.0)
+_REMEDY: Final = (3.9, 4.3, 4.65, 5.0)
 # The thumb meets the object with its pad, opposite the index and middle fingers; the default thumb reaches past it.
 _THUMB_RAD: Final = (
     (1.35, 0.20, 0.30, 0.70),
@@ -27,10 +27,10 @@ def _grasp_poses() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     finger, thumb = _OPEN_RAD
     poses = np.empty((5, 16))
     poses[0] = (*finger, *finger, *finger, *thumb)
-    for row, way in enumerate(_WAY, start=1):
-        before = min(int(way), 4)
+    for row, route in enumerate(_REMEDY, start=1):
+        before = min(int(route), 4)
         low, high = CLOSURE_POSES_RAD[before - 1 : before + 1]
-        poses[row] = low + (way - before) * (high - low)
+        poses[row] = low + (route - before) * (high - low)
     poses[1:, 12:] = _THUMB_RAD
     poses.flags.writeable = False
     return poses

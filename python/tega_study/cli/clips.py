@@ -75,14 +75,14 @@ def clips(
     from tega.ui.cli.options import progress_bar
     from tega_study.score.clips import make_clips
 
-    with progress_bar(enabled=not as_json) as shown:
+    with progress_bar(enabled=not as_json) as displayed:
         key = make_clips(
             folder,
             out,
             rater,
             proposals=proposals,
             scenes=scenes,
-            told=lambda done, total: shown("clips", done, total),
+            reported=lambda done, total: displayed("clips", done, total),
         )
     project = out / f"{rater}.boris"
     if as_json:

@@ -45,9 +45,9 @@ def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: 
         return
     for one in found:
         again = " again" if one.attempt > 1 else ""
-        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {_told(one)}")
-    for what, lacks in _LACKS.items():
-        if n_lack := sum(what in one.missing for one in found):
+        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {_reported(one)}")
+    for subject, lacks in _LACKS.items():
+        if n_lack := sum(subject in one.missing for one in found):
             click.echo(f"{n_lack} of {len(found)} trials have no {lacks}")
 
 
@@ -57,7 +57,7 @@ _LACKS = {
 }
 
 
-def _told(one: TrialEvents) -> str:
+def _reported(one: TrialEvents) -> str:
     words = [
         f"{event.kind.replace('_', '-')} {event.t_s:.2f} s ({event.confidence:.2f})"
         for event in one.events

@@ -169,7 +169,7 @@ def status(*, folder: Path, as_json: bool) -> None:
 
     made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []
-    said: dict[str, str] = {}
+    message: dict[str, str] = {}
     for person in made.participants:
         mine = made.of(person)
         if person in gone:
@@ -177,10 +177,10 @@ def status(*, folder: Path, as_json: bool) -> None:
             continue
         events = read_events(events_path(folder, person))
         state = derive(mine, events)
-        what = "complete" if state.next is None else "under way" if events else "not begun"
+        subject = "complete" if state.next is None else "under way" if events else "not begun"
         row: dict[str, Any] = {
             "participant": person,
-            "state": what,
+            "state": subject,
             "over": state.n_over,
             "trials": len(mine),
             "without_data": list(state.without_data),
@@ -191,7 +191,7 @@ def status(*, folder: Path, as_json: bool) -> None:
             trial = mine[number - 1]
             row |= {"next": number, "attempt": attempt, "object": trial.object, "condition": trial.condition}
         rows.append(row)
-        said[person] = state.said()
+        message[person] = state.said()
     if as_json:
         echo_json({"participants": rows})
         return
@@ -202,6 +202,6 @@ def status(*, folder: Path, as_json: bool) -> None:
         if "next" in row:
             again = ", again" if row["attempt"] > 1 else ""
             text += f"  next: trial {row['next']}, {row['object']}, {row['condition']}{again}"
-        if said.get(row["participant"]):
-            text += f"  ({said[row['participant']]})"
+        if message.get(row["participant"]):
+            text += f"  ({message[row['participant']]})"
         click.echo(text)

@@ -81,8 +81,8 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
         f"{reference:g} against {mean:g} per trial, {trials} trials per condition; sign-flips over people, "
         f"Holm over {tests} tests, p < {alpha:g}"
     )
-    said = f"over {MOST_PEOPLE}" if least is None else str(least)
-    click.echo(f"least number of people: {said}; with fewer no result can be significant")
+    message = f"over {MOST_PEOPLE}" if least is None else str(least)
+    click.echo(f"least number of people: {message}; with fewer no result can be significant")
     click.echo(f"people differ   for 80 %   power with {', '.join(map(str, _SIZES))} people")
     for row in rows:
         needed_text = f"over {MOST_PEOPLE}" if row["people_for_80"] is None else str(row["people_for_80"])

@@ -70,9 +70,9 @@ def _print(analysis: Analysis) -> None:
         return
     head, *rows = table_1(analysis)
     title = "Table I, simulated" if analysis.simulated else "Table I"
-    shown = Table(title=f"{title}: means, time in seconds", title_justify="left", box=SIMPLE)
+    displayed = Table(title=f"{title}: means, time in seconds", title_justify="left", box=SIMPLE)
     for place, name in enumerate(head):
-        shown.add_column(name, justify="left" if place < 2 else "right")
+        displayed.add_column(name, justify="left" if place < 2 else "right")
     for row in rows:
-        shown.add_row(*row)
-    out.print(shown)
+        displayed.add_row(*row)
+    out.print(displayed)

@@ -129,5 +129,5 @@ def confirm(
     if as_json:
         echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
         return
-    told = ", ".join(one.kind for one in events) or "nothing"
-    click.echo(f"{participant} trial {trial}, as {rater} has it: {told}")
+    reported = ", ".join(one.kind for one in events) or "nothing"
+    click.echo(f"{participant} trial {trial}, as {rater} has it: {reported}")

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import NameList, echo_json, json_option
-from tega_study.cli.simulate import SHARD, trials_shown
+from tega_study.cli.simulate import SHARD, trials_displayed
 
 
 @click.command(epilog="Example: tega-teleop study sensitivity in-silico")
@@ -58,7 +58,7 @@ def sensitivity(
     from tega_study.silico import unfinished
     from tega_study.silico.sensitivity import VARIED, run_sensitivity
 
-    with trials_shown() as progress:
+    with trials_displayed() as progress:
         left = run_sensitivity(
             folder,
             operators=operators,

@@ -23,7 +23,7 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
 @contextmanager
-def trials_shown() -> Iterator[Callable[[str, int, int], None]]:
+def trials_displayed() -> Iterator[Callable[[str, int, int], None]]:
     """Show how many trials are done: a bar on a terminal, else a line now and then, for the log of a cluster's job."""
     from tega.ui.cli.options import progress_bar
 
@@ -31,21 +31,21 @@ def trials_shown() -> Iterator[Callable[[str, int, int], None]]:
         with progress_bar() as bar:
             yield bar
         return
-    begun_s, told_s, at_first = time.monotonic(), 0.0, -1
+    begun_s, reported_s, at_first = time.monotonic(), 0.0, -1
 
-    def tell(what: str, done: int, total: int) -> None:
-        nonlocal told_s, at_first
+    def notify(subject: str, done: int, total: int) -> None:
+        nonlocal reported_s, at_first
         at_first = done if at_first < 0 else at_first
         now_s = time.monotonic()
-        if done < total and now_s - told_s < LINE_EVERY_S:
+        if done < total and now_s - reported_s < LINE_EVERY_S:
             return
-        told_s = now_s
+        reported_s = now_s
         left_s = (total - done) * (now_s - begun_s) / (done - at_first) if done > at_first else 0.0
         click.echo(
-            f"{done} of {total} {what}" + (f", {left_s / 60:.0f} min left" if left_s else ""), err=True
+            f"{done} of {total} {subject}" + (f", {left_s / 60:.0f} min left" if left_s else ""), err=True
         )
 
-    yield tell
+    yield notify
 
 
 class _Shard(click.ParamType[tuple[int, int]]):
@@ -165,7 +165,7 @@ def simulate(
         stiffness_n_m=stiffness_n_m or (),
         friction=friction or (),
     )
-    with trials_shown() as progress:
+    with trials_displayed() as progress:
         plan = run(
             out,
             operators=operators,

@@ -29,7 +29,7 @@ def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> 
     "start"} to FOLDER/sessions/ID/told.jsonl.
     """
     from tega.runtime.clock import SystemClock
-    from tega_study.lead.tell import tell as give
+    from tega_study.lead.tell import notify as give
     from tega_study.plan import read_plan
 
     read_plan(folder).of(participant)

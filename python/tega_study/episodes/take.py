@@ -13,7 +13,7 @@ import msgspec
 from tega.errors import TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.moment import Moment
+from tega.loop.snapshot import Snapshot
 from tega.recording.mcap_folder import SessionFolder
 from tega.records import RunState
 from tega.records.bus import Bus
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tega.config import SessionConfig
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega_study.episodes.journal import EpisodeLine, EpisodeStep
 
 GO_ON, DISCARD, AGAIN = "g", "x", "r"
@@ -50,7 +50,7 @@ class _Running:
         self.state, self.alerts = "devices start", tuple[str, ...]()
         self.file = ""
 
-        bus.subscribe(Moment, lambda moment: self._see(moment.view), name="episodes", vital=True)
+        bus.subscribe(Snapshot, lambda snapshot: self._observe(snapshot.view), name="episodes", vital=True)
         bus.subscribe(RunState, self._change, name="episodes", vital=True)
 
         def run() -> None:
@@ -65,11 +65,11 @@ class _Running:
 
         self._thread, self.raised = in_thread(run)
 
-    def _prepare(self, what: str, done: int, total: int) -> None:
+    def _prepare(self, subject: str, done: int, total: int) -> None:
         if self._began_s is None:
-            self.state = f"{what} {done} of {total}" if total else what
+            self.state = f"{subject} {done} of {total}" if total else subject
 
-    def _see(self, view: LoopView) -> None:
+    def _observe(self, view: LoopView) -> None:
         self.alerts = tuple(view.alerts)
 
     def _change(self, change: RunState) -> None:
@@ -160,7 +160,7 @@ class EpisodeTaker:
                 self._to_start()
         return ended
 
-    def _heard(self) -> list[str]:
+    def _received(self) -> list[str]:
         """Return the pressed keys, with pedals replaced by their meaning."""
         if self._stop():
             raise KeyboardInterrupt
@@ -178,7 +178,7 @@ class EpisodeTaker:
         last = "" if not ended else f"episode {ended[-1].episode}: {ended[-1].step} {ended[-1].why}".strip()
         keys = [("Enter", "start"), ("q q", "end")]
         while True:
-            for key in self._heard():
+            for key in self._received():
                 if key == GO_ON:
                     return True
                 if key == "q":
@@ -201,7 +201,7 @@ class EpisodeTaker:
             wanted = self._watch(running, journal.n_episodes)
             running.end()
             if running.raised and not wanted:
-                why = _told(running.raised[0])
+                why = _reported(running.raised[0])
             elif not wanted:
                 wanted = self._decide(running, journal.n_episodes)
         except KeyboardInterrupt:
@@ -230,7 +230,7 @@ class EpisodeTaker:
         """Show the episode until it ends; return the key that ended it, ``""`` for none yet."""
         keys = [("Enter", "end"), (DISCARD, "discard"), (AGAIN, "discard, and again")]
         while not running.over:
-            for key in self._heard():
+            for key in self._received():
                 if key in {DISCARD, AGAIN}:
                     return key
                 if key == GO_ON and running.elapsed_s >= QUIET_S:
@@ -246,7 +246,7 @@ class EpisodeTaker:
         heading = f"{self._task} · episode {number}, {running.elapsed_s:.1f} s"
         self._pedal.listen()
         while True:
-            for key in self._heard():
+            for key in self._received():
                 if key in {GO_ON, DISCARD, AGAIN}:
                     return key
             self._desk.show(Screen("decide", heading, "keep it?", (), keys, self._wrong))
@@ -260,7 +260,7 @@ class EpisodeTaker:
         running = RunningTask(start_task(self._config))
         try:
             while not running.over:
-                if "a" in self._heard():
+                if "a" in self._received():
                     running.end()
                 self._desk.show(doing(self._task, running))
                 time.sleep(_POLL_S)
@@ -270,7 +270,7 @@ class EpisodeTaker:
         self._desk.say(found if isinstance(found, str) else found.text)
 
 
-def _told(error: BaseException) -> str:
+def _reported(error: BaseException) -> str:
     if isinstance(error, TegaError | OSError):
         return str(error)
     if isinstance(error, KeyboardInterrupt):

@@ -16,7 +16,7 @@ IN_AIR_M: Final = 0.03
 """Height from which an object that leaves the hand is dropped and not put down, metres (as for a scene camera)."""
 
 
-class LiftLook(NamedTuple):
+class LiftCheck(NamedTuple):
     """State of the object at one look.
 
     Attributes:
@@ -39,7 +39,7 @@ class ArmLift:
         self._base_m: float | None = None
         self._held_s = 0.0
 
-    def look(
+    def check(
         self,
         t_s: float,
         arm_m: float,
@@ -47,7 +47,7 @@ class ArmLift:
         touching: bool | None,
         level: float | None = None,
         closure: float | None = None,
-    ) -> LiftLook:
+    ) -> LiftCheck:
         """Take in one look at hand and arm.
 
         Args:
@@ -63,9 +63,9 @@ class ArmLift:
             self._held_s = t_s
             self._base_m = arm_m if self._base_m is None else min(self._base_m, arm_m)
         if self._base_m is None:
-            return LiftLook(0.0, None)
+            return LiftCheck(0.0, None)
         height_m = arm_m - self._base_m
         if t_s - self._held_s < LOST_S:
-            return LiftLook(height_m, None)
+            return LiftCheck(height_m, None)
         self._base_m = None
-        return LiftLook(0.0, self._held_s if height_m >= IN_AIR_M else None)
+        return LiftCheck(0.0, self._held_s if height_m >= IN_AIR_M else None)

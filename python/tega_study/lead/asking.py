@@ -47,22 +47,22 @@ class BlockQuestions:
 
     def press(self, key: str) -> None:
         """Take in a key: an answer, one taken back, or Enter at the end; any other does nothing."""
-        asked, answers = self._next(), self._answers()
+        requested, answers = self._next(), self._answers()
         if not self._begun:
             self._begun = key == ENTER
         elif key in _BACK:
             if answers and not self.over:
                 self._add("undo", undone=answers[-1].n)
-        elif asked is None:
+        elif requested is None:
             self.over = self.over or key == ENTER
         else:
             with suppress(ValueError):
-                self._add("rating", item=asked.item, value=answer_of(key))
+                self._add("rating", item=requested.item, value=answer_of(key))
 
     def pass_over(self) -> None:
         """Record each open question as skipped, if no participant is there to answer."""
-        while (asked := self._next()) is not None:
-            self._add("rating", item=asked.item, value=None)
+        while (requested := self._next()) is not None:
+            self._add("rating", item=requested.item, value=None)
         self.over = True
 
     def _add(self, kind: Literal["rating", "undo"], **more: Any) -> None:
@@ -71,23 +71,23 @@ class BlockQuestions:
 
     def screen(self) -> Screen:
         """Return the screen: the question with the keys of its scale, or the answers once all are given."""
-        asked, answers = self._next(), self._answers()
+        requested, answers = self._next(), self._answers()
         if not self._begun:
             lines = ["let the participant see the keyboard, or type their answers"]
             return Screen("questions", self._heading, "questions", lines, [("Enter", "begin")])
         back = [("Backspace", "take the last answer back")] if answers else []
-        if asked is None:
-            said = [_short(event) for event in answers]
-            lines = [", ".join(said[n : n + 4]) for n in range(0, len(said), 4)]
+        if requested is None:
+            message = [_short(event) for event in answers]
+            lines = [", ".join(message[n : n + 4]) for n in range(0, len(message), 4)]
             return Screen("questions", self._heading, "all answered", lines, [("Enter", "keep"), *back])
         pairs = [f"{key} {STEP * n}" for n, key in enumerate(KEYS)]
         scale = ["   ".join(pairs[n : n + _IN_A_LINE]) for n in range(0, len(pairs), _IN_A_LINE)]
-        ends = f"0 {asked.left} … 100 {asked.right}"
-        where = f"{self._heading} · question {QUESTIONS.index(asked) + 1} of {len(QUESTIONS)}"
+        ends = f"0 {requested.left} … 100 {requested.right}"
+        where = f"{self._heading} · question {QUESTIONS.index(requested) + 1} of {len(QUESTIONS)}"
         keys = [(f"{KEYS[0]} … {KEYS[-1]}", "0 … 100"), (PASS, "pass over"), *back]
-        return Screen("questions", where, asked.title, [asked.text, ends, *scale], keys)
+        return Screen("questions", where, requested.title, [requested.text, ends, *scale], keys)
 
 
 def _short(event: JournalEvent) -> str:
-    said = "passed over" if event.value is None else f"{event.value:g}"
-    return f"{event.item.partition('.')[2]} {said}"
+    message = "passed over" if event.value is None else f"{event.value:g}"
+    return f"{event.item.partition('.')[2]} {message}"

@@ -46,7 +46,7 @@ class Beeps:
         """Forget beeps of a trial before this one."""
         self._sound.sounded_ns()
 
-    def look(self, t_s: float, note: Callable[[int], None]) -> None:
+    def check(self, t_s: float, note: Callable[[int], None]) -> None:
         """Play the beeps that are due, and report those that have sounded.
 
         Args:

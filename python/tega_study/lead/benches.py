@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tega_study.lead.running_trial import Going
     from tega_study.plan import PlannedTrial, StudyPlan
 
-_LOOK_S = 0.01
+_POLL_S = 0.01
 _CONDITIONS = ("haptic", "non-haptic", "event-gated")
 
 
@@ -136,7 +136,7 @@ class LabBench:
         """Run a session of the devices for as long as the trial lasts."""
         from tega.loop import run_session
         from tega.loop.controls import Controls
-        from tega.loop.moment import Moment
+        from tega.loop.snapshot import Snapshot
         from tega.records import MuscleCondition, RunState
         from tega.records.bus import Bus
 
@@ -154,11 +154,11 @@ class LabBench:
         )
 
         def changed(change: RunState) -> None:
-            going.tell(change.state, change.reason)
+            going.notify(change.state, change.reason)
             if change.state == "active":
                 going.begin(change.t_ns)
 
-        bus.subscribe(Moment, lambda moment: going.view(moment.view), name="study", vital=True)
+        bus.subscribe(Snapshot, lambda snapshot: going.view(snapshot.view), name="study", vital=True)
         bus.subscribe(RunState, changed, name="study", vital=True)
         run_session(
             config,
@@ -229,23 +229,23 @@ class SimulatedBench:
         from tega_sim.lift import Lift
         from tega_sim.plan import TrialPlan
 
-        going.tell("preparing", "building the scene")
-        asked = TrialPlan.checked(
+        going.notify("preparing", "building the scene")
+        requested = TrialPlan.checked(
             {"object": trial.object, "condition": trial.condition, "seed": self._seed, **self._loop}
         )
         streams = _Watched(going)
-        lift = Lift(self._lab, asked, self._person, trial.trial, fatigue=self._fatigue, streams=streams)
-        going.tell("armed", "simulated")
+        lift = Lift(self._lab, requested, self._person, trial.trial, fatigue=self._fatigue, streams=streams)
+        going.notify("armed", "simulated")
         while not going.may_go():
             if going.over():
                 return
-            time.sleep(_LOOK_S)
-        going.tell("active", "simulated")
+            time.sleep(_POLL_S)
+        going.notify("active", "simulated")
         going.begin(0)
         lift.go(
             real_time=self._real_time,
-            observer=lambda moment: going.view(
-                moment.loop._replace(arm_height_m=lift.rig.world.hand_height_m)
+            observer=lambda snapshot: going.view(
+                snapshot.loop._replace(arm_height_m=lift.rig.world.hand_height_m)
             ),
             stop=going.over,
             paused=lambda: False,
@@ -253,7 +253,7 @@ class SimulatedBench:
         self._fatigue = lift.fatigue
         for event in lift.scorer.events:
             if event.kind in {"slip", "deformation"}:
-                going.see(event.kind, round(event.t_s * 1e9))
+                going.observe(event.kind, round(event.t_s * 1e9))
         folder.mkdir(parents=True, exist_ok=True)
         streams.write_tables(folder)
         write_whole(folder / "loop.toml", config_text(self.config))
@@ -274,7 +274,7 @@ class _Watched(Streams):
         t_ns = round(percept.t_s * 1e9)
         if act.phase in {"place", "release", "done"}:
             return
-        self._going.see("height", t_ns, scene.object_height_m if scene.lift_off else 0.0)
+        self._going.observe("height", t_ns, scene.object_height_m if scene.lift_off else 0.0)
         if scene.dropped and not self._dropped:
             self._dropped = True
-            self._going.see("drop", t_ns)
+            self._going.observe("drop", t_ns)

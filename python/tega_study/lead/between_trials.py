@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tega_study.beep_score import said_of_beeps
+from tega_study.beep_score import beep_sentence
 from tega_study.journal import Journal, counting
 from tega_study.lead.trial import EXPERIMENTER, undo_last
 from tega_study.state import REPEATABLE
@@ -51,8 +51,8 @@ class TrialBefore:
         if ended_ns is None:
             return None
         # After a restart of the machine its clock begins anew: nobody knows how long ago the end was.
-        anew = any(event.t_ns > now_ns for event in self._journal.events[-1:])
-        return now_ns if anew else min(ended_ns, now_ns)
+        renewed = any(event.t_ns > now_ns for event in self._journal.events[-1:])
+        return now_ns if renewed else min(ended_ns, now_ns)
 
     @property
     def keys(self) -> list[tuple[str, str]]:
@@ -93,8 +93,8 @@ class TrialBefore:
         elif key == "r":
             self._again(trial, attempt)
         elif key == "u" and (done := undo_last(self._journal, trial, attempt, t_ns=now_ns)) is not None:
-            what = self._journal.events[(done.undone or 1) - 1]
-            self._desk.say(f"undone: {what.kind} of trial {trial}")
+            subject = self._journal.events[(done.undone or 1) - 1]
+            self._desk.say(f"undone: {subject.kind} of trial {trial}")
 
     def _again(self, trial: int, attempt: int) -> None:
         """Have the trial done once more; the reason is kept, and the attempt that took place does not count."""
@@ -161,5 +161,5 @@ class TrialBefore:
             how = "to be done again"
         return [
             f"trial {trial}: {how}; slips {n['slip']}, deformations {n['deformation']}; {end.text}"
-            + said_of_beeps(events, end.t_ns)
+            + beep_sentence(events, end.t_ns)
         ]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 ENTER = "\n"
 _LINE_EVERY_S = 5.0
-_LOOK_S = 0.05
+_POLL_S = 0.05
 
 
 class Screen(NamedTuple):
@@ -89,9 +89,9 @@ class LineDesk:
 
     def __init__(self, stop: Callable[[], bool] = lambda: False, *, alone: bool = False) -> None:
         self._stop, self._alone = stop, alone
-        self._heard: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._shown: tuple[object, ...] = ()
-        self._shown_s = 0.0
+        self._received: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._displayed: tuple[object, ...] = ()
+        self._displayed_s = 0.0
         self._gone = False
 
     def __enter__(self) -> Self:
@@ -104,16 +104,16 @@ class LineDesk:
 
     def _listen(self) -> None:
         for line in sys.stdin:
-            self._heard.put(line.rstrip("\n"))
-        self._heard.put(None)
+            self._received.put(line.rstrip("\n"))
+        self._received.put(None)
 
     def show(self, screen: Screen) -> None:
         """Show the state when it changes, and every five seconds."""
         now_s = time.monotonic()
-        what = screen.phase, screen.heading, tuple(screen.lines), tuple(screen.wrong)
-        if what == self._shown and now_s - self._shown_s < _LINE_EVERY_S:
+        subject = screen.phase, screen.heading, tuple(screen.lines), tuple(screen.wrong)
+        if subject == self._displayed and now_s - self._displayed_s < _LINE_EVERY_S:
             return
-        self._shown, self._shown_s = what, now_s
+        self._displayed, self._displayed_s = subject, now_s
         parts = [f"[{screen.phase}] {screen.heading} | {screen.big}", *screen.lines]
         click.echo(" | ".join(parts + [f"! {one}" for one in screen.wrong]), err=True)
 
@@ -126,8 +126,8 @@ class LineDesk:
         found: list[str] = []
         if self._gone and not self._alone:
             raise KeyboardInterrupt
-        while not self._heard.empty():
-            line = self._heard.get()
+        while not self._received.empty():
+            line = self._received.get()
             if line is None:
                 self._gone = True
                 break
@@ -142,7 +142,7 @@ class LineDesk:
         click.echo(f"? {prompt}", err=True)
         while not self._stop():
             try:
-                line = self._heard.get(timeout=_LOOK_S)
+                line = self._received.get(timeout=_POLL_S)
             except queue.Empty:
                 continue
             if line is None:
@@ -215,7 +215,7 @@ class TerminalDesk:
             self.show(
                 Screen("question", prompt, f"{typed}_", (), [("Enter", "answer"), ("Backspace", "take back")])
             )
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         raise KeyboardInterrupt
 
 
@@ -229,7 +229,7 @@ def _panel(screen: Screen) -> RenderableType:
     wrong = [Text(f"! {one}", style="bold red") for one in screen.wrong]
     keys = Table.grid(padding=(0, 2))
     for n in range(0, len(screen.keys), 3):
-        cells = [f"[bold cyan]{key}[/] {what}" for key, what in screen.keys[n : n + 3]]
+        cells = [f"[bold cyan]{key}[/] {subject}" for key, subject in screen.keys[n : n + 3]]
         keys.add_row(*cells)
     rows: list[RenderableType] = [
         Text(screen.heading, style="bold", justify="center"),

@@ -39,7 +39,7 @@ def trial_medians(seen: Sequence[MuscleCondition]) -> dict[str, float]:
     return found
 
 
-def said_of_muscles(events: Sequence[JournalEvent]) -> list[str]:
+def muscle_sentence(events: Sequence[JournalEvent]) -> list[str]:
     """Return how the muscles' median frequencies have changed since the first trials, to be shown in a rest.
 
     Args:
@@ -59,13 +59,13 @@ def said_of_muscles(events: Sequence[JournalEvent]) -> list[str]:
             changes[channel] = newest_hz / first_hz - 1
     if not changes:
         return []
-    shown = ", ".join(f"{channel} {100 * change:+.0f} %" for channel, change in sorted(changes.items()))
+    displayed = ", ".join(f"{channel} {100 * change:+.0f} %" for channel, change in sorted(changes.items()))
     tired = sorted(channel for channel, change in changes.items() if change <= -FELL_SHARE)
-    lines = [f"median frequency against the first trials: {shown}".replace("-", "−")]
+    lines = [f"median frequency against the first trials: {displayed}".replace("-", "−")]
     return lines + ([f"{', '.join(tired)}: tired; let the arm rest longer"] if tired else [])
 
 
-def said_of_squeezes(events: Sequence[JournalEvent]) -> list[str]:
+def squeeze_sentence(events: Sequence[JournalEvent]) -> list[str]:
     """Return how strong the newest squeeze was, to be shown in a rest; nothing before the first.
 
     Args:

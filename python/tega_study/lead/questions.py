@@ -135,12 +135,12 @@ def blocks_to_ask(
         open_trials: Numbers of the trials that are still to be done.
     """
     undone = undone_numbers(events)
-    asked = {(e.trial, e.item) for e in events if e.kind == "rating" and e.n not in undone}
+    requested = {(e.trial, e.item) for e in events if e.kind == "rating" and e.n not in undone}
     ran = {event.trial for event in events if event.kind == "trial_start"}
     found = []
     for block in dict.fromkeys(trial.block for trial in trials):
         mine = [trial.trial for trial in trials if trial.block == block]
         over = open_trials.isdisjoint(mine) and not ran.isdisjoint(mine)
-        if over and any((mine[-1], question.item) not in asked for question in QUESTIONS):
+        if over and any((mine[-1], question.item) not in requested for question in QUESTIONS):
             found.append(mine[-1])
     return found

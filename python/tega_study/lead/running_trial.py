@@ -18,7 +18,7 @@ from tega_study.touch_rows import TouchRow
 
 if TYPE_CHECKING:
     from tega.hand.poses import ClosureScale
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.records import MuscleCondition
     from tega.runtime.clock import Clock
 
@@ -90,11 +90,11 @@ class Going:
 
     # The bench's side.
 
-    def preparing(self, what: str, done: int, total: int) -> None:
+    def preparing(self, subject: str, done: int, total: int) -> None:
         """Take in how preparation goes."""
-        self.reason = f"{what} {done} of {total}" if total else what
+        self.reason = f"{subject} {done} of {total}" if total else subject
 
-    def tell(self, state: str, reason: str = "") -> None:
+    def notify(self, state: str, reason: str = "") -> None:
         """Take in the bench's state."""
         self.state, self.reason = state, reason
 
@@ -117,7 +117,7 @@ class Going:
         """Take in the loop's view, at every tick of the vest."""
         self.alerts = tuple(view.alerts)
         if view.state:
-            self.tell(view.state, view.reason)
+            self.notify(view.state, view.reason)
         pedal = view.inputs.get("marker")
         pressed, self._presses = self._presses, 0 if pedal is None else pedal.n_presses
         if self.started_ns is None or self._over.is_set():
@@ -156,7 +156,7 @@ class Going:
         """Measure height and drop, if the arm's height is known now."""
         if self._lift is None or row.height_m is None:
             return
-        height_m, dropped_s = self._lift.look(
+        height_m, dropped_s = self._lift.check(
             row.t_s, row.height_m, touching=touching, level=row.level, closure=row.closure
         )
         self._seen.append(TrialSeen("height", row.t_s, height_m, ARM))
@@ -172,7 +172,7 @@ class Going:
         level = None if view.intent is None else view.intent.level
         return HandRow(t_s, level, closure, view.arm_height_m, tips_mm)
 
-    def see(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:
+    def observe(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:
         """Take in something seen at a moment in the bench's own count of time, such as a height in metres."""
         if self.started_ns is not None:
             self._seen.append(TrialSeen(kind, (t_ns - self._view_zero_ns) / 1e9, value))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tega_study.beep_score import said_of_beeps
+from tega_study.beep_score import beep_sentence
 from tega_study.lead.experimenter import Screen
 from tega_study.lead.keys import keys_of
 
@@ -76,10 +76,10 @@ def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) 
 def ended(led: LedTrial, end: JournalEvent) -> list[str]:
     """Return the messages for an ended trial."""
     status = "" if end.status == "done" else f" ({end.status})"
-    said = [f"trial {led.trial.trial}: {end.text}{status}{said_of_beeps(led.events(), end.t_ns)}"]
+    message = [f"trial {led.trial.trial}: {end.text}{status}{beep_sentence(led.events(), end.t_ns)}"]
     if led.lift_off_s is None and any(event.kind == "slip" for event in led.events()):
-        said.append("No lift-off was marked, so the slips of this trial count as before lift-off.")
-    return said
+        message.append("No lift-off was marked, so the slips of this trial count as before lift-off.")
+    return message
 
 
 def _about(led: LedTrial) -> str:

@@ -14,14 +14,14 @@ from tega_study.lead.asking import BlockQuestions
 from tega_study.lead.beeps import Beeps, check_answer_key
 from tega_study.lead.between_trials import TrialBefore
 from tega_study.lead.experimenter import ENTER, Desk
-from tega_study.lead.fatigue import said_of_muscles, said_of_squeezes
+from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence
 from tega_study.lead.pedals import pedal_keys
 from tega_study.lead.questions import blocks_to_ask
 from tega_study.lead.rest_tasks import RestTask, RunningTask
 from tega_study.lead.screens import doing, ended, running, waiting
 from tega_study.lead.session_progress import Telling
 from tega_study.lead.status_file import SessionBoard, board_path
-from tega_study.lead.tell import CommandFile, told_path
+from tega_study.lead.tell import CommandFile, commands_path
 from tega_study.lead.trial import LedTrial, Task
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.probe import beep_times
@@ -149,7 +149,7 @@ class _Lead:
         self._auto, self._stop, self._masking = auto, stop, masking
         self._before = TrialBefore(journal, desk, clock)
         self._telling = Telling(desk, board_path(folder, participant))
-        self._told = CommandFile(told_path(folder, participant), clock)
+        self._reported = CommandFile(commands_path(folder, participant), clock)
         self._led: LedTrial | None = None
 
     @property
@@ -181,8 +181,8 @@ class _Lead:
             n_done += self._trial(trial, attempt)
             self._check_masking(f" in trial {trial.trial}")
         state = self._state
-        if said := state.said():
-            self._desk.say(said)
+        if message := state.said():
+            self._desk.say(message)
         if state.next is None:
             self._desk.say("All trials are over. Thank the participant; take off vest and electrodes.")
         return state
@@ -200,9 +200,9 @@ class _Lead:
         """Stop if the masking sound has stopped: audible motors would be another condition."""
         if self._masking is None or self._masking.playing:
             return
-        said = f"the masking sound stopped{when}: the loudspeaker went away"
-        self._before.note(said)
-        raise DeviceUnavailableError(said, "plug it in again; the same command goes on")
+        message = f"the masking sound stopped{when}: the loudspeaker went away"
+        self._before.note(message)
+        raise DeviceUnavailableError(message, "plug it in again; the same command goes on")
 
     def _wait(self, trial: PlannedTrial | None, attempt: int) -> bool:
         """Rest, then wait until everybody is ready, or after the last trial until there is no more to be said of it.
@@ -218,8 +218,10 @@ class _Lead:
         ended_ns = self._before.ended_ns(now_ns)
         until_ns = now_ns if ended_ns is None else ended_ns + round(rest_s * self._scale * 1e9)
         again = ", again" if attempt > 1 else ""
-        what = "all trials are over" if trial is None else f"trial {trial.trial} of {len(self._mine)}{again}"
-        heading = f"{self._participant} · {what}" + ("" if trial is None else f" · {trial.object}")
+        subject = (
+            "all trials are over" if trial is None else f"trial {trial.trial} of {len(self._mine)}{again}"
+        )
+        heading = f"{self._participant} · {subject}" + ("" if trial is None else f" · {trial.object}")
         quitting = False
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
@@ -230,7 +232,7 @@ class _Lead:
             now_ns = self._clock.now_ns()
             left_s = (until_ns - now_ns) / 1e9
             resting = left_s > 0
-            for key in self._heard():
+            for key in self._received():
                 if key == "q":
                     if quitting:
                         return False
@@ -248,8 +250,8 @@ class _Lead:
                 return True
             thing = "" if trial is None else trial.object
             events = self._journal.events
-            told = [*self._before.lines(), *said_of_muscles(events), *said_of_squeezes(events)]
-            screen = waiting(heading, thing, left_s, told, [*offered, *self._before.keys])
+            reported = [*self._before.lines(), *muscle_sentence(events), *squeeze_sentence(events)]
+            screen = waiting(heading, thing, left_s, reported, [*offered, *self._before.keys])
             self._telling.show(
                 screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
             )
@@ -266,7 +268,7 @@ class _Lead:
         running = RunningTask(task)
         try:
             while not running.over:
-                if "a" in self._heard():
+                if "a" in self._received():
                     running.end()
                 self._telling.show(doing(heading, running), self._as_board("task", None))
                 time.sleep(_POLL_S)
@@ -305,7 +307,7 @@ class _Lead:
             beeps=self._beeps(trial, attempt),
         )
         heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)} · {trial.object}"
-        while not led.step(self._heard()):
+        while not led.step(self._received()):
             going = led.going
             until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)
             self._telling.show(
@@ -328,8 +330,8 @@ class _Lead:
             self._desk.say(f"The trial did not begin: {led.broke}")
             return False
         end = next(e for e in reversed(self._journal.events) if e.kind == "trial_end")
-        for said in ended(led, end):
-            self._desk.say(said)
+        for message in ended(led, end):
+            self._desk.say(message)
         if self._auto and end.status == "aborted_technical" and attempt >= _BROKEN_ALONE:
             raise DeviceUnavailableError(
                 f"trial {trial.trial} broke off {attempt} times: {end.text}", "the same command goes on"
@@ -350,29 +352,29 @@ class _Lead:
         if state.next is not None:
             left.add(state.next[0])
         for number in blocks_to_ask(self._mine, self._journal.events, left):
-            asked = BlockQuestions(
+            requested = BlockQuestions(
                 self._journal, self._clock, number, f"{self._participant} · after trial {number}"
             )
             if self._auto:
-                asked.pass_over()
-            while not asked.over:
-                self._heard_by_program()
+                requested.pass_over()
+            while not requested.over:
+                self._received_by_program()
                 pressed = self._desk.keys()
                 for key in pressed:
-                    asked.press(key)
-                self._telling.show(asked.screen(), self._as_board("questions", None))
+                    requested.press(key)
+                self._telling.show(requested.screen(), self._as_board("questions", None))
                 time.sleep(_POLL_S)
         return True
 
-    def _heard(self) -> list[str]:
-        told, typed = self._heard_by_program(), self._desk.keys()
-        return [*(own for key in typed for own in self._pedals.get(key, (key,))), *told]
+    def _received(self) -> list[str]:
+        reported, typed = self._received_by_program(), self._desk.keys()
+        return [*(own for key in typed for own in self._pedals.get(key, (key,))), *reported]
 
-    def _heard_by_program(self) -> list[str]:
+    def _received_by_program(self) -> list[str]:
         """Return what another program has pressed; a question is answered by a person, whatever it presses."""
         if self._stop():
             raise KeyboardInterrupt
-        return self._told.take()
+        return self._reported.take()
 
     def _as_board(
         self,
@@ -397,7 +399,7 @@ class _Lead:
             until_ns=until_ns,
             window_s=self._plan.settings.window_s,
             says=says,
-            n_told=self._told.n_taken,
+            n_told=self._reported.n_taken,
             health=health,
         )
 

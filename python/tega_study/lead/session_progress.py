@@ -23,7 +23,7 @@ class Telling:
     def __init__(self, desk: Desk, path: Path) -> None:
         self._desk, self._path = desk, path
         self._drawn_s = self._put_s = float("-inf")
-        self._told: SessionBoard | None = None
+        self._reported: SessionBoard | None = None
 
     def show(self, screen: Screen, board: SessionBoard) -> None:
         """Draw the screen and write the board."""
@@ -35,8 +35,14 @@ class Telling:
 
     def put(self, board: SessionBoard, *, at_once: bool = False) -> None:
         """Write the board on every change, and often enough to show that the session is led."""
-        now_s, told = time.monotonic(), self._told
-        same = told is not None and (told.phase, told.trial, told.started_ns, told.health, told.n_told) == (
+        now_s, reported = time.monotonic(), self._reported
+        same = reported is not None and (
+            reported.phase,
+            reported.trial,
+            reported.started_ns,
+            reported.health,
+            reported.n_told,
+        ) == (
             board.phase,
             board.trial,
             board.started_ns,
@@ -45,5 +51,5 @@ class Telling:
         )
         if same and not at_once and now_s - self._put_s < _BOARD_S:
             return
-        self._told, self._put_s = board, now_s
+        self._reported, self._put_s = board, now_s
         write_board(self._path, board)

@@ -42,10 +42,10 @@ KEYS: Final[dict[Command, tuple[str, ...]]] = {
 FRESH_S: Final = 3.0
 """An older board belongs to a session that is not led: a led one renews it twice a second."""
 _MOST_BYTES: Final = 65536
-_LOOK_S: Final = 0.02
+_POLL_S: Final = 0.02
 
 
-class ToldLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class CommandLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A line of ``told.jsonl``.
 
     Attributes:
@@ -55,7 +55,7 @@ class ToldLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     do: Command
 
 
-def told_path(folder: Path, participant: str) -> Path:
+def commands_path(folder: Path, participant: str) -> Path:
     """Return where commands to a person's session are written."""
     return events_path(folder, participant).with_name("told.jsonl")
 
@@ -107,14 +107,14 @@ class CommandFile:
         for line in whole.splitlines():
             self.n_taken += 1
             try:
-                keys = KEYS[parse_json(line, ToldLine).do]
+                keys = KEYS[parse_json(line, CommandLine).do]
             except msgspec.DecodeError:
                 continue
             found += () if stale else keys
         return found
 
 
-def tell(
+def notify(
     folder: Path, participant: str, command: Command, *, clock: Clock, timeout_s: float = 3.0
 ) -> SessionBoard:
     """Give a running session a command, and wait until it has taken it.
@@ -134,15 +134,15 @@ def tell(
         RecordingError: The path for commands is a link, or not a file.
     """
     board = _fresh(folder, participant, clock)
-    line = msgspec.json.encode(ToldLine(command)) + b"\n"
-    with open_to_append(told_path(folder, participant)) as file:
+    line = msgspec.json.encode(CommandLine(command)) + b"\n"
+    with open_to_append(commands_path(folder, participant)) as file:
         file.write(line)  # goes out in one call, so that two programs' lines are never mixed
     until_ns = clock.now_ns() + round(timeout_s * 1e9)
     while clock.now_ns() < until_ns:
         now = read_board(board_path(folder, participant))
         if now is not None and now.n_told > board.n_told:
             return now
-        time.sleep(_LOOK_S)
+        time.sleep(_POLL_S)
     raise DeviceUnavailableError(
         f"the session of {participant} did not take {command!r} within {timeout_s:g} s",
         "it may be waiting for a typed answer; look at its terminal",

@@ -137,11 +137,11 @@ class LedTrial:
             self._begin(going.started_ns)
         gone = not self._thread.is_alive()
         end = self._press(keys)
-        seen_end = self._look()
+        seen_end = self._check()
         t_s = going.elapsed_s()
-        self._keyed.look(t_s)
+        self._keyed.check(t_s)
         if self.beeps is not None:
-            self.beeps.look(t_s, self._note_beep)
+            self.beeps.check(t_s, self._note_beep)
         self._note_lift()
         end = seen_end or end or self._ended(t_s, gone=gone)
         if end is not None:
@@ -165,7 +165,7 @@ class LedTrial:
             error = self._raised[0] if self._raised else None
             self.phase, self.broke = (
                 "over",
-                _told(error) if error else "the bench ended before the trial began",
+                _reported(error) if error else "the bench ended before the trial began",
             )
             if error is not None and not isinstance(error, TegaError | OSError):
                 raise error
@@ -232,7 +232,7 @@ class LedTrial:
         self._keyed_height = self._keyed_height or up
         self._keyed.height(t_s, LIFT_M if up else OFF_TABLE_M)
 
-    def _look(self) -> _TrialEnd | None:
+    def _check(self) -> _TrialEnd | None:
         for seen in self.going.seen():
             if seen.kind == "height":
                 self._observed.height(seen.t_s, seen.value)
@@ -267,7 +267,7 @@ class LedTrial:
     def _ended(self, t_s: float, *, gone: bool) -> _TrialEnd | None:
         verdict = self.rule.verdict(t_s)
         if self._raised:
-            return _TrialEnd(t_s, "aborted_technical", _told(self._raised[0]))
+            return _TrialEnd(t_s, "aborted_technical", _reported(self._raised[0]))
         if verdict == "lifted" and self._task == "lift" and self.rule.held_s is not None:
             return _TrialEnd(self.rule.held_s[1], "done", "lifted and held")
         if verdict == "too late":
@@ -302,7 +302,7 @@ class LedTrial:
         rows = [row for row in self.going.hand() if row.t_s <= end.t_s]
         write_hand(where.with_name("hand.csv"), rows)
         if self._raised and end.status in {"done", "failed_task"}:
-            end = end._replace(status="aborted_technical", why=_told(self._raised[0]))
+            end = end._replace(status="aborted_technical", why=_reported(self._raised[0]))
         lifted = success(self.rule, (event.kind for event in self.events()))
         status = end.status
         if status == "done" and not lifted:
@@ -359,5 +359,5 @@ def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> Journ
     )
 
 
-def _told(error: BaseException) -> str:
+def _reported(error: BaseException) -> str:
     return str(error) or type(error).__name__

@@ -16,7 +16,7 @@ from textual.widgets import Digits, Input, Static
 from tega_study.journal import Kind
 from tega_study.observe.observing import Now, Observing
 
-_LOOK_S = 0.1
+_POLL_S = 0.1
 _REPEAT_NS = 80_000_000
 _KEYS: dict[str, Kind] = {"l": "lift_off", "s": "slip", "d": "deformation", "x": "drop"}
 _NAMES: dict[str, str] = {
@@ -26,8 +26,8 @@ _NAMES: dict[str, str] = {
     "drop": "drop",
 }
 _HELP = "   ".join(
-    f"[b]{key}[/] {what}"
-    for key, what in (
+    f"[b]{key}[/] {subject}"
+    for key, subject in (
         *((key, _NAMES[_KEYS[key]]) for key in "sdxl"),
         ("u", "undo"),
         ("n", "note"),
@@ -96,8 +96,8 @@ class Console(App[None]):
 
     def on_mount(self) -> None:
         """Begin to look."""
-        self.set_interval(_LOOK_S, self._look_if_there)
-        self.look()
+        self.set_interval(_POLL_S, self._check_if_present)
+        self.check()
 
     def on_unmount(self) -> None:
         """Close the rater's file."""
@@ -139,7 +139,7 @@ class Console(App[None]):
             self._refused(f"{key!r} means nothing")
         event.stop()
         event.prevent_default()
-        self._look_if_there()
+        self._check_if_present()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Keep a note."""
@@ -153,14 +153,14 @@ class Console(App[None]):
         note.display = False
         self.set_focus(None)
 
-    def _look_if_there(self) -> None:
+    def _check_if_present(self) -> None:
         if self.query("#where"):  # else it is being taken down
-            self.look()
+            self.check()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Show how the session stands."""
         t_ns = time.monotonic_ns()
-        now = self.observing.look(t_ns)
+        now = self.observing.check(t_ns)
         trial = now.running[0] if now.running is not None else now.following
         where = f"{self._participant} · rater {self._rater}"
         if now.board is not None:

@@ -91,7 +91,7 @@ class Observing:
         self._came_ns = t_ns
         self.journal.add("session_start", t_ns=t_ns, source=rater, text=signed)
 
-    def look(self, t_ns: int) -> Now:
+    def check(self, t_ns: int) -> Now:
         """Look at how the session stands; note the trials that have begun and ended.
 
         Args:
@@ -125,7 +125,7 @@ class Observing:
         Returns:
             Why it was refused; ``""`` when it is on the disk.
         """
-        now = self.look(t_ns)
+        now = self.check(t_ns)
         if now.newest is None:
             return "no trial has begun yet"
         trial, attempt = now.newest
@@ -138,7 +138,7 @@ class Observing:
 
     def undo(self, t_ns: int) -> str:
         """Take back the newest event of the trial that goes on or was the last; the reason where there is none."""
-        now = self.look(t_ns)
+        now = self.check(t_ns)
         if now.newest is None or not now.events:
             return "there is nothing to undo"
         trial, attempt = now.newest
@@ -150,7 +150,7 @@ class Observing:
 
     def note(self, text: str, t_ns: int) -> None:
         """Add a note, to the trial that goes on or was the last where there is one."""
-        now = self.look(t_ns)
+        now = self.check(t_ns)
         number, attempt = (0, 1) if now.newest is None else (now.newest[0].trial, now.newest[1])
         self.journal.add("note", t_ns=t_ns, trial=number, attempt=attempt, source=self.rater, text=text)
 
@@ -175,9 +175,9 @@ class Observing:
         if saw is None:
             if end is not None:  # it was over before anybody looked
                 return
-            said = WHOLE if whole else PART
+            message = WHOLE if whole else PART
             saw = self.journal.add(
-                "trial_start", t_ns=start.t_ns, trial=key[0], attempt=key[1], source=self.rater, text=said
+                "trial_start", t_ns=start.t_ns, trial=key[0], attempt=key[1], source=self.rater, text=message
             )
         if end is not None and self._of(mine, "trial_end", *key) is None:
             away = any(event.kind == "session_start" for event in mine[saw.n :])

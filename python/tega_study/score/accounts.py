@@ -13,7 +13,7 @@ from tega_study.detecting import DETECTOR, NOT_OBSERVABLE, read_detected
 from tega_study.journal import JournalEvent, Kind, counting, events_path, read_events
 from tega_study.lead.arm_lift import ARM
 from tega_study.measured import CAMERA, read_measured
-from tega_study.observers import read_observers, saw_whole, was_shown_proposals
+from tega_study.observers import read_observers, saw_proposals, saw_whole
 from tega_study.plan import read_plan
 from tega_study.score.agree import Agreement, agreement
 from tega_study.score.boris import attempts
@@ -76,17 +76,17 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
             if end.status not in {"done", "failed_task"}:
                 continue
             own = counting(main, start.trial, start.attempt)
-            said: dict[str, Sequence[JournalEvent]] = {}
+            message: dict[str, Sequence[JournalEvent]] = {}
             if simulated:
-                said[TRUTH] = [event for event in own if event.source == "auto"]
+                message[TRUTH] = [event for event in own if event.source == "auto"]
             for rater, events in raters.items():
                 if saw_whole(events, start.trial, start.attempt):
-                    said[rater] = counting(events, start.trial, start.attempt)
+                    message[rater] = counting(events, start.trial, start.attempt)
             if arm := [event for event in own if event.source == ARM]:
-                said[ARM] = arm
+                message[ARM] = arm
             if pressed:
-                said[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
-            for name, seen in said.items():
+                message[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
+            for name, seen in message.items():
                 key = person, start.trial, start.attempt
                 kinds = (*KINDS, *plan.settings.behaviours)
                 accounts.setdefault(name, []).append(_scored(key, start, end, seen, kinds))
@@ -111,7 +111,7 @@ def _scored(
     return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()}, blind)
 
 
-def _shown_proposals(folder: Path) -> set[str]:
+def _displayed_proposals(folder: Path) -> set[str]:
     """Return the raters who were shown what rule and detector say."""
     plan, gone = read_plan(folder), withdrawn_ids(folder)
     return {
@@ -119,7 +119,7 @@ def _shown_proposals(folder: Path) -> set[str]:
         for person in plan.participants
         if person not in gone
         for rater, events in read_observers(folder, person).items()
-        if was_shown_proposals(events)
+        if saw_proposals(events)
     }
 
 
@@ -136,11 +136,11 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         RecordingError: The study is damaged.
     """
     accounts = scored_trials(folder)
-    shown, own = _shown_proposals(folder), read_plan(folder).settings.behaviours
+    displayed, own = _displayed_proposals(folder), read_plan(folder).settings.behaviours
     names = sorted(accounts, key=lambda name: (_PLACES.get(name, 1), name))
     found = []
     for a, b in combinations(names, 2):
-        if {a, b} & shown and {a, b} & {TRUTH, DETECTOR}:
+        if {a, b} & displayed and {a, b} & {TRUTH, DETECTOR}:
             continue  # what rule and detector proposed would be compared with itself
         first = {one.key: one for one in accounts[a]}
         second = {one.key: one for one in accounts[b]}

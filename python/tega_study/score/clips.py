@@ -107,7 +107,7 @@ class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
 
 def key_path(folder: Path, rater: str) -> Path:
     """Return where the key of a rater's clips is."""
-    plain_name(rater, what="rater", source=folder.name)
+    plain_name(rater, subject="rater", source=folder.name)
     return folder / "clips" / f"{rater}.json"
 
 
@@ -118,7 +118,7 @@ def make_clips(
     *,
     proposals: bool = False,
     scenes: Sequence[Path] = (),
-    told: Callable[[int, int], None] = lambda _done, _total: None,
+    reported: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> ClipKey:
     """Write clips and a project for a rater.
 
@@ -129,7 +129,7 @@ def make_clips(
         proposals: Put what rule and detector say into the project.
         scenes: Scene recordings of the sessions, made on their machine; none to use the films in the trials'
             recordings.
-        told: Called with the number of finished clips and the total.
+        reported: Called with the number of finished clips and the total.
 
     Returns:
         The key, which is kept in the study's folder.
@@ -146,11 +146,11 @@ def make_clips(
     if out.exists() and any(out.iterdir()):
         raise InvalidValueError(f"{out}: is not empty", "name a new folder")
     filmed = SceneReel(scenes) if scenes else None
-    shown, left_out = _shown(folder, rater)
+    displayed, left_out = _displayed(folder, rater)
     out.mkdir(parents=True, exist_ok=True)
     clips, observations = [], {}
-    for n, (person, trial) in enumerate(shown, start=1):
-        told(n - 1, len(shown))
+    for n, (person, trial) in enumerate(displayed, start=1):
+        reported(n - 1, len(displayed))
         name = f"clip-{n:03d}"
         video = out / f"{name}.avi"
         try:
@@ -159,7 +159,7 @@ def make_clips(
         except RecordingError as error:
             left_out.append(f"{trial.id}: {error.message}")
             continue
-        left_out += [] if scene is None or filmed else [f"{trial.id}: {said}" for said in scene.problems]
+        left_out += [] if scene is None or filmed else [f"{trial.id}: {text}" for text in scene.problems]
         note_elsewhere(folder, person, video)
         events = _proposals(folder, person, trial) if proposals else []
         clips.append(RaterClip(name, person, trial.trial, trial.attempt, length_s, events))
@@ -170,7 +170,7 @@ def make_clips(
             media=video.name,
             rate_hz=RATE_HZ,
         )
-    told(len(shown), len(shown))
+    reported(len(displayed), len(displayed))
     left_out += [] if filmed is None else filmed.problems
     if not clips:
         raise DeviceUnavailableError(f"no recording can be shown: {'; '.join(left_out)}")
@@ -179,7 +179,7 @@ def make_clips(
         name=f"{folder.name}, {rater}",
         description="blind clips in an order of their own; times count from each clip's start",
         behaviours=[BorisBehaviour(code, letter, modifiers) for code, (_kind, letter) in CODES.items()],
-        subjects=sorted({trial.object for _person, trial in shown}),
+        subjects=sorted({trial.object for _person, trial in displayed}),
         variables=("object",),
         observations=observations,
     )
@@ -199,7 +199,7 @@ def _own_scene(trial: RecordedTrial) -> SceneReel | None:
     return SceneReel([recording]) if filmed_cameras(McapReader(recording)) else None
 
 
-def _shown(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]], list[str]]:
+def _displayed(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]], list[str]]:
     """Return everybody's recorded trials that count, in the rater's order, and what cannot be shown."""
     plan, gone = read_plan(folder), withdrawn_ids(folder)
     found: list[tuple[str, RecordedTrial]] = []

@@ -26,14 +26,14 @@ class _FilmFile:
 
     def __init__(self, path: Path) -> None:
         self._bus = Bus()
-        self._bus.subscribe(DisplayPicture, self._see, vital=True)
+        self._bus.subscribe(DisplayPicture, self._observe, vital=True)
         self.file: FollowedFile = followed_scene(
             path, self._bus, start_ns=0, end_ns=_EVER_NS, behind_ns=_EVER_NS
         )
         self.names = [one.name for one in self.file.followers]
         self.newest: dict[str, NDArray[np.uint8]] = {}
 
-    def _see(self, one: DisplayPicture) -> None:
+    def _observe(self, one: DisplayPicture) -> None:
         self.newest.pop(one.name, None)
         if one.image is not None:
             self.newest[one.name] = one.image
@@ -87,4 +87,4 @@ class SceneReel:
     @property
     def problems(self) -> list[str]:
         """What cannot be shown, a sentence each."""
-        return [said for film in self._films for said in film.file.problems.values()]
+        return [text for film in self._films for text in film.file.problems.values()]

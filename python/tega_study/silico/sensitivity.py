@@ -83,7 +83,7 @@ def run_sensitivity(
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
-    progress: Progress = lambda _what, _done, _total: None,
+    progress: Progress = lambda _subject, _done, _total: None,
 ) -> list[str]:
     """Run the small studies that are not finished.
 
@@ -161,20 +161,20 @@ def read_sensitivity(folder: Path) -> tuple[SensitivityRow, ...]:
             continue
         plan, trials = study_trials(small)
         first = plan.settings.conditions[0]
-        what, setting = "base", ""
+        subject, setting = "base", ""
         end: Literal["low", "high", ""] = ""
         if stated.everyone:
-            ((what, value),) = stated.everyone.items()
-            section, _, name = what.partition(".")
+            ((subject, value),) = stated.everyone.items()
+            section, _, name = subject.partition(".")
             p = read_parameters(small)[section][name]
             setting, end = f"{value:g} {p.unit}".strip(), "low" if value < p.value else "high"
         elif first != "haptic":
-            what, setting = "arm", first
+            subject, setting = "arm", first
         elif stated.preset != "live":
-            what, setting = "reading", stated.preset
+            subject, setting = "reading", stated.preset
         rows.append(
             SensitivityRow(
-                what=what,
+                what=subject,
                 setting=setting,
                 end=end,
                 people=len(plan.participants),

@@ -107,8 +107,8 @@ def _go(job: SessionJob, folder: Path) -> None:
     lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings)
     specs = {name: stated.spec(name) for name in stated.objects}
     first = job.settings.objects[0]
-    asked = TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same})
-    minds = {"": lab.person(asked)} if not stated.fresh else {}
+    requested = TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same})
+    minds = {"": lab.person(requested)} if not stated.fresh else {}
     practised: set[tuple[str, str]] = set()
     fatigue: dict[str, float] = {}
     t_ns = 0
@@ -119,7 +119,7 @@ def _go(job: SessionJob, folder: Path) -> None:
         for trial in job.trials:
             t_ns += round(trial.rest_s * 1e9)
             streams = None if stated.fresh else Streams()
-            asked = TrialPlan.checked(
+            requested = TrialPlan.checked(
                 {
                     "object": trial.object,
                     "spec": specs[trial.object],
@@ -130,11 +130,11 @@ def _go(job: SessionJob, folder: Path) -> None:
             )
             # Who meets each condition afresh is another one under each, with the same chance in the n-th trial of each.
             who, number = (trial.condition, trial.repeat) if stated.fresh else ("", trial.trial)
-            mind = minds.get(who) or minds.setdefault(who, lab.person(asked))
+            mind = minds.get(who) or minds.setdefault(who, lab.person(requested))
             if (trial.object, trial.condition) not in practised:
                 practised.add((trial.object, trial.condition))
-                practise(lab, asked, mind, number)
-            lift = Lift(lab, asked, mind, number, fatigue=fatigue.get(who, 0.0), streams=streams)
+                practise(lab, requested, mind, number)
+            lift = Lift(lab, requested, mind, number, fatigue=fatigue.get(who, 0.0), streams=streams)
             lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
             fatigue[who] = lift.fatigue
             result = lift.result(lift.end_s)

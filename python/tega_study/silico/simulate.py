@@ -75,7 +75,7 @@ def simulate(
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
-    progress: Progress = lambda _what, _done, _total: None,
+    progress: Progress = lambda _subject, _done, _total: None,
 ) -> StudyPlan:
     """Run a whole study with simulated people, or the sessions that are not finished.
 
@@ -155,14 +155,14 @@ def made_study(
     from tega_sim.conditions import SESSION_CONDITIONS
     from tega_sim.world import OBJECTS
 
-    for what, names, known in (
+    for subject, names, known in (
         ("objects", objects, [*OBJECTS, *(objects if isinstance(objects, Mapping) else ())]),
         ("conditions", conditions, SESSION_CONDITIONS),
     ):
         for name in names:
             if name not in known:
                 raise InvalidValueError(
-                    f"{what}: {name!r} cannot be simulated", f"choose from {', '.join(map(str, known))}"
+                    f"{subject}: {name!r} cannot be simulated", f"choose from {', '.join(map(str, known))}"
                 )
     plan = make_plan(
         participants=operators,

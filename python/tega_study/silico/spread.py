@@ -17,7 +17,7 @@ from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_ses
 Progress = Callable[[str, int, int], None]
 """Called with the unit that is counted, the number of finished ones, and the total."""
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _CONNECT_S = 10.0
 
 
@@ -26,7 +26,7 @@ def run_sessions(
     *,
     workers: int = 0,
     dask: str = "",
-    progress: Progress = lambda _what, _done, _total: None,
+    progress: Progress = lambda _subject, _done, _total: None,
 ) -> None:
     """Run sessions and put each into its study's folder as soon as it is over.
 
@@ -102,21 +102,21 @@ def _watched(
     """Report progress in trials: finished sessions, and the written courses of running ones."""
     n_over, ended = 0, threading.Event()
 
-    def tell(done: int) -> None:
+    def notify(done: int) -> None:
         nonlocal n_over
         n_over = done
         progress("trials", done, total)
 
-    def look() -> None:
-        while not ended.wait(_LOOK_S):
+    def check() -> None:
+        while not ended.wait(_POLL_S):
             progress("trials", min(n_over + sum(map(_written, jobs)), total), total)
 
-    tell(0)
-    watcher = threading.Thread(target=look, daemon=True, name="tega-progress")
+    notify(0)
+    watcher = threading.Thread(target=check, daemon=True, name="tega-progress")
     if on:
         watcher.start()
     try:
-        yield tell
+        yield notify
     finally:
         ended.set()
         if on:

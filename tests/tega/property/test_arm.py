@@ -160,8 +160,8 @@ def test_after_a_tick_at_the_closing_speed_one_can_still_stop(speed, distance, a
     s = closing_speed(speed, distance, acceleration, dt_s)
     tau = abs(s - speed) / acceleration
     if s > 0 and tau <= dt_s:
-        way = (s + speed) / 2 * tau + s * (dt_s - tau)
-        assert way + s * s / (2 * acceleration) == pytest.approx(distance, abs=1e-9)
+        route = (s + speed) / 2 * tau + s * (dt_s - tau)
+        assert route + s * s / (2 * acceleration) == pytest.approx(distance, abs=1e-9)
     elif s == 0 and distance > 0:
         assert speed * speed / (2 * acceleration) >= distance - 1e-12  # it comes too late to stop
 
@@ -195,7 +195,7 @@ def test_a_follower_obeys_and_arrives(limits, goals, dt_s) -> None:
         t_ns += dt_ns
         follower.step(goal, dt_s)
         zero = np.zeros(3)
-        obedience.see(ArmCommand(t_ns, "following", "", follower.pose, zero, zero, 1))
+        obedience.observe(ArmCommand(t_ns, "following", "", follower.pose, zero, zero, 1))
 
     for place, q, n in goals:
         goal = workspace.inside(Pose(MIDDLE + 0.6 * place, q))
@@ -319,19 +319,19 @@ def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, mapping) 
             turn = so3.unit(so3.multiply(so3.exp(0.1 * step["w"]), turn))
             good = StampedPose(now_ns, hand, -turn if step["flip"] else turn)
             poses = [spoilt(good, fault) for fault in step["faults"]] + [good] * step["good"]
-            told = StampedPose(now_ns, *arm)
-            measured: StampedPose | None = told
+            reported = StampedPose(now_ns, *arm)
+            measured: StampedPose | None = reported
             match step["measured"]:
                 case "none":
                     measured = None
                 case "nan":
-                    measured = spoilt(told, "nan")
+                    measured = spoilt(reported, "nan")
                 case "elsewhere":
-                    measured = told._replace(position_m=MIDDLE + step["v"])
+                    measured = reported._replace(position_m=MIDDLE + step["v"])
                 case "old":
-                    measured = told._replace(t_ns=now_ns - 2_000_000_000)
+                    measured = reported._replace(t_ns=now_ns - 2_000_000_000)
                 case "turned":
-                    measured = told._replace(quaternion_xyzw=so3.multiply(turn, FORWARD))
+                    measured = reported._replace(quaternion_xyzw=so3.multiply(turn, FORWARD))
             if step["stop"]:
                 chain.stop("somebody stopped it")
             if step["clear"]:
@@ -339,7 +339,7 @@ def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, mapping) 
             command = chain.step(
                 now_ns, poses, clutch=step["clutch"], dead_man=step["dead_man"], measured=measured
             )
-            obedience.see(command)
+            obedience.observe(command)
             states.add(command.state)
             assert command.reason
             if command.target is not None and step["measured"] == "lag":
@@ -471,7 +471,7 @@ def test_limits_hold_at_any_rate(rate_hz, v, w) -> None:
         return min(0.08, 2 * seconds) * phase * v, so3.exp(min(0.5, 5 * seconds) * phase * w)
 
     for command in follow(chain, 0, 2, dt_ns, clutch=False) + follow(chain, 2 * dt_ns, 100, dt_ns, hand):
-        obedience.see(command)
+        obedience.observe(command)
     if rate_hz >= 20:
         # A drawn hand that turns as fast as the gate's limit is taken for a tracker that jumps.
         assert command.state == "following" or "no vote: it jumped" in command.reason

@@ -30,17 +30,17 @@ MOST_QUESTIONS = 8 + 16 + 16 + 1
 @given(ceiling=LEVELS, answers=st.lists(st.booleans(), min_size=MOST_QUESTIONS, max_size=MOST_QUESTIONS))
 def test_the_ladder_ends_and_never_asks_above_its_ceiling(ceiling: int, answers: list[bool]) -> None:
     ladder = Ladder(ceiling)
-    asked = []
+    requested = []
     for felt in answers:
         if ladder.level is None:
             break
-        asked.append(ladder.level)
+        requested.append(ladder.level)
         ladder.answer(felt=felt)
     assert ladder.level is None
-    assert 0 <= min(asked) <= max(asked) <= ceiling
-    assert asked.count(0) <= 1
+    assert 0 <= min(requested) <= max(requested) <= ceiling
+    assert requested.count(0) <= 1
     found = ladder.result()
-    assert found.n_trials == len(asked)
+    assert found.n_trials == len(requested)
     assert found.level is None or 1 <= found.level <= ceiling
 
 
@@ -124,15 +124,17 @@ def test_noise_is_measured_and_a_light_that_changes_is_told(seed: int, noise: fl
     if abs(drift) < 2.5:
         assert not rest.problems
     if abs(drift) > 4:
-        assert any("light still changes" in said for said in rest.problems)
+        assert any("light still changes" in message for message in rest.problems)
 
 
 @given(st.permutations(SITES), st.sets(st.sampled_from(SITES), max_size=3))
 def test_judging_places_takes_any_answer(answers: list[str], unfelt: set[str]) -> None:
-    said = {shown: "n" if shown in unfelt else a for shown, a in zip(SITES, answers, strict=True)}
-    wearing = judge_wearing(said)
+    message = {
+        displayed: "n" if displayed in unfelt else a for displayed, a in zip(SITES, answers, strict=True)
+    }
+    wearing = judge_wearing(message)
     assert wearing.n_asked == 8
-    assert wearing.n_right == sum(shown == a for shown, a in said.items())
+    assert wearing.n_right == sum(displayed == a for displayed, a in message.items())
     assert any("not felt at all" in p for p in wearing.problems) == bool(unfelt)
 
 
@@ -225,9 +227,9 @@ def test_a_perfect_follower_scores_full_and_a_late_one_is_as_late_as_they_were(
 ) -> None:
     curve = Curve(duration_s, seed=seed)
     t_s = [k / 10 for k in range(int(duration_s * 10))]
-    asked = [curve.at(t) for t in t_s]
-    assert 1 <= min(asked) <= max(asked) <= 5
-    on_time = score(t_s, [round(a) for a in asked], curve)
+    requested = [curve.at(t) for t in t_s]
+    assert 1 <= min(requested) <= max(requested) <= 5
+    on_time = score(t_s, [round(a) for a in requested], curve)
     assert on_time.in_target == 1.0
     assert on_time.rms_error_levels < 0.5
     delayed = score(t_s, [round(curve.at(t - late / 10)) for t in t_s], curve)

@@ -60,11 +60,11 @@ def test_chunks_do_not_matter_to_the_last_bit(model: str, cuts: list[int], holes
     whole = fresh(model)
     whole.process(emg)
     parts = fresh(model)
-    told = []
+    reported = []
     for part in np.split(emg, sorted(cuts)):
         parts.process(part)
-        told += [msgspec.structs.replace(one, end=0) for one in parts.decoded]
-    assert repr(told) == repr([msgspec.structs.replace(one, end=0) for one in whole.decoded])
+        reported += [msgspec.structs.replace(one, end=0) for one in parts.decoded]
+    assert repr(reported) == repr([msgspec.structs.replace(one, end=0) for one in whole.decoded])
 
 
 @pytest.mark.slow
@@ -217,7 +217,7 @@ GOOD, WANTED = squeezes(seconds=12)
 
 
 @pytest.mark.parametrize(
-    ("emg", "target", "said"),
+    ("emg", "target", "text"),
     [
         (GOOD[:5000], WANTED[:5000], "too short"),
         (GOOD, np.zeros(len(GOOD)), "one class"),
@@ -230,8 +230,8 @@ GOOD, WANTED = squeezes(seconds=12)
         (GOOD * [1, 0, 1], WANTED, "never moves"),
     ],
 )
-def test_a_log_that_teaches_nothing_is_refused(emg: Any, target: Any, said: str) -> None:
-    with pytest.raises(TegaError, match=said) as refused:
+def test_a_log_that_teaches_nothing_is_refused(emg: Any, target: Any, text: str) -> None:
+    with pytest.raises(TegaError, match=text) as refused:
         fit(emg, target, rate_hz=RATE_HZ, tau=TAU)
     assert getattr(refused.value, "hint", "")
 
@@ -248,11 +248,11 @@ def test_recalibration_takes_out_other_gains() -> None:
     emg, closure = squeezes(seconds=40)
     decoder = fit(emg[:20_000], closure[:20_000], rate_hz=RATE_HZ, tau=TAU)
     moved = 500 + (emg[20_000:] - 500) * [0.3, 3.0, 0.5]
-    anew = decoder.recalibrated(moved[:10_000], closure[20_000:30_000])
+    renewed = decoder.recalibrated(moved[:10_000], closure[20_000:30_000])
     wanted = closure[30_000:].reshape(-1, TAU).mean(axis=1)
     decoder.restart()
     before = np.abs(decoder.process(moved[10_000:]) - wanted).mean()
-    after = np.abs(anew.process(moved[10_000:]) - wanted).mean()
+    after = np.abs(renewed.process(moved[10_000:]) - wanted).mean()
     assert after < 0.12
     assert after < before
     with pytest.raises(CalibrationError, match="too short"):
@@ -271,9 +271,9 @@ def ring(seed: int, turned: int = 0, gain: float = 1.0) -> tuple[NDArray[np.floa
 def test_open_and_closed_are_told_apart_on_a_ring_that_was_turned(turned: int, gain: float) -> None:
     emg, closure = ring(2, turned, gain)
     decoder = LearnedDecoder(of_two().model)
-    told = decoder.process(emg)
+    reported = decoder.process(emg)
     wanted = closure.reshape(-1, TAU).mean(axis=1)
-    assert ((told >= 0.5) == (wanted >= 0.5)).mean() >= 0.9
+    assert ((reported >= 0.5) == (wanted >= 0.5)).mean() >= 0.9
 
 
 @cache
@@ -310,12 +310,12 @@ def test_a_model_is_refused_where_it_does_not_fit(options: LearnedOptions, tmp_p
         LearnedStage(setup(), LearnedOptions())
     with pytest.raises(CalibrationError, match="cannot be read"):
         LearnedStage(setup(), LearnedOptions(model=tmp_path / "none.json"))
-    for changed, said in (
+    for changed, text in (
         ({"kind": "envelope"}, "kind"),
         ({"rate_hz": 500.0}, "samples/s"),
         ({"channels": ("a", "c", "b")}, "channels"),
     ):
-        with pytest.raises(CalibrationError, match=said):
+        with pytest.raises(CalibrationError, match=text):
             LearnedStage(setup(**changed), options)
     with pytest.raises(CalibrationError, match="person"):
         LearnedStage(setup(), msgspec.structs.replace(options, person="p02"))
@@ -381,6 +381,6 @@ def test_logs_of_other_sources_are_not_compared() -> None:
     log = Log("a", GOOD, WANTED, RATE_HZ)
     with pytest.raises(InvalidValueError, match="one source"):
         compare(log, log._replace(rate_hz=500.0), ["rules"])
-    told = compare(log, log, ["rules", "proportional", "learned"])
-    assert [one.decoder for one in told] == ["rules", "proportional", "learned"]
-    assert told[2].figures.rank_correlation > 0.9
+    reported = compare(log, log, ["rules", "proportional", "learned"])
+    assert [one.decoder for one in reported] == ["rules", "proportional", "learned"]
+    assert reported[2].figures.rank_correlation > 0.9

@@ -44,9 +44,9 @@ class Run:
     """A decoder of a preset behind an adaptation, with everything that it told."""
 
     def __init__(self, switches: Any, kind: InputKind = "raw", how: AdaptationSection = ON) -> None:
-        self.told: list[Adaptation | AdaptationSwitch] = []
+        self.reported: list[Adaptation | AdaptationSwitch] = []
         given_maxima = maxima(kind)
-        self.adaptation = ChannelAdaptation(given_maxima, how, switches=switches, tell=self.told.append)
+        self.adaptation = ChannelAdaptation(given_maxima, how, switches=switches, notify=self.reported.append)
         decoder = RulesDecoder(muscle_setup(given_maxima, "paper"), RulesOptions())
         self.meter = BlockMeter(
             decoder, SourceReport(), maxima=given_maxima, live=False, adaptation=self.adaptation
@@ -63,7 +63,7 @@ class Run:
 
     @property
     def changes(self) -> list[Adaptation]:
-        return [one for one in self.told if isinstance(one, Adaptation)]
+        return [one for one in self.reported if isinstance(one, Adaptation)]
 
 
 @st.composite
@@ -111,7 +111,7 @@ def test_chunks_do_not_matter_to_the_last_bit(
         Run(by_course(course), kind).take(samples, cuts),
     )
     assert whole.blocks == parts.blocks
-    assert whole.told == parts.told
+    assert whole.reported == parts.reported
 
 
 @settings(max_examples=25)
@@ -121,10 +121,10 @@ def test_what_was_read_is_what_a_replay_needs(
 ) -> None:
     kind, samples = recording
     run = Run(by_course(course), kind).take(samples)
-    read = [one for one in run.told if isinstance(one, AdaptationSwitch)]
+    read = [one for one in run.reported if isinstance(one, AdaptationSwitch)]
     again = Run(read_switches(read), kind).take(samples, [137, 4001])
     assert again.blocks == run.blocks
-    assert again.told == run.told
+    assert again.reported == run.reported
 
 
 @settings(max_examples=25)
@@ -216,7 +216,7 @@ def test_a_target_that_the_decoder_does_not_see_is_not_believed() -> None:
 def test_off_nothing_is_made_and_the_default_is_off() -> None:
     assert AdaptationSection().on is False
     run = Run(lambda _n: Switches(), "raw").take(effort([0.02, 0.1, 0.9], 10.0, kind="raw", seed=4))
-    assert run.told == []
+    assert run.reported == []
     plain = RulesDecoder(muscle_setup(maxima(), "paper"), RulesOptions())
     meter = BlockMeter(plain, SourceReport(), maxima=maxima(), live=False)
     samples = effort([0.02, 0.1, 0.9], 10.0, kind="raw", seed=4)

@@ -27,13 +27,13 @@ parts = st.one_of(
 
 
 def made(
-    what: str, size: float, n: int, *, rate_hz: float, line_hz: float, rng: np.random.Generator
+    subject: str, size: float, n: int, *, rate_hz: float, line_hz: float, rng: np.random.Generator
 ) -> Samples:
     """Return a part of one channel: muscle of a size, mains of a share of the power, or one value throughout."""
     noise = rng.normal(size=n)
-    if what == "muscle":
+    if subject == "muscle":
         return size * noise
-    if what == "mains":
+    if subject == "mains":
         turns = line_hz * np.arange(n) / rate_hz + rng.uniform()
         wave = np.sin(2 * np.pi * turns) * np.sqrt(2 * size) + noise * np.sqrt(1 - size)
         loud: Samples = rng.uniform(3, 9) * wave

@@ -98,8 +98,8 @@ odd = st.lists(
 def test_any_samples_give_a_closure(model: str, seconds: list[tuple[float, bool]]) -> None:
     decoder = fresh(model)
     decoder.process(squeezes(2)[0][:2000])
-    told = np.concatenate([decoder.process(second(value, noise=noise)) for value, noise in seconds])
-    ANY.hold(int(np.sum(~((told >= 0) & (told <= 1)))))
+    reported = np.concatenate([decoder.process(second(value, noise=noise)) for value, noise in seconds])
+    ANY.hold(int(np.sum(~((reported >= 0) & (reported <= 1)))))
 
 
 @settings(max_examples=15)
@@ -121,8 +121,8 @@ def test_the_unit_does_not_matter(model: str, exponent: float) -> None:
     emg, closure = squeezes(1)
     unit = 10.0**exponent
     other = fit(emg * unit, closure, rate_hz=RATE_HZ, tau=TAU, model=model)  # type: ignore[arg-type]
-    asked = squeezes(2)[0][:4000]
-    UNIT.hold(float(np.abs(other.process(asked * unit) - fresh(model).process(asked)).max()))
+    requested = squeezes(2)[0][:4000]
+    UNIT.hold(float(np.abs(other.process(requested * unit) - fresh(model).process(requested)).max()))
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -42,9 +42,9 @@ def test_sections_hold_where_one_fraction_falls_apart(rate: str) -> None:
     b, a = transfer_function(sections)
     wide, narrow = (farthest(as_fraction(b, a, step.tolist(), kind), exact) for kind in (float, np.float32))
     others = [f"{peer} {off(farthest(out, exact))}" for peer, out in peers(rate_hz, step).items()]
-    told = ", ".join([f"fraction in float64 {off(wide)}, in float32 {off(narrow)}", *others])
+    reported = ", ".join([f"fraction in float64 {off(wide)}, in float32 {off(narrow)}", *others])
     ours = ButterworthLowpass(rate_hz, CUTOFF_HZ, ORDER, channels=1).process(step)[:, 0]
-    FORMS[rate].hold(farthest(ours, exact), f"off by as much: {told}")
+    FORMS[rate].hold(farthest(ours, exact), f"off by as much: {reported}")
     assert rate_hz < FLOAT32_FAILS_HZ or narrow > USELESS
     assert rate_hz < FLOAT64_FAILS_HZ or wide > USELESS
 

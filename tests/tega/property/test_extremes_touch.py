@@ -82,7 +82,7 @@ def broken(contact: TrackedContact, tracker: TouchTracker) -> bool:
     )
 
 
-shown = st.lists(
+displayed = st.lists(
     st.tuples(
         st.sampled_from(["still", "black", "grey", "saturated", "noise", "ramp", "pixel"]),
         st.one_of(st.none(), st.sampled_from([0.0, 1e-9, 1.0, 1e6]), st.floats(0, 1e6)),
@@ -93,7 +93,7 @@ shown = st.lists(
 
 
 @settings(max_examples=40)
-@given(first=st.sampled_from(["still", "black", "saturated", "noise"]), frames=shown)
+@given(first=st.sampled_from(["still", "black", "saturated", "noise"]), frames=displayed)
 @example(first="black", frames=[("saturated", 0.0), ("black", 1e6), ("noise", None)])
 @example(first="saturated", frames=[("black", None)] * 5)
 def test_any_pictures_break_no_promise(first: str, frames: list[tuple[str, float | None]]) -> None:
@@ -114,8 +114,8 @@ def test_an_untouched_gel_is_silent_again_after_a_flash(flash: str, n: int) -> N
         tracker.update(still)
     for _ in range(n):
         tracker.update(pictures()[flash])
-    told = [tracker.update(still).in_contact for _ in range(600)]
-    BACK.hold(sum(told[-60:]))
+    reported = [tracker.update(still).in_contact for _ in range(600)]
+    BACK.hold(sum(reported[-60:]))
 
 
 @given(

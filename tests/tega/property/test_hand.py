@@ -36,14 +36,14 @@ torques = hnp.arrays(np.float64, 16, elements=st.floats(-2, 2))
 
 
 @settings(max_examples=25, deadline=None)
-@given(asked=levels, start=st.integers(1, 5))
-def test_targets_are_the_exact_mixture_of_minimum_jerk_moves(asked: list[int], start: int) -> None:
+@given(requested=levels, start=st.integers(1, 5))
+def test_targets_are_the_exact_mixture_of_minimum_jerk_moves(requested: list[int], start: int) -> None:
     pose = CLOSURE_POSES_RAD[start - 1]
     controller = HandController()
-    exact = reference.shares(asked, start)
-    for tick, level in enumerate(asked):
+    exact = reference.shares(requested, start)
+    for tick, level in enumerate(requested):
         controller.step(pose, level)
-        if tick % 17 == 0 or tick == len(asked) - 1:
+        if tick % 17 == 0 or tick == len(requested) - 1:
             wanted = [float(a) for a in reference.mix(exact[tick], CLOSURE_POSES_RAD.tolist())]
             assert controller.target_rad is not None
             np.testing.assert_allclose(controller.target_rad, wanted, rtol=0, atol=1e-14)
@@ -62,12 +62,12 @@ def test_a_cycle_between_both_ends_of_the_cable_is_its_steps_one_by_one(
 
 
 @settings(max_examples=40, deadline=None)
-@given(data=st.data(), asked=levels.map(lambda ticks: ticks[:300:25]))
-def test_torques_follow_the_stated_law(data: st.DataObject, asked: list[int]) -> None:
+@given(data=st.data(), requested=levels.map(lambda ticks: ticks[:300:25]))
+def test_torques_follow_the_stated_law(data: st.DataObject, requested: list[int]) -> None:
     controller = HandController()
     controller.reset(CLOSURE_POSES_RAD[0])
     last = [Fraction(0)] * 16
-    for level, row in zip(asked, reference.shares(asked, 1), strict=True):
+    for level, row in zip(requested, reference.shares(requested, 1), strict=True):
         measured, speeds = data.draw(angles), data.draw(velocities)
         got = controller.step(measured, level, velocities_rad_s=speeds)
         target = reference.mix(row, CLOSURE_POSES_RAD.tolist())
@@ -87,13 +87,13 @@ def test_torques_follow_the_stated_law(data: st.DataObject, asked: list[int]) ->
 
 
 @settings(max_examples=40, deadline=None)
-@given(asked=levels, start=angles)
+@given(requested=levels, start=angles)
 def test_targets_stay_inside_and_slow_for_any_start_and_levels(
-    asked: list[int], start: NDArray[np.float64]
+    requested: list[int], start: NDArray[np.float64]
 ) -> None:
     controller = HandController()
     before = np.clip(start, LOW, HIGH)
-    for level in asked:
+    for level in requested:
         torque = controller.step(start, level)
         target = controller.target_rad
         assert target is not None
@@ -105,11 +105,11 @@ def test_targets_stay_inside_and_slow_for_any_start_and_levels(
 
 
 @settings(max_examples=40, deadline=None)
-@given(data=st.data(), asked=levels.map(lambda ticks: ticks[:60]))
-def test_no_measurement_leads_past_a_torque_limit(data: st.DataObject, asked: list[int]) -> None:
+@given(data=st.data(), requested=levels.map(lambda ticks: ticks[:60]))
+def test_no_measurement_leads_past_a_torque_limit(data: st.DataObject, requested: list[int]) -> None:
     controller = HandController()
     last = np.zeros(16)
-    for level in asked[:20]:
+    for level in requested[:20]:
         torque = controller.step(data.draw(angles), level)
         assert (np.abs(torque) <= TORQUE_LIMITS).all()
         assert (np.abs(torque - last) <= 0.05 + 1e-12).all()
@@ -134,23 +134,23 @@ def test_the_model_is_the_stated_difference_equation(
 
 
 @settings(max_examples=20, deadline=None)
-@given(asked=levels, start=angles, added=st.floats(0, 1))
+@given(requested=levels, start=angles, added=st.floats(0, 1))
 def test_one_call_a_cycle_is_the_same_as_two(
-    asked: list[int], start: NDArray[np.float64], added: float
+    requested: list[int], start: NDArray[np.float64], added: float
 ) -> None:
     together = ModelledHand(model=JointModel(start))
     controller, model = HandController(), JointModel(start)
-    for level in asked:
+    for level in requested:
         angle, torque = together.step(level, added)
         np.testing.assert_array_equal(torque, controller.step(model.angles_rad, level, added=added))
         np.testing.assert_array_equal(angle, model.step(torque))
 
 
 @settings(max_examples=20, deadline=None)
-@given(asked=levels, last=st.integers(1, 5))
-def test_the_modelled_hand_settles_whatever_came_before(asked: list[int], last: int) -> None:
+@given(requested=levels, last=st.integers(1, 5))
+def test_the_modelled_hand_settles_whatever_came_before(requested: list[int], last: int) -> None:
     modelled = ModelledHand()
-    for level in asked:
+    for level in requested:
         modelled.step(level)
     for _ in range(900):
         angle, torque = modelled.step(last)

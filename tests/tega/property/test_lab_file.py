@@ -10,7 +10,7 @@ from hypothesis import given
 
 from tega.devices import Found
 from tega.setup.doctor import lab_settings
-from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.bench import DriverProbe
 
 texts = st.text(max_size=30)
 values = st.one_of(texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(-1e9, 1e9))
@@ -32,9 +32,9 @@ def test_settings_are_toml_that_holds_the_options(
     digits: list[Found], boards: list[Found], streams: list[Found]
 ) -> None:
     looked = {
-        "digit": DriverLook("tactile", digits),
-        "cyton": DriverLook("emg", boards),
-        "lsl-emg": DriverLook("emg", streams),
+        "digit": DriverProbe("tactile", digits),
+        "cyton": DriverProbe("emg", boards),
+        "lsl-emg": DriverProbe("emg", streams),
     }
     tree = tomllib.loads(lab_settings(looked, name="lab.toml"))
     written = [section.get("options", {}) for section in tree.get("tactile", {}).values()]

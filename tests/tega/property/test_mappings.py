@@ -61,22 +61,22 @@ def setup(
 
 def run(mapping: Any, script: Any) -> list[np.ndarray[Any, Any]]:
     """Show a script of touches and slips at a vest's refreshes."""
-    shown = []
+    displayed = []
     for n, (touched, slipped) in enumerate(script):
         t_ns = n * STEP_NS
         contacts = {f: contact(f, t_ns, *how) for f, how in touched.items()}
         events = tuple(Event(t_ns=t_ns, finger=f, kind="slip") for f in slipped)
-        shown.append(mapping.levels(t_ns, contacts, events if mapping.wants_events else ()))
-    return shown
+        displayed.append(mapping.levels(t_ns, contacts, events if mapping.wants_events else ()))
+    return displayed
 
 
 def hold(mapping: Any, share: float, n: int = 1, since_ns: int = 0) -> np.ndarray[Any, Any]:
     """Return what is shown after `n` refreshes of one evenly touching index finger."""
-    shown = np.zeros(0)
+    displayed = np.zeros(0)
     for k in range(n):
         t_ns = since_ns + k * STEP_NS
-        shown = mapping.levels(t_ns, {"index": contact("index", t_ns, share, share)}, ())
-    return shown
+        displayed = mapping.levels(t_ns, {"index": contact("index", t_ns, share, share)}, ())
+    return displayed
 
 
 @pytest.mark.parametrize(("kind", "options"), KINDS)
@@ -131,12 +131,12 @@ def test_steps_of_one_size_are_columns_behind_the_wearers_own_map(
 ) -> None:
     felt = FeltMap(threshold=threshold, step=step)
     options = EqualStepsOptions(law="logistic", offset_percent=1e6, first_steps=0)
-    shown = hold(EqualStepsMapping(setup(felt=felt), options), share)
+    displayed = hold(EqualStepsMapping(setup(felt=felt), options), share)
     columns = hold(ColumnsMapping(setup(felt=felt), ColumnsOptions()), share)
     shares = np.minimum(columns, 100) / 100
     n_steps = ((100 - felt.threshold) / felt.step).min()
     wanted = np.where(shares > 0, felt.threshold + shares * n_steps * felt.step, 0)
-    assert np.abs(shown - np.minimum(wanted, 100)).max() < 0.1
+    assert np.abs(displayed - np.minimum(wanted, 100)).max() < 0.1
 
 
 @given(
@@ -158,9 +158,9 @@ def test_equal_shares_are_equal_steps_above_threshold_on_every_motor(
     weber = felt.step[numbers] / ((felt.threshold[numbers] + 100) / 2)
 
     def steps(share: float) -> Any:
-        shown = hold(mapping, share)[motors]
-        assert (shown >= felt.threshold[numbers] - 1e-9).all()
-        return np.log(shown / felt.threshold[numbers]) / np.log1p(weber)
+        displayed = hold(mapping, share)[motors]
+        assert (displayed >= felt.threshold[numbers] - 1e-9).all()
+        return np.log(displayed / felt.threshold[numbers]) / np.log1p(weber)
 
     below, above = steps(low), steps(high)
     assert np.ptp(below) < 1e-6
@@ -201,8 +201,8 @@ def test_what_is_shown_after_a_change_does_not_depend_on_how_often_it_is_refresh
         mapping = ChangesMapping(setup(), ChangesOptions())
         mapping.levels(0, {"index": contact("index", 0, 0, 0)}, ())
         for t_ms in refreshes:
-            shown = mapping.levels(t_ms * 10**6, {"index": contact("index", 0, 1, 1)}, ())
-        return shown
+            displayed = mapping.levels(t_ms * 10**6, {"index": contact("index", 0, 1, 1)}, ())
+        return displayed
 
     assert after([10, 400]) == pytest.approx(after([10, 20, 35, 170, 300, 400]), abs=1e-9)
 
@@ -223,57 +223,57 @@ def test_a_slip_lights_its_own_row_alone(finger: str, row: Any, layout: str) -> 
     last = {"top": 0, "bottom": SHIPPED[layout].rows("front") - 1}[row]
     spared = np.array([motor.row == last for motor in motors])
     column = np.array([motor.column for motor in motors])
-    told = []
+    reported = []
     for n in range(60):
         t_ns = n * STEP_NS
         contacts = {f: contact(f, t_ns, 0.7, 0.7) for f in FINGERS}
         events = (Event(t_ns=t_ns, finger=finger, kind="slip"),) if n == 10 else ()
-        shown, without = mapping.levels(t_ns, contacts, events), plain.levels(t_ns, contacts, ())
-        assert (shown[~spared] == without[~spared]).all()
-        assert (shown[~spared] > 0).all()
+        displayed, without = mapping.levels(t_ns, contacts, events), plain.levels(t_ns, contacts, ())
+        assert (displayed[~spared] == without[~spared]).all()
+        assert (displayed[~spared] > 0).all()
         assert not without[spared].any()
-        lit = shown[spared] > 0
-        told.append(bool(lit.any()))
+        lit = displayed[spared] > 0
+        reported.append(bool(lit.any()))
         if lit.any():
             assert (lit == ((column[spared] == FINGERS.index(finger)) if finger else True)).all()
     # Two bursts with a rest in between.
-    edges = "".join("#" if on else "." for on in told).strip(".")
+    edges = "".join("#" if on else "." for on in reported).strip(".")
     assert sorted(set(edges.replace("#", " ").split())) == [edges.strip("#")]
-    assert 0.28 <= sum(told) / 30 <= 0.36
+    assert 0.28 <= sum(reported) / 30 <= 0.36
 
 
 @given(x=st.floats(0, 319), y=st.floats(0, 239), tip=st.sampled_from(["up", "down", "left", "right"]))
 def test_the_contacts_place_is_where_it_is_felt(x: float, y: float, tip: Any) -> None:
     mapping = PlaceMapping(setup("paper32", fingers=["index"]), PlaceOptions(tip=tip, blend="linear"))
-    shown = mapping.levels(0, {"index": contact("index", 0, 1, 1, (x, y))}, ()).reshape(2, 4, 4)
+    displayed = mapping.levels(0, {"index": contact("index", 0, 1, 1, (x, y))}, ()).reshape(2, 4, 4)
     rows, columns = np.mgrid[:4, :4]
     right, down = {
         "up": (x / 319, y / 239), "down": (1 - x / 319, 1 - y / 239),
         "left": (1 - y / 239, x / 319), "right": (y / 239, 1 - x / 319),
     }[tip]  # fmt: skip
-    for face in shown:
+    for face in displayed:
         # Shared linearly, the middle of what vibrates is the place itself, and all of it the intensity.
         assert face.sum() == pytest.approx(99, abs=1e-6)
         assert (face * rows).sum() / face.sum() == pytest.approx(3 * down, abs=1e-6)
         assert (face * columns).sum() / face.sum() == pytest.approx(3 * right, abs=1e-6)
     energy = PlaceMapping(setup("paper32", fingers=["index"]), PlaceOptions(tip=tip))
-    shown = energy.levels(0, {"index": contact("index", 0, 1, 1, (x, y))}, ())
-    assert (shown**2).sum() == pytest.approx(2 * 99**2, rel=1e-9)
+    displayed = energy.levels(0, {"index": contact("index", 0, 1, 1, (x, y))}, ())
+    assert (displayed**2).sum() == pytest.approx(2 * 99**2, rel=1e-9)
 
 
 def test_four_fingers_keep_a_column_each_and_an_unknown_place_lights_it() -> None:
     mapping = PlaceMapping(setup(), PlaceOptions())
-    shown = mapping.levels(0, {"middle": contact("middle", 0, 1, 1, (300, 0))}, ()).reshape(2, 5, 4)
-    assert (shown > 1).nonzero()[1].tolist() == [0, 0]
-    assert (shown > 1).nonzero()[2].tolist() == [2, 2]
-    shown = mapping.levels(0, {"middle": contact("middle", 0, 1, 1, (math.nan, math.nan))}, ())
-    assert (shown.reshape(2, 5, 4) > 90).sum(axis=(0, 1)).tolist() == [0, 0, 10, 0]
+    displayed = mapping.levels(0, {"middle": contact("middle", 0, 1, 1, (300, 0))}, ()).reshape(2, 5, 4)
+    assert (displayed > 1).nonzero()[1].tolist() == [0, 0]
+    assert (displayed > 1).nonzero()[2].tolist() == [2, 2]
+    displayed = mapping.levels(0, {"middle": contact("middle", 0, 1, 1, (math.nan, math.nan))}, ())
+    assert (displayed.reshape(2, 5, 4) > 90).sum(axis=(0, 1)).tolist() == [0, 0, 10, 0]
 
 
 def test_a_bar_stands_on_the_row_above_the_slips() -> None:
     mapping = SlipRowMapping(setup("paper32"), SlipRowOptions(rows="bar", law="linear"))
-    shown = hold(mapping, 1 / 3).reshape(2, 4, 4)[:, :, 1]
-    assert shown == pytest.approx(np.array([[0, 0, 100, 0]] * 2), abs=0.1)
+    displayed = hold(mapping, 1 / 3).reshape(2, 4, 4)[:, :, 1]
+    assert displayed == pytest.approx(np.array([[0, 0, 100, 0]] * 2), abs=0.1)
 
 
 def test_what_cannot_be_shown_is_refused() -> None:

@@ -23,14 +23,14 @@ PIECES = st.sampled_from(
 @example(name="x" * 129)
 def test_what_is_let_through_names_something_in_its_folder(name: str) -> None:
     try:
-        plain_name(name, what="attachment", source="x.mcap")
+        plain_name(name, subject="attachment", source="x.mcap")
     except UnsafeNameError as error:
-        said = error.message
+        sentence = error.message
     else:
-        said = ""
-    if said:
-        assert said.startswith("x.mcap: attachment ")
-        assert len(said) < 1000
+        sentence = ""
+    if sentence:
+        assert sentence.startswith("x.mcap: attachment ")
+        assert len(sentence) < 1000
         return
     assert len(name.encode()) <= 128
     for folder in (PurePosixPath("/out"), PureWindowsPath("C:/out")):
@@ -44,11 +44,11 @@ def test_what_is_let_through_names_something_in_its_folder(name: str) -> None:
 @given(name=st.from_regex(r"[a-z0-9_][a-z0-9_.-]{0,20}[a-z0-9]\.(csv|mcap|toml|npy|png)", fullmatch=True))
 def test_ordinary_names_are_let_through(name: str) -> None:
     if not PureWindowsPath(name).is_reserved():
-        assert plain_name(name, what="attachment", source="x.mcap") == name
+        assert plain_name(name, subject="attachment", source="x.mcap") == name
 
 
 @pytest.mark.parametrize(
     "name", ["session.toml", "baseline-thumb.npy", "lead-in.mcap", "p01", "tactile.thumb.contact"]
 )
 def test_the_program_s_own_names_are_plain(name: str) -> None:
-    assert plain_name(name, what="attachment", source="x.mcap") == name
+    assert plain_name(name, subject="attachment", source="x.mcap") == name

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.config import FINGERS, ReflexSection
-from tega.loop.reflex import ReflexArc, ReflexDial, ReflexMoment
+from tega.loop.reflex import ReflexArc, ReflexDial, ReflexInputs
 from tega.records import Contact, Event, NamedValue, ReflexGrip
 from tega.stages.base import Reflex, ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
@@ -35,10 +35,12 @@ class Bench:
     """An arc, tick by tick."""
 
     def __init__(self, reflex: Reflex, settings: ReflexSection) -> None:
-        self.told: list[ReflexGrip] = []
-        self.moment = ReflexMoment(settings.authority, True, None)
+        self.reported: list[ReflexGrip] = []
+        self.snapshot = ReflexInputs(settings.authority, True, None)
         self.t_ns = 0
-        self.arc = ReflexArc(reflex, settings, moment=lambda _t_ns: self.moment, tell=self.told.append)
+        self.arc = ReflexArc(
+            reflex, settings, snapshot=lambda _t_ns: self.snapshot, notify=self.reported.append
+        )
 
     def tick(self, own: float, contacts: Mapping[str, Contact], events: Sequence[Event] = ()) -> float:
         self.t_ns += TICK_NS
@@ -93,18 +95,18 @@ def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(
     additions: list[float] = []
     for own, wish, authority, active, touching in ticks:
         reflex.now = wish
-        bench.moment = ReflexMoment(authority, active, None)
-        told = bench.tick(own, touch("index") if touching else {})
+        bench.snapshot = ReflexInputs(authority, active, None)
+        reported = bench.tick(own, touch("index") if touching else {})
         added = bench.arc.added
-        assert own <= told <= 5
-        assert told == own + added
+        assert own <= reported <= 5
+        assert reported == own + added
         assert 0 <= added <= most
         assert added - before <= rise * dt_s + 1e-12
         if own > 1.25:  # who opens the hand is not held back for a tick
             # All falls are slow, but where the closed hand leaves no room.
             assert added >= min(before - max(fall, BACK_LEVELS_PER_S) * dt_s - 1e-12, 5 - own)
         else:
-            assert told == own
+            assert reported == own
         if added > before:
             assert active
             assert touching
@@ -123,26 +125,26 @@ def test_no_authority_is_the_person_s_own_closure_bit_for_bit_and_tells_nothing(
     bench = Bench(reflex, ReflexSection(name="x"))
     for own, wish, _, active, touching in ticks:
         reflex.now = wish
-        bench.moment = ReflexMoment(0.0, active, None)
+        bench.snapshot = ReflexInputs(0.0, active, None)
         assert bench.tick(own, touch() if touching else {}) == own
         assert bench.arc.added == 0.0
-    assert bench.told == []
+    assert bench.reported == []
 
 
 @given(ticks=TICKS)
 def test_the_same_ticks_give_the_same_additions(
     ticks: list[tuple[float, float, float, bool, bool]],
 ) -> None:
-    def told() -> list[ReflexGrip]:
+    def reported() -> list[ReflexGrip]:
         reflex = Asked()
         bench = Bench(reflex, ReflexSection(name="x", authority=1.0))
         for own, wish, authority, active, touching in ticks:
             reflex.now = wish
-            bench.moment = ReflexMoment(authority, active, None)
+            bench.snapshot = ReflexInputs(authority, active, None)
             bench.tick(own, touch() if touching else {})
-        return bench.told
+        return bench.reported
 
-    assert told() == told()
+    assert reported() == reported()
 
 
 @given(share=st.floats(0.0, 1.0), authority=st.floats(0.05, 1.0))
@@ -150,11 +152,11 @@ def test_a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends
     share: float, authority: float
 ) -> None:
     bench = grip(authority)
-    told = bench.ticks(400, 3.0, touch("index", incipient=share))
+    reported = bench.ticks(400, 3.0, touch("index", incipient=share))
     expected = authority * 0.5 * max(share - 0.4, 0) / 0.6
-    assert told == pytest.approx(3.0 + expected, abs=1e-9)
+    assert reported == pytest.approx(3.0 + expected, abs=1e-9)
     # It is kept for half a second, then it falls by half a level a second.
-    assert bench.ticks(160, 3.0, touch("index", incipient=0.0)) == pytest.approx(told)
+    assert bench.ticks(160, 3.0, touch("index", incipient=0.0)) == pytest.approx(reported)
     after = bench.ticks(107, 3.0, touch("index", incipient=0.0))
     assert after == pytest.approx(3.0 + max(expected - 0.15, 0.0), abs=0.01)
     assert bench.ticks(400, 3.0, touch("index", incipient=0.0)) == 3.0
@@ -167,7 +169,7 @@ def test_by_its_rise_a_share_firms_the_grip_once_not_while_it_stays_and_not_whil
         for _ in range(round(seconds * 60)):
             newest = touch("index", incipient=share)["index"]
             seen = {"index": msgspec.structs.replace(newest, t_ns=bench.t_ns)}
-            bench.moment = bench.moment._replace(measured=(bench.moment.measured or 2.0) + closing / 60)
+            bench.snapshot = bench.snapshot._replace(measured=(bench.snapshot.measured or 2.0) + closing / 60)
             added.append(bench.ticks(6, 3.0, seen) - 3.0)
         return added
 
@@ -204,7 +206,7 @@ def test_a_wish_counts_for_nothing_while_no_finger_touches() -> None:
     reflex = Asked()
     bench = Bench(reflex, ReflexSection(name="x", authority=1.0))
     reflex.now = 1.0
-    bench.moment = ReflexMoment(1.0, True, None)
+    bench.snapshot = ReflexInputs(1.0, True, None)
     assert bench.ticks(200, 3.0, {}) == 3.0
     assert bench.ticks(200, 3.0, touch("index")) > 3.0
 
@@ -212,10 +214,10 @@ def test_a_wish_counts_for_nothing_while_no_finger_touches() -> None:
 def test_lost_fingers_add_nothing() -> None:
     bench = grip()
     assert bench.ticks(200, 3.0, {}, [Event(t_ns=0, kind="slip", finger="")]) == 3.0
-    told = bench.ticks(200, 3.0, touch("index", incipient=1.0))
-    assert told == pytest.approx(3.5)
+    reported = bench.ticks(200, 3.0, touch("index", incipient=1.0))
+    assert reported == pytest.approx(3.5)
     # The finger is lost while it slips: what was added goes, slowly.
-    assert bench.ticks(1, 3.0, {}) < told
+    assert bench.ticks(1, 3.0, {}) < reported
     assert bench.ticks(400, 3.0, {}) == 3.0
 
 
@@ -231,14 +233,14 @@ def test_it_is_eased_before_the_object_gives_too_far() -> None:
     slips = touch("index", incipient=1.0)
 
     def at(measured: float, n: int = 400) -> float:
-        bench.moment = ReflexMoment(1.0, True, measured)
+        bench.snapshot = ReflexInputs(1.0, True, measured)
         return bench.ticks(n, 3.0, slips)
 
     assert at(2.0) == pytest.approx(3.5)
     assert at(2.9) == pytest.approx(3.25)
-    assert bench.told[-1].cause == "slip, index"
+    assert bench.reported[-1].cause == "slip, index"
     assert at(3.0) == 3.0
-    assert bench.told[-1].cause == "eased: the object gives"
+    assert bench.reported[-1].cause == "eased: the object gives"
     assert at(2.0) == pytest.approx(3.5)
     # Beyond the limit it goes at five levels a second.
     assert at(3.2, 34) == pytest.approx(3.0, abs=0.01)
@@ -253,7 +255,7 @@ def test_it_is_eased_where_a_finger_is_loaded() -> None:
     }
     assert bench.ticks(400, 3.0, loaded) == pytest.approx(3.25)
     assert bench.ticks(400, 3.0, {"index": _replaced(loaded["index"], 6.0)}) == 3.0
-    assert bench.told[-1].wish == -1.0
+    assert bench.reported[-1].wish == -1.0
 
 
 def _replaced(contact: Contact, force_n: float) -> Contact:
@@ -263,10 +265,10 @@ def _replaced(contact: Contact, force_n: float) -> Contact:
 
 
 def test_in_a_hold_and_without_authority_what_was_added_is_taken_back_within_a_fifth_of_a_second() -> None:
-    for after in (ReflexMoment(1.0, False, None), ReflexMoment(0.0, True, None)):
+    for after in (ReflexInputs(1.0, False, None), ReflexInputs(0.0, True, None)):
         bench = grip()
         assert bench.ticks(200, 3.0, touch("index", incipient=1.0)) == pytest.approx(3.5)
-        bench.moment = after
+        bench.snapshot = after
         assert bench.ticks(40, 3.0, touch("index", incipient=1.0)) == 3.0
 
 

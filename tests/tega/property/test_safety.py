@@ -61,7 +61,7 @@ def test_no_sequence_of_events_leads_to_active_without_every_condition(
         clear_since = (t_ns if clear_since is None else clear_since) if clear else None
         settled = clear_since is not None and t_ns - clear_since >= settle_ms * MS
         named = {name: name for name in wrong}
-        state = run.look(t_ns, wrong=named, holding={name: name for name in holding}, go=go)
+        state = run.check(t_ns, wrong=named, holding={name: name for name in holding}, go=go)
         armed = armed or "armed" in [change.state for change in changes]
         assert (state == "stopped") == stopped
         entered = [change.state for change in changes[n_before:]]
@@ -89,10 +89,10 @@ def test_only_an_active_run_passes_a_level_on(moments: list[Any], levels: list[i
         t_ns += wait_ms * MS
         if stop:
             guard.stop(t_ns, "asked to")
-        states.look(t_ns, wrong=dict.fromkeys(wrong, "x"), holding=dict.fromkeys(holding, "x"), go=go)
-        told = guard.level(level)
+        states.check(t_ns, wrong=dict.fromkeys(wrong, "x"), holding=dict.fromkeys(holding, "x"), go=go)
+        reported = guard.level(level)
         last = level if guard.state == "active" else last if guard.state == "hold" else 1
-        assert told == last
+        assert reported == last
         assert guard.felt == (guard.state in {"active", "hold"})
 
 
@@ -120,10 +120,10 @@ def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
     t_s = 0.0
     for wait_s, wanted in [(wait_s, wanted) for wait_s, wanted, n in drive for _ in range(n)]:
         t_s += wait_s
-        asked = np.full(40, wanted, np.uint8) if isinstance(wanted, int) else wanted
-        shown = budget.allow(round(t_s * 1e9), asked)
-        assert shown.dtype == np.uint8
-        assert (shown <= np.minimum(asked, limit)).all()
+        requested = np.full(40, wanted, np.uint8) if isinstance(wanted, int) else wanted
+        displayed = budget.allow(round(t_s * 1e9), requested)
+        assert displayed.dtype == np.uint8
+        assert (displayed <= np.minimum(requested, limit)).all()
         assert (budget.heat <= heat + 1e-12).all()
         assert (budget.dose_s <= dose_s).all()
 
@@ -160,9 +160,9 @@ def test_a_driver_s_link_is_never_told_more_than_the_limit(frames: list[MotorLev
     vest = KeptVest(VestOptions(limit=limit))
     with vest:
         for frame in frames:
-            shown = vest.write(0, frame)
-            assert shown.layout == frame.layout
-            assert (shown.intensities <= np.minimum(frame.intensities, limit)).all()
+            displayed = vest.write(0, frame)
+            assert displayed.layout == frame.layout
+            assert (displayed.intensities <= np.minimum(frame.intensities, limit)).all()
     assert vest.wire.sent
     assert all((sent <= limit).all() for _, sent in vest.wire.sent)
     assert not vest.wire.sent[-1][1].any()

@@ -268,10 +268,10 @@ _json = st.recursive(
     st.booleans(),
     st.text(),
 )
-def test_whatever_a_player_of_version_3_says_is_read_or_refused(said, nested, text) -> None:
-    if nested and isinstance(said, dict) and "Message" in said:
-        said = {**said, "Message": json.dumps(said["Message"])}
-    for message in (json.dumps(said), text, json.dumps(said)[: len(text)]):
+def test_whatever_a_player_of_version_3_says_is_read_or_refused(sentence, nested, text) -> None:
+    if nested and isinstance(sentence, dict) and "Message" in sentence:
+        sentence = {**sentence, "Message": json.dumps(sentence["Message"])}
+    for message in (json.dumps(sentence), text, json.dumps(sentence)[: len(text)]):
         try:
             read = wire.sdk3_server_message(message)
         except WireError as error:

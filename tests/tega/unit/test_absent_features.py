@@ -11,9 +11,9 @@ from tega.runtime.features import Feature, features, load_target
 
 def test_a_feature_that_is_not_installed_is_named_with_its_package() -> None:
     here = next(iter(features()))
-    (said,) = absent_features({"features": {"grip": "own-feature[lab]", here: "tega"}})
-    assert "'grip'" in said
-    assert said.endswith("pip install 'own-feature[lab]'")
+    (text,) = absent_features({"features": {"grip": "own-feature[lab]", here: "tega"}})
+    assert "'grip'" in text
+    assert text.endswith("pip install 'own-feature[lab]'")
     assert absent_features({}) == []
 
 

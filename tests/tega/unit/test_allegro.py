@@ -70,22 +70,22 @@ def test_the_emulated_hand_shares_no_code_with_the_driver() -> None:
         "import sys, tega_emulators.allegro_port\n"
         "print([m for m in sys.modules if m.startswith(('tega.wire', 'tega._native', 'tega.hand'))])"
     )
-    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == "[]"
+    message = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert message.stdout.strip() == "[]"
 
 
 def test_the_emulated_hand_says_what_a_real_one_said() -> None:
     node = AllegroNode()
     # Bytes of the fact sheet: information of a 4.2 hand with firmware 4.6, right; temperatures one byte a joint.
-    (can_id, data), *_ = node.hear(0x200, b"", remote=True, t_s=0.0)
+    (can_id, data), *_ = node.receive(0x200, b"", remote=True, t_s=0.0)
     assert (can_id, data[:5]) == (0x200, bytes.fromhex("0204060400"))
-    assert node.hear(0x0E4, b"", remote=True, t_s=0.0) == [(0x0E4, bytes([36] * 4))]
+    assert node.receive(0x0E4, b"", remote=True, t_s=0.0) == [(0x0E4, bytes([36] * 4))]
     assert node.due(1.0) == []
-    node.hear(0x204, bytes.fromhex("03000000F4010000"), remote=False, t_s=1.0)
+    node.receive(0x204, bytes.fromhex("03000000F4010000"), remote=False, t_s=1.0)
     assert [frame[0] for frame in node.due(1.0035)] == [0x080, 0x084, 0x088, 0x08C]
-    node.hear(0x180, bytes.fromhex("7800 10FF 3C00 C4FF"), remote=False, t_s=1.01)
+    node.receive(0x180, bytes.fromhex("7800 10FF 3C00 C4FF"), remote=False, t_s=1.01)
     assert [round(float(d), 4) for d in node.duties[:4]] == [0.1, -0.2, 0.05, -0.05]
-    assert node.hear(0x201, b"", remote=True, t_s=1.0) == []
+    assert node.receive(0x201, b"", remote=True, t_s=1.0) == []
 
 
 def test_it_steers_on_the_angles_it_reads_and_lets_go() -> None:
@@ -135,15 +135,15 @@ def _firmed(driver: Allegro, level: int, added: float) -> bool:
 
 
 def test_what_is_added_reaches_the_hand_through_its_process_and_is_taken_back() -> None:
-    told: set[tuple[float, float]] = set()
+    reported: set[tuple[float, float]] = set()
     with Emulator("allegro_port") as hand:
         driver = _driver(hand)
-        driver.on_exchange = lambda _t_ns, asked, *_more: told.add(asked)
+        driver.on_exchange = lambda _t_ns, requested, *_more: reported.add(requested)
         with driver:
             assert _reaches(driver, 3)
             for added in (0.5, 0.25, 0.0):
                 assert _firmed(driver, 3, added)
-    assert {(3.0, 0.5), (3.0, 0.25), (3.0, 0.0)} <= told
+    assert {(3.0, 0.5), (3.0, 0.25), (3.0, 0.0)} <= reported
 
 
 @pytest.mark.parametrize("word", [(3.0, math.nan), (math.nan, 0.0), (3.0, -0.5), (3.0, 2.0), (7.0, 0.5)])
@@ -198,18 +198,18 @@ def test_a_fault_lets_go_of_the_hand_and_says_why(fault: str) -> None:
     ):
         driver.step(2)
         hand.say(fault)
-        said: list[TegaError] = []
+        message: list[TegaError] = []
 
         def ended() -> bool:
             try:
                 driver.step(5)
             except DeviceUnavailableError as error:
-                said.append(error)
-            return bool(said)
+                message.append(error)
+            return bool(message)
 
         assert _until(ended)
-        assert ENDS[fault] in str(said[0])
-        assert said[0].hint
+        assert ENDS[fault] in str(message[0])
+        assert message[0].hint
         if fault != "silence":  # what hears nothing cannot be told; its motors keep their last duty
             assert _until(lambda: _limp(hand))
 
@@ -219,7 +219,7 @@ def test_a_nuisance_is_survived(fault: str) -> None:
     with Emulator("allegro_port") as hand, _driver(hand, silent_after_ms=300.0) as driver:
         hand.say(fault)
 
-        def told() -> bool:
+        def reported() -> bool:
             driver.step(4)
             counts = driver.state().counts
             return {
@@ -230,7 +230,7 @@ def test_a_nuisance_is_survived(fault: str) -> None:
                 "garbage": driver.n_garbled,
             }[fault] > 10 * (fault != "power-cycle")
 
-        assert _until(told)
+        assert _until(reported)
         counted = driver.state().counts.sets
         assert _until(lambda: driver.state().counts.sets > counted + 100)
         assert _until(lambda: bool(hand.say("look")["servo_on"]))
@@ -309,8 +309,8 @@ def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
             f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
             f"driver.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(driver.state().phase)\n{end}\n"
         )
-        said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-        assert said.stdout.strip() == "running"
+        message = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert message.stdout.strip() == "running"
         assert _limp(hand)
         assert not hand.say("look")["reports"]
 

@@ -193,13 +193,13 @@ def test_a_forearm_that_the_tracker_loses(after_ms: int, state: str) -> None:
     ("after_ms", "state"),
     [(90, "following"), (120, "holding"), (290, "holding"), (320, "idle"), (990, "idle"), (1020, "stopped")],
 )
-@pytest.mark.parametrize("what", ["tracker", "link"])
-def test_silence_of_tracker_or_arm(what: str, after_ms: int, state: str) -> None:
+@pytest.mark.parametrize("subject", ["tracker", "link"])
+def test_silence_of_tracker_or_arm(subject: str, after_ms: int, state: str) -> None:
     bench = Bench().take_hold()
-    setattr(bench, what, False)
+    setattr(bench, subject, False)
     assert bench.go(after_ms).state == state, bench.last.reason
     assert (bench.last.target is None) == (state == "stopped")
-    setattr(bench, what, True)
+    setattr(bench, subject, True)
     again = bench.go(200)
     assert again.state == {"holding": "following"}.get(state, state)
 
@@ -257,8 +257,8 @@ def test_a_loop_that_was_away_does_not_lurch(away_ms: int, state: str) -> None:
     assert bench.last.state == state
     if state != "following":
         assert f"away for {away_ms} ms" in bench.last.reason
-        way = np.linalg.norm(bench.arm.position_m - before.position_m)
-        assert way == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
+        route = np.linalg.norm(bench.arm.position_m - before.position_m)
+        assert route == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
         assert not bench.last.velocity_m_s.any()
 
 
@@ -272,9 +272,9 @@ def test_after_a_stall_it_does_not_make_up_for_lost_time() -> None:
     after = bench.go(3000, dt_ms=3000).target
     assert before is not None
     assert after is not None
-    way = np.linalg.norm(after.position_m - before.position_m)
-    assert way == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
-    assert way > 0.01
+    route = np.linalg.norm(after.position_m - before.position_m)
+    assert route == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
+    assert route > 0.01
 
 
 def test_a_burst_of_old_poses_moves_nothing() -> None:

@@ -78,9 +78,9 @@ def test_forward_goes_away_from_the_operator_however_the_base_stands(
     c, s = math.cos(base_yaw), math.sin(base_yaw)
     base_in_room = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     ways = {"openxr": ((0, 0, -0.1), (-0.1, 0, 0)), "base": ((0.1, 0, 0), (0, 0.1, 0))}[frame]
-    for way, room in zip(ways, ((0.1, 0, 0), (0, -0.1 if mirror else 0.1, 0)), strict=True):
+    for route, room in zip(ways, ((0.1, 0, 0), (0, -0.1 if mirror else 0.1, 0)), strict=True):
         bench = Bench(frame=frame, base_yaw_rad=base_yaw, mirror=mirror).take_hold()
-        bench.go(1000, move=way)
+        bench.go(1000, move=route)
         bench.go(3000)
         assert (base_in_room @ bench.away_m).tolist() == pytest.approx(room, abs=0.002)
     # A turn from forward to the left is one in the room as well, and the other way round where it is mirrored.

@@ -16,7 +16,7 @@ from rich.console import Console
 from tega.arm.messages import Health
 from tega.config import check_tree, load_config
 from tega.loop.arm_view import ArmView
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.setup.doctor import Finding, examine, lab_settings
 from tega.ui.cli.main import main
 from tega.ui.view.browser.state_html import arm_html
@@ -28,7 +28,7 @@ from tega_emulators.process import Emulator
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 
 
-def told(tree: dict[str, Any], folder: Path) -> dict[str, list[Finding]]:
+def reported(tree: dict[str, Any], folder: Path) -> dict[str, list[Finding]]:
     config = check_tree(tree, {}, base=folder).config
     by_check: dict[str, list[Finding]] = {}
     for finding in examine(config, name="lab.toml").findings:
@@ -39,7 +39,7 @@ def told(tree: dict[str, Any], folder: Path) -> dict[str, list[Finding]]:
 @pytest.mark.slow
 def test_arm_and_tracker_are_tried_and_what_is_lost_is_told(tmp_path: Path) -> None:
     with emulated_lab(tmp_path, arm=True) as lab:
-        found = told(lab.tree, tmp_path)
+        found = reported(lab.tree, tmp_path)
         assert {check: [f.status for f in found[check]] for check in ("arm", "arm.tracker")} == {
             "arm": ["ok"],
             "arm.tracker": ["ok"],
@@ -48,11 +48,11 @@ def test_arm_and_tracker_are_tried_and_what_is_lost_is_told(tmp_path: Path) -> N
         assert found["arm"][0].measured["loop_hz"] > 0
         assert "sees the forearm" in found["arm.tracker"][0].finding
         lab.headset.say("lose")
-        lost = told(lab.tree, tmp_path)["arm.tracker"][0]
+        lost = reported(lab.tree, tmp_path)["arm.tracker"][0]
         assert (lost.status, lost.finding.split(", ")[-1]) == ("warning", "and calls all of them lost")
         del lab.tree["arm"]["tracker"], lab.tree["input"]["dead_man"]
-        said = [f.finding for f in told(lab.tree, tmp_path)["arm"] if f.status == "error"]
-    assert said == [
+        message = [f.finding for f in reported(lab.tree, tmp_path)["arm"] if f.status == "error"]
+    assert message == [
         "no dead-man switch is set, and without one a run leads no arm",
         "nothing leads the arm: neither arm.tracker nor input.motion is set",
         "arm.mapping.frame is 'openxr', but what leads the arm gives poses in the axes 'base'",
@@ -66,15 +66,15 @@ def test_a_robot_is_asked_and_the_exact_fix_is_told(tmp_path: Path) -> None:
         tree: dict[str, Any] = {
             "arm": {"driver": "franky", "options": {**robot.address, "realtime": "ignore"}}
         }
-        fine, mistaken = told(tree, tmp_path)["arm"][:2]
+        fine, mistaken = reported(tree, tmp_path)["arm"][:2]
         assert fine.status == "ok"
         assert fine.finding.startswith(f"robot server 10 (FR3) at {robot.address['host']}; franky-control 2.")
         assert mistaken.finding == "the settings say panda, and the robot is an FR3"
         assert mistaken.todo == ("set arm.options.robot = 'fr3': the joints have other limits",)
         tree["arm"]["options"] |= {"robot": "fr3", "realtime": "enforce"}
-        machine = [f for f in told(tree, tmp_path)["arm"] if "PREEMPT_RT" in f.finding]
+        machine = [f for f in reported(tree, tmp_path)["arm"] if "PREEMPT_RT" in f.finding]
         assert all(f.status == "ok" or f.todo for f in machine)
-    gone = told(tree, tmp_path)["arm"][0]
+    gone = reported(tree, tmp_path)["arm"][0]
     assert gone.status == "missing"
     assert "cannot be reached" in gone.finding
     assert "FCI" in " ".join(gone.todo)
@@ -131,22 +131,22 @@ def test_an_emulated_bench_with_an_arm_is_run_by_another_program(tmp_path: Path)
             out, _ = program.communicate(timeout=60)
         finally:
             program.kill()
-    said = json.loads(out)["arm"]
-    assert said["holds"] >= 1
-    assert said["led_by"].startswith("HoloLens at 127.0.0.1")
-    assert said["off_target_mm"]["worst"] < 50
+    message = json.loads(out)["arm"]
+    assert message["holds"] >= 1
+    assert message["led_by"].startswith("HoloLens at 127.0.0.1")
+    assert message["off_target_mm"]["worst"] < 50
 
 
 def _read(file: Path) -> str:
     return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
-def _moment(seen: ArmView | None) -> LoopView:
+def _snapshot(seen: ArmView | None) -> LoopView:
     arm = "idle: <who> knows" if seen is None else seen.words
     return LoopView(0, {}, None, None, None, {}, arm=arm, seen_arm=seen)
 
 
-def _shown(view: LoopView) -> str:
+def _displayed(view: LoopView) -> str:
     with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
         console = Console(width=120, record=True, file=nowhere)
         console.print(render(view, title="", rates_hz={}))
@@ -165,16 +165,16 @@ def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None
         12.4,
         health,
     )
-    page, screen = arm_html(_moment(seen)), _shown(_moment(seen))
+    page, screen = arm_html(_snapshot(seen)), _displayed(_snapshot(seen))
     assert "ARM HOLDING</b> no pose for &lt;0.1 s" in page
     assert "200 Hz, worst 6 ms, 2 commands refused · robot took 99 %" in page
-    for shown in (page, screen):
-        assert "clutch pressed, dead-man let go" in shown
-        assert "hand at +0.500 -0.010 +0.300 m, 12 mm from its target" in shown
+    for displayed in (page, screen):
+        assert "clutch pressed, dead-man let go" in displayed
+        assert "hand at +0.500 -0.010 +0.300 m, 12 mm from its target" in displayed
     assert "arm holding: no pose for <0.1 s (following, 200 Hz" in screen
-    assert arm_html(_moment(None)).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
-    assert arm_html(_moment(None)._replace(arm="")) == ""
+    assert arm_html(_snapshot(None)).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
+    assert arm_html(_snapshot(None)._replace(arm="")) == ""
     # The page stays open when nobody serves it any more: it must not go on saying that the arm follows.
-    ended = arm_html(_moment(seen)._replace(state="stopped"))
+    ended = arm_html(_snapshot(seen)._replace(state="stopped"))
     assert "led no more" in ended
     assert "HOLDING" not in ended

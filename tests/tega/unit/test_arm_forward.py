@@ -47,29 +47,29 @@ def moving(folder: Path, *headings_rad: float) -> Iterator[Path]:
 @pytest.mark.slow
 def test_forward_is_found_and_checked(tmp_path: Path) -> None:
     with moving(tmp_path, 0.5) as file:
-        said = CliRunner().invoke(forward, [str(file), "--json"])
-    told = json.loads(said.output)
-    assert said.exit_code == 0
-    assert told["yaw_rad"] == pytest.approx(0.5, abs=0.03)
-    assert (told["ok"], told["words"]) == (True, "forward is forward")
+        text = CliRunner().invoke(forward, [str(file), "--json"])
+    reported = json.loads(text.output)
+    assert text.exit_code == 0
+    assert reported["yaw_rad"] == pytest.approx(0.5, abs=0.03)
+    assert (reported["ok"], reported["words"]) == (True, "forward is forward")
 
 
 @pytest.mark.slow
 def test_the_operator_sees_how_the_check_goes_and_what_to_set(tmp_path: Path) -> None:
     with moving(tmp_path, -0.3) as file:
-        said = CliRunner().invoke(forward, [str(file)])
-    assert said.exit_code == 0, said.output
-    assert "forward [####################]  +20 cm" in said.output
-    assert "forward is forward" in said.output
-    assert "  [arm.mapping]\n  yaw_rad = -0." in said.output
+        text = CliRunner().invoke(forward, [str(file)])
+    assert text.exit_code == 0, text.output
+    assert "forward [####################]  +20 cm" in text.output
+    assert "forward is forward" in text.output
+    assert "  [arm.mapping]\n  yaw_rad = -0." in text.output
 
 
 @pytest.mark.slow
 def test_the_wizard_keeps_forward_for_a_person_and_a_run_follows_it(tmp_path: Path) -> None:
     words = ["--person", "p01", "--only", "arm", "--time-scale", "0.1", "--json"]
     with moving(tmp_path, 0.5) as file:
-        said = CliRunner().invoke(calibrate, [str(file), *words], input="\n\nt\n")
-        assert said.exit_code == 0, said.output
+        text = CliRunner().invoke(calibrate, [str(file), *words], input="\n\nt\n")
+        assert text.exit_code == 0, text.output
         (kept,) = (tmp_path / "calibrations" / "people" / "p01").glob("arm-*.toml")
         record = read_record(kept, ArmRecord)
         assert record.yaw_rad == pytest.approx(0.5, abs=0.03)
@@ -96,8 +96,8 @@ class _Scripted:
     def __init__(self, *headings_rad: float) -> None:
         self._coming: list[list[StampedPose]] = []
         for heading in headings_rad:
-            way = np.array([-np.sin(heading), 0.0, -np.cos(heading)])
-            places = [0.01 * min(k, 20) * way for k in range(100)]
+            route = np.array([-np.sin(heading), 0.0, -np.cos(heading)])
+            places = [0.01 * min(k, 20) * route for k in range(100)]
             sweep = [StampedPose(k * 10_000_000, tuple(place), _TURN) for k, place in enumerate(places)]
             self._coming += [[], sweep]
 
@@ -144,15 +144,15 @@ class _Answering(LineGuide):
 def test_which_way_the_base_points_is_asked_or_shown(
     answer: str, headings_rad: tuple[float, ...], found_rad: float
 ) -> None:
-    shown: Any = _Scripted(*headings_rad)
-    found = take_base_yaw(shown, _Answering(answer), yaw_rad=0.4, told_rad=1.0)
+    displayed: Any = _Scripted(*headings_rad)
+    found = take_base_yaw(displayed, _Answering(answer), yaw_rad=0.4, reported_rad=1.0)
     assert found == pytest.approx(found_rad, abs=1e-3)
 
 
 def test_where_nobody_answers_the_settings_say_which_way_the_base_points() -> None:
     nobody: Any = _Scripted()
     guide = LineGuide(yes=True, get_ready_s=0.0)
-    assert take_base_yaw(nobody, guide, yaw_rad=0.4, told_rad=1.0) == 1.0
+    assert take_base_yaw(nobody, guide, yaw_rad=0.4, reported_rad=1.0) == 1.0
 
 
 def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:
@@ -162,8 +162,8 @@ def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:
             file.read_text().split("options")[0]
             + f"options = {{ host = '127.0.0.1', port = {blind.port} }}\n"
         )
-        said = CliRunner().invoke(forward, [str(file), "--json", "--seconds", "1"])
-    assert "the forearm was not seen within 1 s" in str(said.exception)
+        text = CliRunner().invoke(forward, [str(file), "--json", "--seconds", "1"])
+    assert "the forearm was not seen within 1 s" in str(text.exception)
 
 
 def test_a_movement_is_over_when_it_rests_and_begins_anew_after_a_gap() -> None:

@@ -35,13 +35,13 @@ _MOST_TURNS = 1500
 _TURN = (0.0, 0.0, 0.0, 1.0)
 
 
-def asked(n: int, t_ms: float, **other: object) -> ArmTargetWords:
+def requested(n: int, t_ms: float, **other: object) -> ArmTargetWords:
     given = {"session": 7, "state": "following", "engagements": 1, "place": (0.5, 0.0, 0.3), "turn": _TURN}
     return ArmTargetWords(sequence=n, t_ns=round(t_ms * _MS), **{**given, **other})  # type: ignore[arg-type]
 
 
 def test_a_message_comes_out_as_it_went_in() -> None:
-    assert decode(encode(asked(3, 5))) == asked(3, 5)
+    assert decode(encode(requested(3, 5))) == requested(3, 5)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_a_message_comes_out_as_it_went_in() -> None:
 )
 def test_what_happens_without_commands_after_a_time(age_ms: int, kind: str) -> None:
     leash = Leash(7)
-    assert leash.take(asked(1, 0), 0) == ""
+    assert leash.take(requested(1, 0), 0) == ""
     assert leash.order(0).kind == "follow"
     assert leash.order(age_ms * _MS).kind == kind
 
@@ -58,61 +58,61 @@ def test_what_happens_without_commands_after_a_time(age_ms: int, kind: str) -> N
 @pytest.mark.parametrize(("pause_ms", "again"), [(250, "follow"), (301, "hold"), (1500, "rest")])
 def test_after_too_long_a_pause_the_operator_takes_hold_anew(pause_ms: int, again: str) -> None:
     leash = Leash(7)
-    leash.take(asked(1, 0), 0)
+    leash.take(requested(1, 0), 0)
     assert leash.order(0).kind == "follow"
     for t_ms in range(0, pause_ms, 10):
         leash.order(t_ms * _MS)
-    assert leash.take(asked(2, pause_ms), pause_ms * _MS) == ""
+    assert leash.take(requested(2, pause_ms), pause_ms * _MS) == ""
     assert leash.order(pause_ms * _MS).kind == again
-    leash.take(asked(3, pause_ms + 10, engagements=2), (pause_ms + 10) * _MS)
+    leash.take(requested(3, pause_ms + 10, engagements=2), (pause_ms + 10) * _MS)
     assert leash.order((pause_ms + 10) * _MS).kind == "follow"
 
 
 @pytest.mark.parametrize(
-    ("command", "said"),
+    ("command", "message"),
     [
-        (asked(2, 95, session=8), "another session"),
-        (asked(1, 95), "came after"),
-        (asked(2, -20), "120 ms old"),
-        (asked(2, 130), "30 ms in the future"),
-        (asked(2, 95, engagements=0), "hold 0, before 1"),
-        (asked(2, 95, place=(float("nan"), 0.0, 0.0)), "not finite"),
-        (asked(2, 95, turn=(0.0, 0.0, 0.0, 0.0)), "length 0"),
-        (asked(2, 95, turn=None), "a place or a turn"),
+        (requested(2, 95, session=8), "another session"),
+        (requested(1, 95), "came after"),
+        (requested(2, -20), "120 ms old"),
+        (requested(2, 130), "30 ms in the future"),
+        (requested(2, 95, engagements=0), "hold 0, before 1"),
+        (requested(2, 95, place=(float("nan"), 0.0, 0.0)), "not finite"),
+        (requested(2, 95, turn=(0.0, 0.0, 0.0, 0.0)), "length 0"),
+        (requested(2, 95, turn=None), "a place or a turn"),
     ],
 )
-def test_a_command_that_is_not_obeyed(command: ArmTargetWords, said: str) -> None:
+def test_a_command_that_is_not_obeyed(command: ArmTargetWords, message: str) -> None:
     leash = Leash(7)
-    leash.take(asked(1, 90), 90 * _MS)
-    assert said in leash.take(command, 100 * _MS)
-    assert (leash.refused, said in leash.refusal) == (1, True)
+    leash.take(requested(1, 90), 90 * _MS)
+    assert message in leash.take(command, 100 * _MS)
+    assert (leash.refused, message in leash.refusal) == (1, True)
     order = leash.order(100 * _MS)
-    assert order.asked is not None
-    assert order.asked.sequence == 1
+    assert order.requested is not None
+    assert order.requested.sequence == 1
 
 
 def test_a_burst_of_old_commands_moves_nothing() -> None:
     leash = Leash(7)
-    leash.take(asked(0, 0), 0)
+    leash.take(requested(0, 0), 0)
     now_ns = 3000 * _MS
-    taken = [leash.take(asked(n, 10 * n), now_ns) for n in range(1, 301)]
-    assert sum(not said for said in taken) == 11  # those of the last 100 ms
+    taken = [leash.take(requested(n, 10 * n), now_ns) for n in range(1, 301)]
+    assert sum(not message for message in taken) == 11  # those of the last 100 ms
     assert leash.order(now_ns).kind == "rest"
 
 
 def test_nothing_is_followed_that_was_stopped_or_lost() -> None:
     leash = Leash(7)
     assert leash.order(0).kind == "rest"
-    leash.take(asked(1, 0, place=None, turn=None, state="idle"), 0)
+    leash.take(requested(1, 0, place=None, turn=None, state="idle"), 0)
     assert leash.order(0).reason == "the operator has not taken hold yet"
-    leash.take(asked(2, 1), _MS)
+    leash.take(requested(2, 1), _MS)
     assert leash.order(_MS).kind == "follow"
     leash.lose()
-    leash.take(asked(3, 2), 2 * _MS)
+    leash.take(requested(3, 2), 2 * _MS)
     assert leash.order(2 * _MS).kind == "rest"
-    leash.take(asked(4, 3, engagements=2), 3 * _MS)
+    leash.take(requested(4, 3, engagements=2), 3 * _MS)
     assert leash.order(3 * _MS).kind == "follow"
-    leash.take(asked(5, 4, state="stopped", engagements=2), 4 * _MS)
+    leash.take(requested(5, 4, state="stopped", engagements=2), 4 * _MS)
     assert leash.order(4 * _MS).reason == "it was stopped"
 
 
@@ -131,13 +131,13 @@ def test_no_command_is_followed_that_is_old_or_of_a_hold_that_was_lost(
     for pause_ms, age_ms, sequence, engagements, listens in words:
         now_ms += pause_ms
         if listens:
-            leash.take(asked(sequence, now_ms - age_ms, engagements=engagements), now_ms * _MS)
+            leash.take(requested(sequence, now_ms - age_ms, engagements=engagements), now_ms * _MS)
         order = leash.order(now_ms * _MS)
         if order.kind == "follow":
-            assert order.asked is not None
-            assert now_ms * _MS - order.asked.t_ns <= 100 * _MS
-            assert order.asked.engagements >= followed
-            followed = order.asked.engagements
+            assert order.requested is not None
+            assert now_ms * _MS - order.requested.t_ns <= 100 * _MS
+            assert order.requested.engagements >= followed
+            followed = order.requested.engagements
 
 
 @given(
@@ -233,8 +233,8 @@ def test_a_run_that_says_nothing_leaves_the_arm_at_rest(arm: SimulatedArm) -> No
         phases.append(arm.phase)
         time.sleep(0.02)
     assert arm.phase == "ready"
-    assert arm._told is not None
-    assert arm._told.reason == "no command for more than 1000 ms"
+    assert arm._reported is not None
+    assert arm._reported.reason == "no command for more than 1000 ms"
     # It is led again only after a new hold.
     led.until(lambda: led.command is not None and "press it again" in led.command.reason)
     assert arm.phase == "ready"
@@ -328,7 +328,7 @@ def test_which_library_speaks_to_which_server(libfranka: str, server: int) -> No
 
 
 @pytest.mark.parametrize(
-    ("server", "library", "said"),
+    ("server", "library", "message"),
     [
         (10, None, "pip install 'franky-control>=2,<3'"),
         (10, fci.Library("franky-control", "2.0.0", "0.21.2", 10), ""),
@@ -336,9 +336,9 @@ def test_which_library_speaks_to_which_server(libfranka: str, server: int) -> No
         (8, fci.Library("franky-control", "2.0.0", "", None), "by-robot-server-version/8/"),
     ],
 )
-def test_what_to_install_for_a_robot(server: int, library: fci.Library | None, said: str) -> None:
+def test_what_to_install_for_a_robot(server: int, library: fci.Library | None, message: str) -> None:
     fix = fci.the_fix(server, library)
-    assert fix == said or (said and said in fix)
+    assert fix == message or (message and message in fix)
 
 
 def test_what_is_no_robot_is_said_to_be_none(monkeypatch: pytest.MonkeyPatch) -> None:

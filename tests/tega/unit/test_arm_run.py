@@ -71,9 +71,9 @@ class Run:
 
     def _observe(self, view: LoopView) -> None:
         self.view = view
-        said = view.arm.split(" (")[0]
-        if said not in self.seen[-1:]:
-            self.seen.append(said)
+        text = view.arm.split(" (")[0]
+        if text not in self.seen[-1:]:
+            self.seen.append(text)
 
     @property
     def arm(self) -> str:
@@ -144,8 +144,8 @@ def running(folder: Path, change: Callable[[dict[str, Any]], None] = lambda _tre
             yield run
 
 
-def places(rows: list[dict[str, str]], what: str) -> list[tuple[float, tuple[float, ...]]]:
-    named = [f"{what}_{c}_m" for c in "xyz"]
+def places(rows: list[dict[str, str]], subject: str) -> list[tuple[float, tuple[float, ...]]]:
+    named = [f"{subject}_{c}_m" for c in "xyz"]
     return [(float(r["t_s"]), tuple(float(r[n]) for n in named)) for r in rows if r[named[0]]]
 
 
@@ -168,14 +168,14 @@ def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -
     for (t_s, place), (later_s, later) in pairwise(targets):
         assert math.dist(place, later) <= 0.25 * (later_s - t_s) + 1e-5
         assert 0.30 <= later[0] <= 0.70
-    said = run.summary["arm"]
-    assert said["driver"] == "simulated-arm"
+    text = run.summary["arm"]
+    assert text["driver"] == "simulated-arm"
     # A machine that stands still for a while lets go, and takes hold anew.
-    assert said["holds"] >= 2
-    assert said["refused_commands"] == 0 or said["holds"] > 2
-    assert said["led_by"].startswith("HoloLens at 127.0.0.1")
-    assert said["state_s"]["following"] > 1
-    assert said["ended"] == "the run has ended"
+    assert text["holds"] >= 2
+    assert text["refused_commands"] == 0 or text["holds"] > 2
+    assert text["led_by"].startswith("HoloLens at 127.0.0.1")
+    assert text["state_s"]["following"] > 1
+    assert text["ended"] == "the run has ended"
     assert "arm: simulated: a hand of 1 kg on a damped spring, no robot" in run.summary["notes"]
     assert run.view is not None
     console = Console(width=120, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
@@ -338,7 +338,7 @@ _HELD = "input.dead_man.options.silent_after_ms=1000"
 
 
 @pytest.mark.parametrize(
-    ("sets", "said"),
+    ("sets", "text"),
     [
         (("input.dead_man.driver=spacemouse", _HELD), "nothing leads it"),
         (
@@ -366,13 +366,13 @@ _HELD = "input.dead_man.options.silent_after_ms=1000"
     ],
 )
 def test_settings_of_an_arm_that_do_not_fit_are_said_in_words(
-    sets: tuple[str, ...], said: str, monkeypatch: pytest.MonkeyPatch
+    sets: tuple[str, ...], text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from tega.devices.input.spacemouse import SpaceMouse
 
     monkeypatch.setattr(SpaceMouse, "open", lambda _self: None)
     config = load_config(None, environ={}, sets=["arm.driver=simulated-arm", *sets]).config
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=text):
         run_session(config)
 
 
@@ -383,7 +383,7 @@ def test_a_recording_that_is_played_moves_no_arm() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value", "text"),
     [
         ("arm.limits.speed_m_s", "9", "arm.limits.speed_m_s"),
         ("arm.limits.low_m", "[0.8, -0.4, 0.0]", "workspace's x goes from 0.8 to 0.7 m"),
@@ -392,8 +392,8 @@ def test_a_recording_that_is_played_moves_no_arm() -> None:
         ("arm.tracker.driver", "spacemouse", "kind 'input', not 'tracker'"),
     ],
 )
-def test_a_wrong_setting_of_the_arm_is_named(key: str, value: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_a_wrong_setting_of_the_arm_is_named(key: str, value: str, text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
         load_config(None, environ={}, sets=["arm.driver=simulated-arm", f"{key}={value}"])
 
 
@@ -447,7 +447,7 @@ def test_a_hand_on_franky_sim_s_arm_grips_and_feels_while_the_arm_carries_it(tmp
     went = [x for _, (x, _, _) in places(run.rows(), "arm")]
     # The wrist waves along x; what the robot went besides, as under its load, counts in the 0.04 m as well.
     assert max(went) - min(went) > 0.03
-    said = run.summary["arm"]
-    assert said["driver"] == "franky"
-    assert 0 < said["off_target_mm"]["rms"] <= said["off_target_mm"]["worst"]
-    assert said["arm_hz"] > 0
+    text = run.summary["arm"]
+    assert text["driver"] == "franky"
+    assert 0 < text["off_target_mm"]["rms"] <= text["off_target_mm"]["worst"]
+    assert text["arm_hz"] > 0

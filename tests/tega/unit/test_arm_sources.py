@@ -118,9 +118,9 @@ def held(motion: tuple[float, ...], *, live: bool = True) -> Callable[[], InputR
 
 def test_a_deflected_cap_moves_the_arm_at_the_speed_of_its_deflection() -> None:
     arm = steer(RatePoses(held((1, 0, -0.5, 0, 0, 0))), 1020)
-    way = arm.position_m - START.position_m
-    assert way[0] == pytest.approx(0.15, abs=0.02)
-    assert way[2] == pytest.approx(-0.15 / 8, abs=0.003)
+    route = arm.position_m - START.position_m
+    assert route[0] == pytest.approx(0.15, abs=0.02)
+    assert route[2] == pytest.approx(-0.15 / 8, abs=0.003)
     turned = steer(RatePoses(held((0, 0, 0, 0, 0, 1))), 1020)
     assert so3.between(START[1], turned.quaternion_xyzw)[2] == pytest.approx(0.6, abs=0.08)
 

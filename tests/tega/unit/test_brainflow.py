@@ -178,9 +178,9 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("options", "said"), WRONG)
-def test_opening_says_what_is_wrong(options: dict[str, Any], said: str) -> None:
-    with pytest.raises(DeviceUnavailableError, match=said):
+@pytest.mark.parametrize(("options", "text"), WRONG)
+def test_opening_says_what_is_wrong(options: dict[str, Any], text: str) -> None:
+    with pytest.raises(DeviceUnavailableError, match=text):
         source(**options).open()
 
 

@@ -63,15 +63,15 @@ def test_what_is_wrong_with_muscles_is_said_by_channel() -> None:
     )
     rest = judge_quiet(emg(0.04, 0.5, 0.04), CHAIN).rest
     squeezes = [emg(1, 1, 1, seed=1), emg(0.3, 0.3, 0.3, seed=2), emg(1, 1, 1, seed=3)]
-    said = judge_squeezes(squeezes, rest, CHAIN).problems
-    assert any(s.startswith("ch2: a strong squeeze is only ") for s in said)
-    assert any(s.startswith("squeeze 2 reached 3") for s in said)
+    message = judge_squeezes(squeezes, rest, CHAIN).problems
+    assert any(s.startswith("ch2: a strong squeeze is only ") for s in message)
+    assert any(s.startswith("squeeze 2 reached 3") for s in message)
     bridged = emg(1, 1, 1)
     bridged[0].samples[:, 1] = bridged[0].samples[:, 0]
-    said = judge_squeezes([bridged] * 3, np.ones(3), CHAIN).problems
-    assert "ch1 and ch2: the same signal: electrodes bridged by gel or sweat" in said
-    _, said = judge_muscles([emg(0.05, 0.05, 0.05)] * 3, np.full(3, 2.0), np.full(3, 60.0), CHAIN)
-    assert sum("no channel answered" in s for s in said) == 3
+    message = judge_squeezes([bridged] * 3, np.ones(3), CHAIN).problems
+    assert "ch1 and ch2: the same signal: electrodes bridged by gel or sweat" in message
+    _, message = judge_muscles([emg(0.05, 0.05, 0.05)] * 3, np.full(3, 2.0), np.full(3, 60.0), CHAIN)
+    assert sum("no channel answered" in s for s in message) == 3
     with pytest.raises(CalibrationError, match="no EMG sample came"):
         judge_quiet([], CHAIN)
 
@@ -86,7 +86,7 @@ def test_real_gels_at_rest_and_pressed(recordings: Path) -> None:
     # The first baseline of a sensor is compared with a surface fitted to itself, every later one with the last.
     assert all("does something touch the gel?" in suspect_contact(p, None) for p in presses)
     against = [suspect_contact(p, background) for p in presses]
-    assert sum("that the last baseline does not have" in said for said in against) >= len(presses) - 1
+    assert sum("that the last baseline does not have" in message for message in against) >= len(presses) - 1
 
 
 def test_pictures_that_make_no_baseline() -> None:
@@ -127,14 +127,14 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="was made for p01 on D1, not for p02 on D1"):
         folder.record("p02", TouchRecord, "D1")
     good = path.read_text()
-    for change, said in (
+    for change, message in (
         (("version = 1", "version = 2"), "version 2 of the format is not known here"),
         (("eda_max = 9000.0", "eda_max = -1.0"), "live.eda_max = -1: expected"),
         (('person = "p01"', 'person = "p01"\nowner = "x"'), "owner: unknown key"),
         (("n_presses", "n presses"), "damaged"),
     ):
         path.write_text(good.replace(*change))
-        with pytest.raises(CalibrationError, match=said):
+        with pytest.raises(CalibrationError, match=message):
             folder.record("p01", TouchRecord, "D1")
     path.write_text(good)
     with pytest.raises(CalibrationError):
@@ -214,9 +214,9 @@ def test_a_damaged_step_of_an_interrupted_calibration_is_told(tmp_path: Path, ke
     guide = LineGuide(yes=True, get_ready_s=0.0)
     work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
     work.run([])
-    with pytest.raises(CalibrationError, match=rf"step {step} is damaged") as told:
+    with pytest.raises(CalibrationError, match=rf"step {step} is damaged") as reported:
         work._baseline(step)
-    assert "--restart" in told.value.hint
+    assert "--restart" in reported.value.hint
 
 
 def test_a_weak_press_and_an_accident_do_not_count() -> None:
@@ -283,8 +283,8 @@ def test_the_arm_is_mirrored_for_the_hand_that_is_mounted(tmp_path: Path, person
         config = load_config(None, environ={}, sets=[*sets, *more]).config
         assert config.arm is not None
         pose = StampedPose(0, (0.0, 0.1, 0.0), (0.0, 0.0, 0.0, 1.0))
-        told = msgspec.structs.replace(config.arm.mapping, frame="base")
-        return bool(ToBase(told)(pose).position_m[1] < 0)
+        reported = msgspec.structs.replace(config.arm.mapping, frame="base")
+        return bool(ToBase(reported)(pose).position_m[1] < 0)
 
     left_person = person is not None
     assert mirrored() == left_person, "a right hand, and a left forearm where the person's is known"
@@ -305,9 +305,9 @@ def test_the_wizard_shows_the_drawing_of_the_person_s_hand(tmp_path: Path) -> No
         work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
         with pytest.raises(TegaError):  # there is no vest
             work.run(["vest"])
-        (said,) = guide.parts
-        assert drawn in said
-        assert ("placement" in said) == (hand is not None)
+        (message,) = guide.parts
+        assert drawn in message
+        assert ("placement" in message) == (hand is not None)
 
 
 class _Parts:

@@ -82,7 +82,7 @@ def test_two_hands_have_to_be_told_apart(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "text"),
     [
         ("a.csv", b"x", r"its name has to end in \.asc, \.blf, \.log, \.trc, \.mf4"),
         ("a.log", b"", "holds no CAN frame"),
@@ -91,9 +91,9 @@ def test_two_hands_have_to_be_told_apart(tmp_path: Path) -> None:
         ("a.log", b"(1.0) can0 7AB#01\n", r"no hand reports joint angles in its 1 frames \(buses: can0\)"),
     ],
 )
-def test_what_is_no_log_of_a_hand_is_refused(name: str, content: bytes, said: str, tmp_path: Path) -> None:
+def test_what_is_no_log_of_a_hand_is_refused(name: str, content: bytes, text: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=text):
         states_of(tmp_path / name)
     with pytest.raises(RecordingError, match="cannot be read"):
         states_of(tmp_path / "none.log")
@@ -122,5 +122,5 @@ def test_hand_decode_writes_a_table(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert float(rows[4][f"{JOINT_NAMES[15]}_rad"]) == pytest.approx(
         allegro_angles_rad([4] * 16)[15], abs=1e-6
     )
-    said, _ = call(capsys, "hand", "decode", path)
-    assert "hand 0 on bus can0: version 4.2, firmware 4.6, right; serial 0123" in said
+    text, _ = call(capsys, "hand", "decode", path)
+    assert "hand 0 on bus can0: version 4.2, firmware 4.6, right; serial 0123" in text

@@ -45,7 +45,7 @@ def test_an_adapter_that_is_not_there_is_one_sentence(
 
 
 @pytest.mark.parametrize(
-    ("interface", "error", "said", "hint"),
+    ("interface", "error", "text", "hint"),
     [
         (
             "kvaser",
@@ -65,11 +65,11 @@ def test_an_adapter_that_is_not_there_is_one_sentence(
         ("sokcetcan", ValueError("?"), "no such interface", "did you mean 'socketcan'"),
     ],
 )
-def test_the_hint_is_that_of_the_interface(interface: str, error: Exception, said: str, hint: str) -> None:
+def test_the_hint_is_that_of_the_interface(interface: str, error: Exception, text: str, hint: str) -> None:
     def make() -> Any:
         raise error
 
-    with pytest.raises(DeviceUnavailableError, match=said) as caught:
+    with pytest.raises(DeviceUnavailableError, match=text) as caught:
         open_can_bus("allegro", interface, make, can=can, channel="x")
     assert hint in caught.value.hint
 
@@ -98,8 +98,8 @@ def test_nothing_leaks_from_a_library_that_fails_later() -> None:
 
 
 def test_hand_show_and_doctor_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, said = call(capsys, "hand", "show", "--interface", "kvaser", "--channel", "0", code=3)
-    assert "Kvaser's CANlib is missing" in said
+    _, text = call(capsys, "hand", "show", "--interface", "kvaser", "--channel", "0", code=3)
+    assert "Kvaser's CANlib is missing" in text
     lab = tmp_path / "lab.toml"
     lab.write_text('[hand]\ndriver = "allegro"\noptions = { interface = "kvaser", channel = 0 }\n')
     with pytest.raises(DeviceUnavailableError, match="CANlib is missing"):

@@ -34,10 +34,10 @@ def test_a_jump_is_reported_with_its_size_and_sign_for_five_seconds(size_s: floa
         assert step() == ""
         jump_s = -size_s if back else size_s
         clocks.go(1.0, jump_s=jump_s)
-        said = step()
-        assert f"jumped by {jump_s:+.1f} s" in said
+        text = step()
+        assert f"jumped by {jump_s:+.1f} s" in text
         clocks.go(4.9)
-        assert step() == said
+        assert step() == text
         clocks.go(0.2)
         assert step() == ""
         clocks.go(3600.0)

@@ -20,7 +20,7 @@ def test_the_first_after_a_second_interrupts_and_no_other(monkeypatch: pytest.Mo
     with ctrl_c.CtrlC() as stop:
         for now_s[0] in (3.0, 3.5, 4.0):
             os.kill(os.getpid(), signal.SIGINT)
-            assert stop.asked
+            assert stop.requested
         now_s[0] = 4.1
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
@@ -36,4 +36,4 @@ def test_one_that_interrupts_at_once_is_the_only_one(monkeypatch: pytest.MonkeyP
             os.kill(os.getpid(), signal.SIGINT)
         now_s[0] = 9.0
         os.kill(os.getpid(), signal.SIGINT)
-        assert stop.asked
+        assert stop.requested

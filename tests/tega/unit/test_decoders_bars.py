@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.stages.learned import fit
-from tega.stages.learned.compare import DecoderTold, Log, compare, two_halves
+from tega.stages.learned.compare import DecoderReport, Log, compare, two_halves
 from tega.stages.learned.judge import judge
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -44,37 +44,37 @@ def squeezes(name: str) -> Log:
 
 
 @cache
-def told(name: str, swapped: bool = False) -> dict[str, DecoderTold]:
+def reported(name: str, swapped: bool = False) -> dict[str, DecoderReport]:
     train, judged = two_halves(squeezes(name), swapped=swapped)
     return {one.decoder: one for one in compare(train, judged, ["rules-paper", "rules", "learned"])}
 
 
 @pytest.mark.parametrize("name", BARS)
 def test_the_closure_follows_the_force_and_is_steady(name: str) -> None:
-    figures = told(name)["learned"].figures
+    figures = reported(name)["learned"].figures
     assert figures.rank_correlation >= BARS[name]
     assert figures.changes_per_s <= 0.5
 
 
 @pytest.mark.parametrize("name", FOLLOWED_BY_THE_RULE)
 def test_the_closure_is_hardly_later_than_print(name: str) -> None:
-    assert told(name)["learned"].figures.delay_s <= 0.120
+    assert reported(name)["learned"].figures.delay_s <= 0.120
 
 
 @pytest.mark.parametrize("name", FOLLOWED_BY_THE_RULE)
 def test_the_level_is_hardly_later_than_print(name: str) -> None:
-    assert told(name)["learned"].figures.level_delay_s <= 0.120
+    assert reported(name)["learned"].figures.level_delay_s <= 0.120
 
 
 @pytest.mark.parametrize("name", BARS)
 def test_the_closure_rises_above_the_rule_or_is_near_it(name: str) -> None:
-    learned, rules = told(name)["learned"].figures, told(name)["rules"].figures
+    learned, rules = reported(name)["learned"].figures, reported(name)["rules"].figures
     assert learned.rank_correlation >= rules.level_rank_correlation - 0.01
 
 
 def test_swapped_halves_are_beside_and_worse() -> None:
     """No bar was set for them. v6 falls to what its other half teaches."""
-    figures = {name: told(name, swapped=True)["learned"].figures for name in BARS}
+    figures = {name: reported(name, swapped=True)["learned"].figures for name in BARS}
     swapped = {name: one.rank_correlation for name, one in figures.items()}
     assert max(one.changes_per_s for one in figures.values()) <= 0.5
     assert np.mean(list(swapped.values())) >= 0.80
@@ -93,17 +93,17 @@ def cue(log: Log, seed: int) -> NDArray[np.float64]:
             level = float(np.round(value))
         steps[number] = level / 4
     rng = np.random.default_rng(seed)
-    asked = np.full(len(closure), steps[0])
+    requested = np.full(len(closure), steps[0])
     for change in np.flatnonzero(np.diff(steps)) + 1:
         at = max(0, change * tau - round(rng.uniform(0.2, 0.5) * log.rate_hz))
-        asked[at:] = steps[change]
-    return asked
+        requested[at:] = steps[change]
+    return requested
 
 
 @pytest.mark.parametrize("name", BARS)
 def test_a_cue_that_is_followed_late_teaches_nearly_as_well(name: str) -> None:
     train, judged = two_halves(squeezes(name))
-    by_force = told(name)["learned"].figures.rank_correlation
+    by_force = reported(name)["learned"].figures.rank_correlation
     found = []
     for seed in range(3):
         decoder = fit(train.samples, cue(train, seed), rate_hz=200, tau=20, full=1.0)
@@ -157,7 +157,7 @@ def worn_again(emg: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
 
 def test_closing_is_told_from_rest_on_a_simulated_other_day() -> None:
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    untouched, anew = [], []
+    untouched, renewed = [], []
     for kept_back in (1, 2, 3, 4):
         others = tuple(t for t in (1, 2, 3, 4) if t != kept_back)
         decoder = fit(*closing(1, others * 2), rate_hz=200, tau=20)
@@ -167,11 +167,11 @@ def test_closing_is_told_from_rest_on_a_simulated_other_day() -> None:
             untouched.append(balanced(decoder.process(worn_again(emg, seed)), target))
             ten_s, meant = closing(1, others)
             today = decoder.recalibrated(worn_again(ten_s, seed), meant)
-            anew.append(balanced(today.process(worn_again(emg, seed)), target))
+            renewed.append(balanced(today.process(worn_again(emg, seed)), target))
     assert np.mean(untouched) >= 0.95
     assert min(untouched) >= 0.8
-    assert np.mean(anew) >= 0.98
-    assert min(anew) >= 0.95
+    assert np.mean(renewed) >= 0.98
+    assert min(renewed) >= 0.95
 
 
 def test_closing_is_told_from_rest_across_days() -> None:
@@ -185,5 +185,5 @@ def test_closing_is_told_from_rest_across_days() -> None:
         decoder.restart()
         assert balanced(decoder.process(emg), target) >= 0.9
         half = len(emg) // 2
-        anew = decoder.recalibrated(emg[:half], target[:half])
-        assert balanced(anew.process(emg[half:]), target[half:]) >= 0.95
+        renewed = decoder.recalibrated(emg[:half], target[:half])
+        assert balanced(renewed.process(emg[half:]), target[half:]) >= 0.95

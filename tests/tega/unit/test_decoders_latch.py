@@ -46,27 +46,27 @@ def rising(first: float, last: float, blocks: int = 3) -> list[float]:
 @pytest.mark.parametrize(("levels_away", "blocks"), [(4, 2), (3, 2), (2, 3), (1, 8)])
 def test_the_farther_the_sooner(levels_away: int, blocks: int) -> None:
     closure = levels_away / 4
-    told = latched([0.0] * 50 + rising(0.0, closure) + [closure] * 50)
-    assert told[49] == 1
-    assert next(n for n, level in enumerate(told) if level > 1) - 49 == blocks
-    assert told[50 + 12] == 1 + levels_away
-    assert len(set(told[62:])) == 1
+    reported = latched([0.0] * 50 + rising(0.0, closure) + [closure] * 50)
+    assert reported[49] == 1
+    assert next(n for n, level in enumerate(reported) if level > 1) - 49 == blocks
+    assert reported[50 + 12] == 1 + levels_away
+    assert len(set(reported[62:])) == 1
 
 
 def test_a_jump_within_a_block_is_too_high_by_one_level_for_two_seconds_at_most() -> None:
-    told = latched([0.0] * 50 + [0.5] * 50)
-    assert told[50] == 4
-    assert told[71:] == [3] * len(told[71:])
+    reported = latched([0.0] * 50 + [0.5] * 50)
+    assert reported[50] == 4
+    assert reported[71:] == [3] * len(reported[71:])
 
 
 def test_a_steady_effort_that_trembles_by_a_level_keeps_its_level() -> None:
     rng = np.random.default_rng(1)
-    told = latched([0.5, *rng.normal(0.5, 0.125, 10_000).clip(0, 1)])
-    assert np.count_nonzero(np.diff(told)) / (len(told) * BLOCK_S) < 0.1
+    reported = latched([0.5, *rng.normal(0.5, 0.125, 10_000).clip(0, 1)])
+    assert np.count_nonzero(np.diff(reported)) / (len(reported) * BLOCK_S) < 0.1
 
 
 def changed_after(closures: list[float], first: int, level: int) -> int:
-    return next(n for n, told in enumerate(latched(closures)[first:]) if told == level)
+    return next(n for n, reported in enumerate(latched(closures)[first:]) if reported == level)
 
 
 def test_a_change_back_needs_more_than_a_change_onwards() -> None:

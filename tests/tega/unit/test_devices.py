@@ -50,7 +50,7 @@ def test_frames_are_stamped_by_number_and_rate(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("suffix", "cut", "said"),
+    ("suffix", "cut", "text"),
     [
         (".png", 0.5, "PNG cut short or damaged"),
         (".png", 0.999, "PNG cut short"),
@@ -61,26 +61,26 @@ def test_frames_are_stamped_by_number_and_rate(tmp_path: Path) -> None:
         (".png", 0.0, r"not a picture that can be decoded \(0 bytes\)"),
     ],
 )
-def test_a_picture_cut_short_is_refused_and_named(tmp_path: Path, suffix: str, cut: float, said: str) -> None:
+def test_a_picture_cut_short_is_refused_and_named(tmp_path: Path, suffix: str, cut: float, text: str) -> None:
     path = tmp_path / f"frame_3{suffix}"
     cv2.imwrite(str(path), pressed(50, noise=1))
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * cut)])
-    with pytest.raises(RecordingError, match=rf"frame_3\{suffix}: {said}"):
+    with pytest.raises(RecordingError, match=rf"frame_3\{suffix}: {text}"):
         names_read(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("size", "said"),
+    ("size", "text"),
     [((20_000, 20_000), "20000x20000 pixels"), ((8000, 8000), "bytes cannot hold 8000x8000 pixels")],
 )
-def test_a_forged_size_asks_for_no_memory(tmp_path: Path, size: tuple[int, int], said: str) -> None:
+def test_a_forged_size_asks_for_no_memory(tmp_path: Path, size: tuple[int, int], text: str) -> None:
     path = write_folder(tmp_path, 1) / "frame_0.png"
     data = bytearray(path.read_bytes())
     data[16:24] = struct.pack(">II", *size)
     data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
     path.write_bytes(data)
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=text):
         names_read(tmp_path)
 
 
@@ -156,8 +156,8 @@ def frames_of(source: VideoFile) -> int:
 
 
 def test_a_truncated_video_is_refused(cut_video: Path) -> None:
-    said = r"cut\.avi: \d+ frames decode, its header says 40: .*--allow-truncated"
-    with VideoFile(VideoFileOptions(file=cut_video)) as source, pytest.raises(RecordingError, match=said):
+    text = r"cut\.avi: \d+ frames decode, its header says 40: .*--allow-truncated"
+    with VideoFile(VideoFileOptions(file=cut_video)) as source, pytest.raises(RecordingError, match=text):
         frames_of(source)
 
 

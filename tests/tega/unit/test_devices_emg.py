@@ -63,7 +63,7 @@ def test_only_the_wanted_columns_have_to_be_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("1,2\n3,x\n", r"emg\.csv:2: not a row of numbers: '3,x'; fix or delete"),
         ("1,2\n3,4,5\n", r"emg\.csv:2: 3 cells, the lines before have 2: '3,4,5'"),
@@ -76,10 +76,10 @@ def test_only_the_wanted_columns_have_to_be_numbers(tmp_path: Path) -> None:
         ("", r"emg\.csv: holds no sample"),
     ],
 )
-def test_a_line_that_cannot_be_parsed_is_named(tmp_path: Path, text: str, said: str) -> None:
+def test_a_line_that_cannot_be_parsed_is_named(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "emg.csv"
     path.write_text(text)
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=message):
         read_emg_file(path)
 
 
@@ -154,13 +154,13 @@ def test_a_mat_file_with_an_object_beside_the_samples_is_read(recordings: Path) 
 
 
 @pytest.mark.parametrize(
-    ("channels", "said"), [((4,), "has no channel 4; it has 3"), ((1, 1), "asked for twice")]
+    ("channels", "message"), [((4,), "has no channel 4; it has 3"), ((1, 1), "asked for twice")]
 )
-def test_channels_that_are_not_there(tmp_path: Path, channels: tuple[int, ...], said: str) -> None:
+def test_channels_that_are_not_there(tmp_path: Path, channels: tuple[int, ...], message: str) -> None:
     np.save(tmp_path / "e.npy", ROWS)
     (tmp_path / "e.csv").write_text("1,2,3\n")
     for name in ("e.npy", "e.csv"):
-        with pytest.raises(RecordingError, match=said):
+        with pytest.raises(RecordingError, match=message):
             read_emg_file(tmp_path / name, channels)
 
 

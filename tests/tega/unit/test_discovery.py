@@ -54,9 +54,9 @@ def test_two_with_one_serial_number_are_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("usb_id", "said"), [("0403:0fde", "is starting"), ("2833:0209", "the kernel made no camera of it")]
+    ("usb_id", "text"), [("0403:0fde", "is starting"), ("2833:0209", "the kernel made no camera of it")]
 )
-def test_a_digit_that_is_no_camera_is_told(tmp_path: Path, usb_id: str, said: str) -> None:
+def test_a_digit_that_is_no_camera_is_told(tmp_path: Path, usb_id: str, text: str) -> None:
     device = tmp_path / "devices" / "1-4"
     device.mkdir(parents=True)
     vendor, product = usb_id.split(":")
@@ -64,7 +64,7 @@ def test_a_digit_that_is_no_camera_is_told(tmp_path: Path, usb_id: str, said: st
     (device / "idProduct").write_text(product)
     (device / "serial").write_text("D20641")
     (found,) = find_digits(sysfs=tmp_path / "none", usb=tmp_path / "devices")
-    assert said in found.problem
+    assert text in found.problem
     assert found.hint
 
 
@@ -73,18 +73,18 @@ def listed(number: int, usb: tuple[int, int] | tuple[None, None], name: str) -> 
     return SimpleNamespace(index=number, name=name, vid=usb[0], pid=usb[1])
 
 
-@pytest.mark.parametrize(("system", "way_in"), [("win32", 1400), ("darwin", 1200)])
+@pytest.mark.parametrize(("system", "access"), [("win32", 1400), ("darwin", 1200)])
 def test_windows_and_macos_name_cameras_by_number(
-    system: str, way_in: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    system: str, access: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    asked = []
+    requested = []
 
     def cameras(backend: int) -> list[SimpleNamespace]:
-        asked.append(backend)
+        requested.append(backend)
         return [listed(0, (None, None), "Built-in"), listed(1, (0x2833, 0x0209), "DIGIT")]
 
     nodes = numbered_cameras(system, cameras)
-    assert asked == [way_in]
+    assert requested == [access]
     assert nodes == [
         VideoNode("camera:0", "Built-in", "", 0),
         VideoNode("camera:1", "DIGIT", "", 0, "2833:0209"),
@@ -122,7 +122,7 @@ def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
     interface(tmp_path, "eth0", kind="1", flags="0x1003")
     interface(tmp_path, "can0", kind="280", flags="0x40081")
     interface(tmp_path, "can1", kind="280", flags="0x40080")
-    said = {
+    text = {
         "can0": json.dumps(
             [
                 {
@@ -135,7 +135,7 @@ def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
         ),
         "can1": "",
     }
-    links = can_links(sysfs=tmp_path, describe=lambda name: said[name])
+    links = can_links(sysfs=tmp_path, describe=lambda name: text[name])
     assert links == [
         CanLink("can0", is_up=True, bitrate=500000, state="ERROR-ACTIVE", is_virtual=False),
         CanLink("can1", is_up=False, bitrate=None, state="", is_virtual=False),
@@ -144,7 +144,7 @@ def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("link", "said", "todo"),
+    ("link", "text", "todo"),
     [
         (CanLink("can0", True, 1_000_000, "ERROR-ACTIVE", False), "", ""),
         (CanLink("can0", True, None, "", False), "", ""),
@@ -155,10 +155,10 @@ def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
         (CanLink("vcan0", False, None, "", True), "is down", "sudo ip link set vcan0 up"),
     ],
 )
-def test_what_is_wrong_with_a_bus(link: CanLink, said: str, todo: str) -> None:
+def test_what_is_wrong_with_a_bus(link: CanLink, text: str, todo: str) -> None:
     trouble, step = link_trouble(link, bitrate=1_000_000)
-    assert said in trouble
-    assert bool(trouble) is bool(said)
+    assert text in trouble
+    assert bool(trouble) is bool(text)
     assert todo in step
 
 

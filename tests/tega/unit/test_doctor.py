@@ -15,8 +15,8 @@ import pytest
 
 from reference.command import call
 from tega.config import load_config
-from tega.setup.doctor import look_for
-from tega.setup.doctor.bench import LOOK_S, ROLES, TRY_S, look_around, try_all
+from tega.setup.doctor import probe_drivers
+from tega.setup.doctor.bench import POLL_S, ROLES, TRY_S, probe_all, try_all
 from tega.setup.doctor.case import DriverCase, holders
 from tega.setup.doctor.timeouts import in_time
 from tega_emulators.emulated_bench import EmulatedBench
@@ -29,7 +29,7 @@ FINDING_KEYS = {"check", "status", "finding", "why", "todo", "driver", "device",
 
 
 def test_looking_around_ends_within_ten_seconds_whatever_hangs() -> None:
-    assert LOOK_S + TRY_S <= 9.5  # half a second is left for starting and printing
+    assert POLL_S + TRY_S <= 9.5  # half a second is left for starting and printing
     never = threading.Event()
     answers = in_time({"hangs": never.wait, "answers": lambda: True}, 0.05, lambda key, s: f"{key} {s:g}")
     assert answers == {"hangs": "hangs 0.05", "answers": True}
@@ -53,14 +53,14 @@ def doctor_alone(folder: Path, *words: str) -> tuple[int, str, str]:
 @pytest.mark.slow
 def test_an_empty_bench_is_told_kindly_and_ends_with_3(tmp_path: Path) -> None:
     code, out, _ = doctor_alone(tmp_path, "--json")
-    said = json.loads(out)
-    if any(f["device"] for f in said["findings"]):
+    message = json.loads(out)
+    if any(f["device"] for f in message["findings"]):
         pytest.skip("something is attached to this machine")
-    assert set(said) == {"format", "version", "settings", "ok", "exit_code", "findings"}
-    assert (said["format"], said["version"], said["settings"]) == ("tega-doctor", 1, None)
-    assert (said["ok"], said["exit_code"], code) == (False, 3, 3)
-    assert [f["check"] for f in said["findings"]] == list(ROLES)
-    for finding in said["findings"]:
+    assert set(message) == {"format", "version", "settings", "ok", "exit_code", "findings"}
+    assert (message["format"], message["version"], message["settings"]) == ("tega-doctor", 1, None)
+    assert (message["ok"], message["exit_code"], code) == (False, 3, 3)
+    assert [f["check"] for f in message["findings"]] == list(ROLES)
+    for finding in message["findings"]:
         assert set(finding) == FINDING_KEYS
         assert finding["status"] == "missing"
         assert finding["finding"]
@@ -77,7 +77,7 @@ def test_an_empty_bench_is_told_kindly_and_ends_with_3(tmp_path: Path) -> None:
 
 
 def test_every_driver_with_hardware_can_say_what_is_there() -> None:
-    assert set(look_for()) >= {
+    assert set(probe_drivers()) >= {
         "allegro",
         "bhaptics-ble",
         "bhaptics-player",
@@ -104,11 +104,11 @@ def test_a_bench_with_every_emulator_up_is_fine(
     settings = tmp_path / "lab.toml"
     bench.write_settings(settings)
     out, _ = call(capsys, "doctor", settings, "--json", code=0)
-    said = json.loads(out)
-    assert {f["status"] for f in said["findings"]} <= {"ok", "warning"}
-    assert {f["check"] for f in said["findings"] if f["status"] == "ok"} >= {"emg", "vest", "hand"}
-    assert said["settings"] == "lab.toml"
-    emg = next(f for f in said["findings"] if f["check"] == "emg")
+    message = json.loads(out)
+    assert {f["status"] for f in message["findings"]} <= {"ok", "warning"}
+    assert {f["check"] for f in message["findings"] if f["status"] == "ok"} >= {"emg", "vest", "hand"}
+    assert message["settings"] == "lab.toml"
+    emg = next(f for f in message["findings"] if f["check"] == "emg")
     assert emg["measured"]["rate_hz"] > 0
     # Nothing was felt, and nothing moved.
     assert not any(any(motors) for _, motors in seen_by(bench.player).history)
@@ -132,7 +132,7 @@ def test_init_of_an_emulated_bench_is_a_run_that_can_start(bench: EmulatedBench,
 def test_packages_that_drivers_need_to_look_are_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in ("serial", "serial.tools", "serial.tools.list_ports"):
         monkeypatch.setitem(sys.modules, module, None)
-    findings = look_around().findings
+    findings = probe_all().findings
     (packages,) = [f for f in findings if f.check == "packages"]
     assert packages.todo == ("install it with: pip install 'tega[lab]'",)
     assert "cyton, serial-emg" in packages.why
@@ -187,7 +187,7 @@ def test_a_stranger_s_driver_takes_part(tmp_path: Path, monkeypatch: pytest.Monk
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: claw\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text("[tega.devices]\nclaw = claw_module:Claw\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    (finding,) = [f for f in look_around().findings if f.driver == "claw"]
+    (finding,) = [f for f in probe_all().findings if f.driver == "claw"]
     assert finding.check == "allegro"
     assert "was not opened" in finding.finding
 

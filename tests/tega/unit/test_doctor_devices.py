@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from reference.doctor import only, told
+from reference.doctor import only, reported
 from tega.setup.doctor import Finding
-from tega.setup.doctor.bench import look_around
+from tega.setup.doctor.bench import probe_all
 from tega.setup.doctor.tactile import FoundCamera, crowded
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
@@ -24,7 +24,7 @@ def test_a_hand_of_another_version(tmp_path: Path) -> None:
         case = '[hand]\ndriver = "allegro"\n[hand.options]\n' + "".join(
             f"{key} = {json.dumps(value)}\n" for key, value in json.loads(options).items()
         )
-        finding = only(told(tmp_path, case + "bus = { sleep_after_open = 0.0 }\n"))
+        finding = only(reported(tmp_path, case + "bus = { sleep_after_open = 0.0 }\n"))
         assert not hand.say("look")["servo_on"]
     assert finding.status == "error"
     assert "version 5.0" in finding.finding
@@ -35,7 +35,7 @@ def test_a_hand_of_another_version(tmp_path: Path) -> None:
 def test_an_amplifier_that_is_too_slow(tmp_path: Path) -> None:
     with Emulator("ascii_board", "--rate", "500", "--fault", "slow=0.2") as board:
         finding = only(
-            told(
+            reported(
                 tmp_path,
                 f'[emg]\ndriver = "serial-emg"\nkind = "raw"\n'
                 f'options = {{ port = "{board.port}", rate_hz = 500, measure_s = 0.25 }}\n',
@@ -49,7 +49,7 @@ def test_an_amplifier_that_is_too_slow(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_amplifier_that_hums(tmp_path: Path) -> None:
     with Emulator("cyton", "--signal", "hum") as board:
-        examination = told(
+        examination = reported(
             tmp_path,
             f'[emg]\ndriver = "cyton"\nkind = "raw"\noptions = {{ port = "{board.port}", measure_s = 0.3 }}\n',
         )
@@ -60,7 +60,7 @@ def test_an_amplifier_that_hums(tmp_path: Path) -> None:
 def test_a_player_that_is_not_there(tmp_path: Path) -> None:
     with Emulator("bhaptics_player", "--port", "0") as player:
         port = player.address["port"]
-    finding = only(told(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
+    finding = only(reported(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
     assert finding.status == "missing"
     assert "cannot be reached" in finding.finding
     assert "start the bHaptics Player" in finding.todo[0]
@@ -70,7 +70,9 @@ def test_a_player_without_a_vest(tmp_path: Path) -> None:
     with Emulator("bhaptics_player", "--port", "0") as player:
         player.say("no-vest")
         port = player.address["port"]
-        finding = only(told(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
+        finding = only(
+            reported(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n')
+        )
     assert "has no vest connected" in finding.finding
 
 
@@ -80,9 +82,9 @@ def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> 
         ports = f"port = {player.address['port']}, port_v3 = {player.address['port_v3']}"
         more = 'app_id = "lab", api_key_file = "key.txt"'
         settings = f'[vest]\ndriver = "bhaptics-player"\noptions = {{ {ports}, {more} }}\n'
-        well = only(told(tmp_path, settings))
+        well = only(reported(tmp_path, settings))
         player.say("flat")
-        findings = told(tmp_path, settings).findings
+        findings = reported(tmp_path, settings).findings
         assert seen_by(player).errors == []
     assert well.status == "ok"
     assert "(TactSuitX40 connected, Player version 3, battery 98 %, fit unknown)" in well.finding
@@ -95,19 +97,19 @@ def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("fault", "status", "said"), [("black", "error", "black"), ("cut", "missing", "does not open")]
+    ("fault", "status", "text"), [("black", "error", "black"), ("cut", "missing", "does not open")]
 )
-def test_a_camera_in_trouble(tmp_path: Path, fault: str, status: str, said: str) -> None:
+def test_a_camera_in_trouble(tmp_path: Path, fault: str, status: str, text: str) -> None:
     with Emulator("digit") as camera:
         camera.say(fault)
         finding = only(
-            told(
+            reported(
                 tmp_path,
                 f'[tactile.thumb]\ndriver = "digit"\noptions = {{ source = "{camera.address["source"]}" }}\n',
             )
         )
     assert finding.status == status
-    assert said in finding.finding
+    assert text in finding.finding
 
 
 @pytest.mark.slow
@@ -116,7 +118,7 @@ def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Pa
 
     np.save(tmp_path / "gel.npy", np.zeros((240, 320, 3), np.uint8))
     with Emulator("digit", "--rate-hz", "15") as camera:
-        examination = told(
+        examination = reported(
             tmp_path,
             '[tactile.thumb]\ndriver = "digit"\nbaseline = "gel.npy"\n'
             f'options = {{ source = "{camera.address["source"]}" }}\n',
@@ -130,7 +132,7 @@ def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Pa
 def test_a_package_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "serial", None)
     finding = only(
-        told(tmp_path, '[emg]\ndriver = "cyton"\nkind = "raw"\noptions = { port = "/dev/ttyUSB9" }\n')
+        reported(tmp_path, '[emg]\ndriver = "cyton"\nkind = "raw"\noptions = { port = "/dev/ttyUSB9" }\n')
     )
     assert finding.status == "missing"
     assert finding.todo == ("install it with: pip install 'tega[lab]'",)
@@ -138,7 +140,9 @@ def test_a_package_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_one_device_named_twice_is_opened_once(tmp_path: Path) -> None:
     section = 'driver = "digit"\noptions = {{ serial = "D2064{}" }}\n'
-    examination = told(tmp_path, f"[tactile.thumb]\n{section.format(1)}[tactile.index]\n{section.format(1)}")
+    examination = reported(
+        tmp_path, f"[tactile.thumb]\n{section.format(1)}[tactile.index]\n{section.format(1)}"
+    )
     thumb, index = examination.findings
     assert (thumb.check, thumb.status) == ("tactile.thumb", "missing")
     assert "no camera has the serial number 'D20641'" in thumb.finding
@@ -148,7 +152,7 @@ def test_one_device_named_twice_is_opened_once(tmp_path: Path) -> None:
 
 def test_a_can_bus_that_is_not_there(tmp_path: Path) -> None:
     finding = only(
-        told(
+        reported(
             tmp_path, '[hand]\ndriver = "allegro"\noptions = { interface = "socketcan", channel = "can77" }\n'
         )
     )
@@ -158,7 +162,7 @@ def test_a_can_bus_that_is_not_there(tmp_path: Path) -> None:
 def test_what_would_overwrite_a_recording_is_not_opened(tmp_path: Path) -> None:
     table = tmp_path / "vest.csv"
     table.write_text("kept")
-    examination = told(
+    examination = reported(
         tmp_path,
         '[vest]\ndriver = "vest-recorder"\noptions = { file = "vest.csv" }\n'
         '[hand]\ndriver = "can-recorder"\noptions = { file = "vest.csv" }\n',
@@ -195,10 +199,10 @@ def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         (found,) = BleVest.discover(3.0)
         assert found.label.startswith(("TactSuit", "Tactot"))
         assert not found.may_open
-        (seen,) = [f for f in look_around().findings if f.check == "vest"]
+        (seen,) = [f for f in probe_all().findings if f.check == "vest"]
         assert found.label in seen.finding
         finding = only(
-            told(
+            reported(
                 tmp_path,
                 '[vest]\ndriver = "bhaptics-ble"\n'
                 f'options = {{ scan_s = 1.0, address = "{found.options["address"]}" }}\n',
@@ -217,8 +221,8 @@ def test_a_vest_board_that_may_not_be_opened(tmp_path: Path) -> None:
         with port.installed():
             assert [found.options for found in HidVest.discover(1.0)] == [{"serial": "EMULATED"}]
             settings = '[vest]\ndriver = "hid-vest"\n'
-            assert only(told(tmp_path, settings)).status == "ok"
+            assert only(reported(tmp_path, settings)).status == "ok"
             port.can_open = False
-            finding = only(told(tmp_path, settings))
+            finding = only(reported(tmp_path, settings))
     assert "does not open" in finding.finding
     assert any("udev rule" in step for step in finding.todo)

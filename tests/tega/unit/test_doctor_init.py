@@ -13,7 +13,7 @@ import pytest
 
 from reference.command import call
 from tega.config import load_config
-from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.bench import DriverProbe
 
 
 def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,8 +22,8 @@ def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureF
     _, err = call(capsys, "init", "--out", out, code=1)
     assert "nothing was written" in err
     assert out.read_text() == "mine"
-    said, _ = call(capsys, "init", "--out", out, "--force", code=0)
-    assert f"tega-teleop doctor {out}" in said
+    message, _ = call(capsys, "init", "--out", out, "--force", code=0)
+    assert f"tega-teleop doctor {out}" in message
     assert call(capsys, "config", "check", out, code=0)[0] == "lab.toml: ok\n"
 
 
@@ -47,11 +47,11 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     )
     path = tmp_path / "lab.toml"
     looked: dict[str, Any] = {
-        "digit": DriverLook("tactile", digits),
-        "serial-emg": DriverLook("emg", [board]),
-        "lsl-emg": DriverLook("emg", [stream]),
-        "bhaptics-ble": DriverLook("vest", [vest]),
-        "allegro": DriverLook("hand", [hand]),
+        "digit": DriverProbe("tactile", digits),
+        "serial-emg": DriverProbe("emg", [board]),
+        "lsl-emg": DriverProbe("emg", [stream]),
+        "bhaptics-ble": DriverProbe("vest", [vest]),
+        "allegro": DriverProbe("hand", [hand]),
     }
     path.write_text(lab_settings(looked, name=path.name))
     config = load_config(path, environ={}).config
@@ -79,7 +79,7 @@ def test_ctrl_c_ends_emulated_devices_without_a_traceback(tmp_path: Path) -> Non
         while "Ctrl-C" not in process.stdout.readline():
             assert process.poll() is None
         os.killpg(process.pid, signal.SIGINT)
-        said = process.stderr.read()
+        message = process.stderr.read()
         code = process.wait(60)
-    assert "Traceback" not in said, said
+    assert "Traceback" not in message, message
     assert code in {0, 130}

@@ -12,7 +12,7 @@ import pytest
 from reference.waiting import until
 from tega.config import load_config
 from tega.setup.doctor import Finding, examine, lab_settings
-from tega.setup.doctor.bench import ROLES, look_around
+from tega.setup.doctor.bench import ROLES, probe_all
 from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
@@ -42,13 +42,13 @@ def attached() -> Iterator[tuple[Emulator, Emulator, HidPort]]:
 
 
 @contextmanager
-def once_open(port: HidPort, device: Emulator, what: str, *, seats: int = 1) -> Iterator[None]:
+def once_open(port: HidPort, device: Emulator, subject: str, *, seats: int = 1) -> Iterator[None]:
     """Have a device do something as soon as all seats it is for have it open in the block."""
     before = port.n_opened[device.port]
 
     def act() -> None:
         until(lambda: port.n_opened[device.port] >= before + seats)
-        device.say(what)
+        device.say(subject)
 
     thread = threading.Thread(target=act)
     thread.start()
@@ -56,7 +56,7 @@ def once_open(port: HidPort, device: Emulator, what: str, *, seats: int = 1) -> 
     thread.join()
 
 
-def told(folder: Path) -> dict[str, list[Finding]]:
+def reported(folder: Path) -> dict[str, list[Finding]]:
     path = folder / "lab.toml"
     path.write_text(SETTINGS)
     examination = examine(load_config(path, environ={}).config, name=path.name)
@@ -73,7 +73,7 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
 ) -> None:
     seats = ["input.motion", "input.dead_man", "input.marker"]
     with attached() as (cap, foot, port):
-        found = told(tmp_path)
+        found = reported(tmp_path)
         assert list(found) == seats
         assert {f.status for (f,) in found.values()} == {"ok"}
         assert "spacemouse SpaceNavigator is open and at rest" in found["input.motion"][0].finding
@@ -85,7 +85,7 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
         cap.say("push 0 -350 0 0 0 0")
         # A pedal tells of changes only, so the foot comes down while somebody listens.
         with once_open(port, foot, "press 0"):
-            found = told(tmp_path)
+            found = reported(tmp_path)
         assert found["input.motion"][0].status == "warning"
         assert "the cap is pushed or turned" in found["input.motion"][0].finding
         assert "touched: " in found["input.dead_man"][0].finding
@@ -94,14 +94,14 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
         foot.say("lift 0")
 
         with once_open(port, cap, "unplug", seats=2):
-            found = told(tmp_path)
+            found = reported(tmp_path)
         assert [found[seat][0].status for seat in seats] == ["error", "ok", "error"]
         assert "opened, and then had no data" in found["input.motion"][0].finding
-        found = told(tmp_path)
+        found = reported(tmp_path)
         assert found["input.motion"][0].status == "missing"
         assert found["input.motion"][0].todo
         port.can_open = False
-        (finding,) = told(tmp_path)["input.dead_man"]
+        (finding,) = reported(tmp_path)["input.dead_man"]
         assert finding.status == "error"
         assert "does not open" in finding.finding
         assert any("udev rule" in step for step in finding.todo)
@@ -110,7 +110,7 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
 def test_init_writes_them_and_a_look_around_stays_with_the_four_devices(tmp_path: Path) -> None:
     out = tmp_path / "lab.toml"
     with attached():
-        assert {f.check for f in look_around().findings} <= {"packages", *ROLES}
+        assert {f.check for f in probe_all().findings} <= {"packages", *ROLES}
         with pytest.raises(SystemExit):
             main(["init", "--out", str(out)])
         config = load_config(out, environ={}).config

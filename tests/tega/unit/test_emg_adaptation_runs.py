@@ -57,9 +57,9 @@ def settings(folder: Path) -> Any:
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Adaptation | AdaptationSwitch]]:
     """Return a recording in which a target was told from 32 s and the key was pressed at 60 s, and what it told."""
     folder = tmp_path_factory.mktemp("adapting")
-    bus, told = Bus(), list[Any]()
-    bus.subscribe(Adaptation, told.append)
-    bus.subscribe(AdaptationSwitch, told.append)
+    bus, reported = Bus(), list[Any]()
+    bus.subscribe(Adaptation, reported.append)
+    bus.subscribe(AdaptationSwitch, reported.append)
 
     def say(intent: Intent) -> None:
         if intent.t_ns == 32_000_000_000:
@@ -69,7 +69,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Adaptation
 
     bus.subscribe(Intent, say)
     summary = run_session(settings(folder), bus=bus)
-    return folder / "rec" / str(summary["recording"]["file"]), told
+    return folder / "rec" / str(summary["recording"]["file"]), reported
 
 
 def test_a_run_follows_rest_and_target_and_one_key_undoes_it(run: tuple[Path, list[Any]]) -> None:
@@ -145,7 +145,7 @@ def test_without_it_the_replay_says_so_and_differs(run: tuple[Path, list[Any]]) 
 
 
 @pytest.mark.parametrize(
-    ("said", "allowed"),
+    ("message", "allowed"),
     [
         ([], False),
         ([RunState(t_ns=0, state="active", reason="")], True),
@@ -156,10 +156,10 @@ def test_without_it_the_replay_says_so_and_differs(run: tuple[Path, list[Any]]) 
         ),
     ],
 )
-def test_never_in_a_hold_and_never_while_a_finger_touches(said: list[Any], *, allowed: bool) -> None:
+def test_never_in_a_hold_and_never_while_a_finger_touches(message: list[Any], *, allowed: bool) -> None:
     bus = Bus()
     watch = AdaptationWatch(bus)
-    for record in said:
+    for record in message:
         bus.publish(record)
     assert watch.switches().allowed is allowed
 

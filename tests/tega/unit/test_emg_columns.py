@@ -15,7 +15,7 @@ from tega.ui.cli.main import main
 
 
 @pytest.mark.parametrize(
-    ("names", "said", "rest"),
+    ("names", "text", "rest"),
     [
         ("Force,ch1,ch2", '"Force" is another sensor', (2, 3)),
         ("time_s,ECR,FCU", '"time_s" is time', (2, 3)),
@@ -24,13 +24,13 @@ from tega.ui.cli.main import main
     ],
 )
 def test_a_column_that_is_no_muscle_is_left_out_and_named(
-    names: str, said: str, rest: tuple[int, ...], tmp_path: Path
+    names: str, text: str, rest: tuple[int, ...], tmp_path: Path
 ) -> None:
     file = tmp_path / "squeeze.csv"
     file.write_text(f"{names}\n1,2,3\n4,5,6\n")
     signals = read_signals(file)
     assert signals.channels == rest
-    assert said in signals.decision.words
+    assert text in signals.decision.words
     # A channel that is named is meant.
     assert read_signals(file, Reading(channels=(1, 2))).samples.tolist() == [[1.0, 2.0], [4.0, 5.0]]
 

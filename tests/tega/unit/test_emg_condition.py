@@ -103,7 +103,7 @@ def test_moved_pods_are_told_and_pods_in_their_place_are_not() -> None:
                 turned = np.roll(samples / full, places, axis=1)
                 whole = np.concatenate([samples[:half] / full, turned[half:]])[:, columns]
                 found = watched(whole, 200.0, full=1.0)
-                told = any(one.pattern_change > MOVED for one in found)
-                intact += told and not places
-                moved += told and bool(places)
+                reported = any(one.pattern_change > MOVED for one in found)
+                intact += reported and not places
+                moved += reported and bool(places)
     assert (intact, moved) == (0, 20)  # of 12 and of 36

@@ -266,8 +266,8 @@ def test_signal_faults_reach_the_notes_in_plain_words() -> None:
 def assert_last_heard(device: Emulator, command: bytes) -> None:
     """Wait until the command has come through the terminal, which hands bytes on in its own time."""
     deadline = time.monotonic() + PATIENCE_S
-    while not (heard := bytes.fromhex(device.say("heard")["heard"])).endswith(command):
-        assert time.monotonic() < deadline, heard
+    while not (received := bytes.fromhex(device.say("heard")["heard"])).endswith(command):
+        assert time.monotonic() < deadline, received
         time.sleep(0.01)
 
 
@@ -298,15 +298,15 @@ def test_the_stream_is_off_after_every_way_out(name: str, stop: bytes) -> None:
 def test_a_board_left_streaming_by_a_crash_is_silenced_first() -> None:
     with emulator("cyton", "--streaming") as device, opened("cyton", device, gain=12) as source:
         chunks_of(source, 20)
-        heard = bytes.fromhex(device.say("heard")["heard"])
-    assert heard.startswith(b"svd")
-    assert b"x1050100X" in heard  # channel 1 on, gain 12, its own two pins, in the bias
-    assert b"X45678~6" in heard
-    assert heard.endswith(b"b")
+        received = bytes.fromhex(device.say("heard")["heard"])
+    assert received.startswith(b"svd")
+    assert b"x1050100X" in received  # channel 1 on, gain 12, its own two pins, in the bias
+    assert b"X45678~6" in received
+    assert received.endswith(b"b")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "text"),
     [
         (("--board-off",), "the dongle answers, the board does not: 'Failure: Communications timeout"),
         (
@@ -316,8 +316,8 @@ def test_a_board_left_streaming_by_a_crash_is_silenced_first() -> None:
         (("--fault", "freeze=1"), "nothing answers"),
     ],
 )
-def test_a_cyton_that_cannot_be_set_up_is_refused(arguments: tuple[str, ...], said: str) -> None:
-    with emulator("cyton", *arguments) as device, pytest.raises(DeviceUnavailableError, match=said):
+def test_a_cyton_that_cannot_be_set_up_is_refused(arguments: tuple[str, ...], text: str) -> None:
+    with emulator("cyton", *arguments) as device, pytest.raises(DeviceUnavailableError, match=text):
         opened("cyton", device).open()
 
 
@@ -361,17 +361,17 @@ def test_a_spikershield_sends_as_many_channels_as_it_is_told(columns: int) -> No
     with emulator("spiker") as device, opened("spiker", device, columns=columns) as source:
         chunks = chunks_of(source, 250)
         rate_hz = source.info.rate_hz
-        heard = bytes.fromhex(device.say("heard")["heard"])
+        received = bytes.fromhex(device.say("heard")["heard"])
     phase, exact = phases("spiker", chunks)
     assert exact.all()
     assert (phase == phase[0]).all()
     assert chunks[0].samples.shape[1] == columns
     assert rate_hz == pytest.approx(2e6 / 199 / columns)
-    assert set(heard.splitlines()) == {f"c:{columns};".encode()}
+    assert set(received.splitlines()) == {f"c:{columns};".encode()}
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "text"),
     [
         (("--deaf",), "sends 1 channels, 3 are asked for"),
         (("--deaf", "--channels", "2"), "sends 2 channels, 3 are asked for"),
@@ -379,8 +379,8 @@ def test_a_spikershield_sends_as_many_channels_as_it_is_told(columns: int) -> No
         (("--fault", "garbage=1"), "sends no frames of a SpikerShield"),
     ],
 )
-def test_a_board_that_is_no_spikershield_is_refused(arguments: tuple[str, ...], said: str) -> None:
-    with emulator("spiker", *arguments) as device, pytest.raises(DeviceUnavailableError, match=said):
+def test_a_board_that_is_no_spikershield_is_refused(arguments: tuple[str, ...], text: str) -> None:
+    with emulator("spiker", *arguments) as device, pytest.raises(DeviceUnavailableError, match=text):
         opened("spiker", device, start_s=1.0).open()
 
 

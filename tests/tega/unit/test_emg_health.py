@@ -60,10 +60,10 @@ def test_each_fault_is_named_on_its_own_channel() -> None:
     for words, signal in faults.items():
         samples = muscle()
         samples[:, 1] = signal
-        said = looked_at(samples).now
-        assert len(said) == 1, (words, said)
-        assert said[0].startswith("ch2: ")
-        assert words in said[0]
+        text = looked_at(samples).now
+        assert len(text) == 1, (words, text)
+        assert text[0].startswith("ch2: ")
+        assert words in text[0]
 
 
 def test_sixty_hertz_is_called_sixty() -> None:
@@ -88,8 +88,8 @@ def test_envelopes_that_rise_together_are_no_bridge() -> None:
 
 
 def test_repeated_rows_tell_the_true_rate() -> None:
-    said = looked_at(np.repeat(muscle()[:500], 4, axis=0)).now
-    assert said == ("rows repeat: only about 124 of 500 samples/s are new",)
+    text = looked_at(np.repeat(muscle()[:500], 4, axis=0)).now
+    assert text == ("rows repeat: only about 124 of 500 samples/s are new",)
 
 
 def test_gaps_are_counted_with_the_longest() -> None:
@@ -122,8 +122,8 @@ def test_real_squeezes_show_nothing_but_what_is_in_them(recordings: Path, name: 
     # They clip in strong squeezes, and between squeezes a 60 Hz line of about one count is left, at places.
     path = recordings / "emg" / "my_thesis" / f"recording_force_{name}.mat"
     samples = read_signals(path, Reading(channels=(3, 6, 8))).samples
-    said = looked_at(samples, 200.0, limits=(-128.0, 127.0)).words()
-    assert not [w for w in said if "clipped" not in w and ": 60 Hz mains" not in w], said
+    text = looked_at(samples, 200.0, limits=(-128.0, 127.0)).words()
+    assert not [w for w in text if "clipped" not in w and ": 60 Hz mains" not in w], text
 
 
 def test_swapped_electrodes() -> None:

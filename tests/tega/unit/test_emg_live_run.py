@@ -92,14 +92,14 @@ def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Pat
     save_calibration(
         Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), tmp_path / "c.toml"
     )
-    over, failed, asked = threading.Event(), list[BaseException](), [0]
+    over, failed, requested = threading.Event(), list[BaseException](), [0]
 
     def ask(source: Any, intent: Any) -> None:
         try:
             while not over.is_set():
                 assert source.info.unit == "µV"
                 assert len(intent.full_scale) == 3
-                asked[0] += 1
+                requested[0] += 1
         except BaseException as error:
             failed.append(error)
 
@@ -124,6 +124,6 @@ def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Pat
             for asker in askers:
                 asker.join()
     assert not failed
-    assert asked[0] > 100
+    assert requested[0] > 100
     assert summary["ended"] == "duration"
     assert "emg: lost" not in str(summary)

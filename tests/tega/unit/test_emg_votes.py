@@ -89,7 +89,7 @@ def test_a_vote_is_lost_by_one_channel_alone_and_comes_back() -> None:
     assert report.faults == ()
 
 
-def _asked(intents: list[Intent]) -> list[tuple[object, ...]]:
+def _requested(intents: list[Intent]) -> list[tuple[object, ...]]:
     return [(one.channels, one.level, one.closure, one.confidence, one.activity) for one in intents]
 
 
@@ -99,8 +99,8 @@ def test_the_votes_do_not_depend_on_how_samples_are_cut(cut: list[int], fault: s
     samples = squeeze(900)
     samples[310:560] = RAIL if fault == "rail" else hum(250)
     samples[600:640, 1] = np.nan
-    whole = _asked(levels(samples, cut=(900,))[0])
-    assert _asked(levels(samples, cut=cut)[0]) == whole
+    whole = _requested(levels(samples, cut=(900,))[0])
+    assert _requested(levels(samples, cut=cut)[0]) == whole
 
 
 def test_mains_that_move_nothing_are_left_alone() -> None:

@@ -69,13 +69,13 @@ def test_cyton_packets_are_the_published_bytes() -> None:
 def test_a_cyton_answers_in_text_only_while_it_does_not_stream() -> None:
     board = CytonBoard(signal("flat"))
     board.power_on()
-    assert board.hear(b"v").endswith(b"Firmware: v3.1.2\r\n$$$")
-    assert board.hear(b"x106") == b""
-    assert board.hear(b"0100X") == b"Success: Channel set for 1$$$"
-    assert board.hear(b"x9060100X").startswith(b"Failure")
-    assert board.hear(b"bv") != b""
-    assert board.hear(b"b") == b""
-    assert board.hear(b"d") == b""
+    assert board.receive(b"v").endswith(b"Firmware: v3.1.2\r\n$$$")
+    assert board.receive(b"x106") == b""
+    assert board.receive(b"0100X") == b"Success: Channel set for 1$$$"
+    assert board.receive(b"x9060100X").startswith(b"Failure")
+    assert board.receive(b"bv") != b""
+    assert board.receive(b"b") == b""
+    assert board.receive(b"d") == b""
 
 
 def chords(generation: int) -> tuple[ChordsBoard, ManualClock]:
@@ -99,18 +99,18 @@ def test_chords_packets_are_the_published_bytes(generation: int, first: int) -> 
 
 def test_chords_sketches_of_2024_hear_a_command_after_a_second_of_silence() -> None:
     board, clock = chords(2024)
-    assert (board.hear(b"STOP\n"), board.go_on()) == (b"", b"")
+    assert (board.receive(b"STOP\n"), board.go_on()) == (b"", b"")
     clock.sleep_until(clock.now_ns() + 900_000_000)
-    board.hear(b"WHORU\n")
+    board.receive(b"WHORU\n")
     clock.sleep_until(clock.now_ns() + 2_000_000_000)
     assert board.go_on() == b""  # STOP and WHORU are one command, and no answer is given to that
-    for said, answer in ((b"WHO", b""), (b"RU\n", b""), (b"", b"NPG-LITE\r\n")):
-        if said:
-            board.hear(said)
+    for message, answer in ((b"WHO", b""), (b"RU\n", b""), (b"", b"NPG-LITE\r\n")):
+        if message:
+            board.receive(message)
         else:
             clock.sleep_until(clock.now_ns() + 1_000_000_000)
         assert board.go_on() == answer
-    board.hear(b"START\n")
+    board.receive(b"START\n")
     clock.sleep_until(clock.now_ns() + 999_000_000)
     board.go_on()
     assert not board.streaming
@@ -118,18 +118,18 @@ def test_chords_sketches_of_2024_hear_a_command_after_a_second_of_silence() -> N
     board.go_on()
     board.go_on()
     assert board.streaming
-    board.hear(b"x")  # the timer's routine stops at any byte that waits
+    board.receive(b"x")  # the timer's routine stops at any byte that waits
     assert not board.streaming
 
 
 def test_chords_sketches_of_2026_take_lines_and_are_deaf_while_they_blink() -> None:
     board, clock = chords(2026)
-    board.hear(b"whoru\nNAME\nSTART\nSTATUS\n")
+    board.receive(b"whoru\nNAME\nSTART\nSTATUS\n")
     assert board.go_on() == b"NPG-LITE\r\nUNKNOWN COMMAND\r\n"
     clock.sleep_until(clock.now_ns() + 400_000_000)
     assert board.go_on() == b"RUNNING\r\n"
     assert board.streaming
-    board.hear(b"STATUS\n")
+    board.receive(b"STATUS\n")
     clock.sleep_until(clock.now_ns() + 999_000_000)
     assert board.go_on() == b""
     clock.sleep_until(clock.now_ns() + 1_000_000)

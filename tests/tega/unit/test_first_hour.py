@@ -29,7 +29,7 @@ def test_a_key_has_the_unit_that_its_end_names(key: str, unit: str) -> None:
     assert unit_of(key) == unit
 
 
-def _said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[str, str]:
+def _text(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[str, str]:
     with pytest.raises(SystemExit):
         main(words)
     out, err = capsys.readouterr()
@@ -39,18 +39,18 @@ def _said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[str, str]:
 def test_only_changed_settings_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "lab.toml"
     file.write_text('[session]\npreset = "paper"\n[vest]\nthreshold = 30\n')
-    out, _ = _said(capsys, "config", "show", "--changed", "--json", str(file))
+    out, _ = _text(capsys, "config", "show", "--changed", "--json", str(file))
     assert {row["key"]: row["value"] for row in json.loads(out)} == {
         "session.preset": "paper",
         "vest.threshold": 30,
     }
     file.write_text('[tactile.thumb]\ndriver = "digit"\noptions = { serial = "D2" }\n')
-    out, _ = _said(capsys, "config", "show", "--changed", "--json", str(file))
+    out, _ = _text(capsys, "config", "show", "--changed", "--json", str(file))
     assert {row["key"]: row["value"] for row in json.loads(out)} == {
         "tactile.thumb.driver": "digit",
         "tactile.thumb.options.serial": "D2",
     }
-    out, _ = _said(capsys, "config", "show", "--changed")
+    out, _ = _text(capsys, "config", "show", "--changed")
     assert out == "every setting has its default value\n"
 
 
@@ -69,7 +69,7 @@ def test_the_doctor_refuses_settings_that_run_refuses(tmp_path: Path, settings: 
 
 
 def test_an_unknown_verb_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
-    _, err = _said(capsys, "verfy")
+    _, err = _text(capsys, "verfy")
     assert "Did you mean verify?" in err
-    _, err = _said(capsys, "doctr")
+    _, err = _text(capsys, "doctr")
     assert "doctor" in err

@@ -339,13 +339,13 @@ def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:
 
 
 def test_formats_that_are_not_read_are_named_with_the_way_out(tmp_path: Path) -> None:
-    for ending, (name, way) in OTHERS.items():
+    for ending, (name, route) in OTHERS.items():
         path = tmp_path / f"a{ending}"
         path.write_bytes(b"\x01\x02\x03")
         with pytest.raises(RecordingError) as caught:
             read_signals(path)
         assert caught.value.message == f"a{ending}: {name} is not read as EMG"
-        assert caught.value.hint == way
+        assert caught.value.hint == route
 
 
 def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -359,7 +359,7 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: 
         read_signals(tmp_path / "a.h5")
 
 
-def shown(*words: str) -> None:
+def displayed(*words: str) -> None:
     """Run ``emg inspect``."""
     with pytest.raises(SystemExit) as left:
         main(["emg", "inspect", *words])
@@ -370,21 +370,21 @@ def test_inspect_prints_the_decision(write: Write, capsys: pytest.CaptureFixture
     path = write(
         [[t, k, *row] for k, (t, *row) in enumerate(timed())], "time [s];Counter;a;b;c", sep=";", comma=True
     )
-    shown(str(path))
+    displayed(str(path))
     assert (
         '3 channels of 5 columns: "time [s]" is time, "Counter" counts; decimal comma'
         in capsys.readouterr().out
     )
-    shown(str(path), "--json")
-    told = json.loads(capsys.readouterr().out)
-    assert told["channels"] == [3, 4, 5]
-    assert (told["time"], told["counter"], told["rate_hz"], told["facts"]["decimal"]) == (
+    displayed(str(path), "--json")
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["channels"] == [3, 4, 5]
+    assert (reported["time"], reported["counter"], reported["rate_hz"], reported["facts"]["decimal"]) == (
         1,
         2,
         250.0,
         "comma",
     )
-    shown("--json")
+    displayed("--json")
     assert {"EDF", "XDF", "HDF5"} <= {one["name"] for one in json.loads(capsys.readouterr().out)}
 
 

@@ -139,8 +139,8 @@ def test_a_robot_that_says_nothing_more_is_told_and_the_chain_lets_go(led: Led, 
 def test_the_load_of_the_hand_is_set(robot: Emulator) -> None:
     robot.say("end")
     with FrankyArm(options(robot, load_kg=1.1, load_centre_m=(0.0, 0.0, 0.06))):
-        said = robot.say("look")
-        assert (said["load_kg"], said["load_centre_m"]) == (1.1, [0.0, 0.0, 0.06])
+        text = robot.say("look")
+        assert (text["load_kg"], text["load_centre_m"]) == (1.1, [0.0, 0.0, 0.06])
     with FrankyArm(options(robot, load_kg=0.0)):
         assert robot.say("look")["load_kg"] == 0.0
 
@@ -150,8 +150,8 @@ def test_a_hand_that_hangs_at_the_flange_sags_unless_its_weight_is_told() -> Non
     sag_m = {}
     with Emulator("franka_faults", "--hand-kg", str(HAND_KG)) as robot:
         for told_kg in (0.0, HAND_KG):
-            told = {"load_kg": told_kg, "load_centre_m": HAND_CENTRE_M}
-            with FrankyArm(options(robot, start_rad=_START, **told)) as arm:
+            reported = {"load_kg": told_kg, "load_centre_m": HAND_CENTRE_M}
+            with FrankyArm(options(robot, start_rad=_START, **reported)) as arm:
                 led = Led(arm, _SETTINGS)
                 led.hold()
                 led.go_on(250)
@@ -183,14 +183,14 @@ def test_a_robot_that_does_not_fit_is_refused_with_what_to_do(robot: Emulator) -
 
 def test_the_verb_says_whether_the_robot_can_be_steered(robot: Emulator) -> None:
     robot.say("end")
-    said = CliRunner().invoke(arm_verb, ["check", robot.address["host"], "--json"])
-    told = json.loads(said.output)
-    assert told["server"] == 10
-    assert told["library"]["server"] == 10
-    assert [one["ok"] for one in told["findings"][:2]] == [True, True]
+    text = CliRunner().invoke(arm_verb, ["check", robot.address["host"], "--json"])
+    reported = json.loads(text.output)
+    assert reported["server"] == 10
+    assert reported["library"]["server"] == 10
+    assert [one["ok"] for one in reported["findings"][:2]] == [True, True]
     robot.say("refuse 5")
-    said = CliRunner().invoke(arm_verb, ["check", robot.address["host"]])
-    assert said.exit_code == 1
-    assert "no  franky-control" in said.output
-    assert "by-robot-server-version/5/" in said.output
+    text = CliRunner().invoke(arm_verb, ["check", robot.address["host"]])
+    assert text.exit_code == 1
+    assert "no  franky-control" in text.output
+    assert "by-robot-server-version/5/" in text.output
     robot.say("end")

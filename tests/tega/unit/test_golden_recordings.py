@@ -20,7 +20,7 @@ from mcap.reader import make_reader
 from msgspec.structs import replace
 
 from reference.recorded import read_recorded
-from reference.sessions import messages, told
+from reference.sessions import messages, reported
 from tega.config import StagesSection, check_tree
 from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
@@ -88,7 +88,7 @@ def test_a_recording_of_an_earlier_version_says_what_made_it(golden: Path) -> No
     found, version = inspect_file(golden), golden.stem.partition("-")[0]
     assert (found.complete, found.cut) == (True, "")
     assert (found.versions["recording"], found.versions["tega"]) == (version, f"0.{version}.0")
-    assert told(golden)["tega"]["version"] == version
+    assert reported(golden)["tega"]["version"] == version
     counted = {stream.topic: stream.messages for stream in found.streams}
     assert sum(counted.values()) == len(messages(golden))
 
@@ -97,8 +97,8 @@ def test_a_recording_of_a_later_version_is_refused_by_the_name_of_its_record(
     golden: Path, tmp_path: Path
 ) -> None:
     later = _with_table(golden, tmp_path / "newer.mcap", "records", {"Contact": "99"})
-    said = f"newer.mcap: its record Contact has version 99, this TEGA knows {Contact.version}"
-    with pytest.raises(RecordingError, match=said):
+    text = f"newer.mcap: its record Contact has version 99, this TEGA knows {Contact.version}"
+    with pytest.raises(RecordingError, match=text):
         replay_file(later)
 
 
@@ -131,7 +131,7 @@ def _old_messages(path: Path) -> dict[str, list[Any]]:
 def test_every_message_of_an_earlier_version_is_the_beginning_of_todays(golden: Path) -> None:
     (today,) = FileDescriptorSet.FromString(schema_bytes()).file
     fields = {message.name: list(message.field) for message in today.message_type}
-    old, then = _old_messages(golden), told(golden).get("records", {})
+    old, then = _old_messages(golden), reported(golden).get("records", {})
     assert len(old) > 15
     for name, before in old.items():
         assert [f.SerializeToString() for f in fields[name][: len(before)]] == [
@@ -217,7 +217,7 @@ def test_the_same_input_is_recorded_as_the_same_bytes_as_by_the_first_version(tm
 
 def _by_topic(path: Path) -> dict[str, list[tuple[int, bytes]]]:
     """Return time and bytes of all messages that do not tell of the machine's own time, by topic."""
-    epoch_ns = int(told(path)["tega"]["epoch_ns"])
+    epoch_ns = int(reported(path)["tega"]["epoch_ns"])
     found: dict[str, list[tuple[int, bytes]]] = {}
     for topic, log_ns, _, data in messages(path):
         # Viewers' own messages hold a time of day.

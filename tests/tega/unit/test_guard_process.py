@@ -38,7 +38,7 @@ def guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[GuardProc
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     guard = GuardProcess("guards a file", "slow_guard", str(tmp_path))
     guard.beat()
-    until(lambda: guard._heard_s > guard._asked_s)
+    until(lambda: guard._received_s > guard._requested_s)
     first = guard.pid
     yield guard
     with contextlib.suppress(ProcessLookupError):  # a stopped one ends no other way
@@ -53,8 +53,8 @@ def lost(guard: GuardProcess, tmp_path: Path) -> GuardProcess:
     return guard
 
 
-def one(folder: Path, what: str) -> Callable[[], bool]:
-    return lambda: len(list(folder.glob(f"{what}-*"))) == 1
+def one(folder: Path, subject: str) -> Callable[[], bool]:
+    return lambda: len(list(folder.glob(f"{subject}-*"))) == 1
 
 
 def test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of(

@@ -57,14 +57,16 @@ def test_two_runs_are_equal_bit_for_bit() -> None:
     assert run(1, 5, 600).tobytes() == run(1, 5, 600).tobytes()
 
 
-def _seconds_to_half_a_level(rise_levels_per_s: float, told: Callable[[float], tuple[float, float]]) -> float:
+def _seconds_to_half_a_level(
+    rise_levels_per_s: float, reported: Callable[[float], tuple[float, float]]
+) -> float:
     """Return after how long a hand on level 3 that is told a growing addition has half a level in its targets."""
     controller, n = HandController(), 0
     controller.step(CLOSURE_POSES_RAD[2], 3)
     half = (CLOSURE_POSES_RAD[2] + CLOSURE_POSES_RAD[3])[1] / 2
     while n < 1000:
         n += 1
-        level, added = told(min(rise_levels_per_s * n * TICK_S, 1.0))
+        level, added = reported(min(rise_levels_per_s * n * TICK_S, 1.0))
         controller.step(CLOSURE_POSES_RAD[2], level, added=added)
         target = controller.target_rad
         assert target is not None

@@ -24,7 +24,7 @@ from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess
 from tega.devices.hand.hand_guard import guard_runs
 from tega.devices.hand.hand_loop import HandLoop
-from tega.devices.hand.hand_told import HandOrders
+from tega.devices.hand.hand_reports import HandOrders
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import python_command, python_environment
 from tega_emulators.process import Emulator
@@ -154,8 +154,12 @@ def test_a_program_that_is_started_finds_nothing_in_the_working_folder(
     words = python_command("tega.ui.cli", "--version")
     done = subprocess.run(words, env=python_environment(), capture_output=True, text=True, check=True)
     assert done.stdout.startswith("tega ")
-    look = [*words[:3], words[3].partition("import runpy")[0] + "import can; print(can.__file__)", *words[4:]]
-    found = subprocess.run(look, env=python_environment(), capture_output=True, text=True, check=True)
+    check = [
+        *words[:3],
+        words[3].partition("import runpy")[0] + "import can; print(can.__file__)",
+        *words[4:],
+    ]
+    found = subprocess.run(check, env=python_environment(), capture_output=True, text=True, check=True)
     assert tmp_path not in Path(found.stdout.strip()).parents
 
 
@@ -165,9 +169,9 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("tega.devices.hand.hand_loop.guard_hand", absent)
     with Emulator("allegro_port") as hand:
-        told: list[object] = []
-        options, orders = AllegroOptions(**hand.address), HandOrders(heard=True)
-        loop = HandLoop(options, orders, lambda *what: told.append(what), whole=False)
+        reported: list[object] = []
+        options, orders = AllegroOptions(**hand.address), HandOrders(received=True)
+        loop = HandLoop(options, orders, lambda *subject: reported.append(subject), whole=False)
         with pytest.raises(
             DeviceUnavailableError, match="the process that lets go of the hand did not start"
         ):
@@ -223,9 +227,9 @@ def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> Non
             until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
             hand.say("silence")
             running.send_signal(signal.SIGINT)
-            _, said = running.communicate(timeout=60)
+            _, message = running.communicate(timeout=60)
         assert not limp(hand)
-        last = said.strip().splitlines()[-1]
+        last = message.strip().splitlines()[-1]
         assert last.startswith("USE THE HAND'S EMERGENCY SWITCH: ")
         assert "has not confirmed that its motors are off" in last
         named = re.search(r"process (\d+) goes on", last)
@@ -280,7 +284,7 @@ def test_a_guard_that_gives_up_writes_to_the_system_s_log(monkeypatch: pytest.Mo
     for piece in (b".\n", b""):
         pieces.put(piece)
     answers: list[bytes] = []
-    monkeypatch.setattr(guard_process, "hear", lambda: pieces)
+    monkeypatch.setattr(guard_process, "receive", lambda: pieces)
     monkeypatch.setattr(guard_process, "_answer", answers.append)
     monkeypatch.setattr(guard_process, "stay_alone", lambda: None)
     hand = hand_guard._Hand(bus, [], 0)

@@ -59,8 +59,8 @@ def test_taught_angles_are_moved_inside_the_limits(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_teaching_reads_the_hand(tmp_path: Path) -> None:
     file = tmp_path / "poses.toml"
-    said = CliRunner().invoke(hand, ["teach", str(file), "--level", "3", "--emulated", "--seconds", "0.3"])
-    assert said.exit_code == 0, said.output
+    text = CliRunner().invoke(hand, ["teach", str(file), "--level", "3", "--emulated", "--seconds", "0.3"])
+    assert text.exit_code == 0, text.output
     poses = load_poses(file)
     # The emulated hand rests with its fingers at these angles.
     assert np.abs(poses[2, :4] - [0.02, 0.15, 0.2, 0.15]).max() < 0.01
@@ -69,13 +69,13 @@ def test_teaching_reads_the_hand(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_show_and_measure_print_json() -> None:
-    said = CliRunner().invoke(hand, ["show", "--emulated", "--side", "left", "--json"])
-    assert said.exit_code == 0, said.output
-    told = json.loads(said.stdout)
-    assert (told["hardware"], told["serial"], told["servo_on"]) == ("4.2", "A080L", False)
-    assert told["joints"]["thumb_j0"]["temperature_c"] in range(30, 40)
-    said = CliRunner().invoke(hand, ["measure", "--emulated", "--seconds", "1", "--json"])
-    assert said.exit_code == 0, said.output
-    timing = json.loads(said.stdout)
+    text = CliRunner().invoke(hand, ["show", "--emulated", "--side", "left", "--json"])
+    assert text.exit_code == 0, text.output
+    reported = json.loads(text.stdout)
+    assert (reported["hardware"], reported["serial"], reported["servo_on"]) == ("4.2", "A080L", False)
+    assert reported["joints"]["thumb_j0"]["temperature_c"] in range(30, 40)
+    text = CliRunner().invoke(hand, ["measure", "--emulated", "--seconds", "1", "--json"])
+    assert text.exit_code == 0, text.output
+    timing = json.loads(text.stdout)
     assert timing["rate_hz"] > 0
     assert timing["period_ms"] == sorted(timing["period_ms"])

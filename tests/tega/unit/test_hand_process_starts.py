@@ -20,7 +20,7 @@ from tega.runtime.object_pipe import receive_object, send_object
 pytest.importorskip("can")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process is stopped by a signal")
 
-_NOBODY = AllegroOptions(interface="slcan", channel="/dev/null", guard=False)
+_NO_PERSON = AllegroOptions(interface="slcan", channel="/dev/null", guard=False)
 
 
 def test_each_stage_of_the_start_is_told() -> None:
@@ -29,7 +29,7 @@ def test_each_stage_of_the_start_is_told() -> None:
     assert isinstance(process.stdin, BufferedWriter)
     assert isinstance(process.stdout, BufferedReader)
     try:
-        send_object(process.stdin, (_NOBODY, False))
+        send_object(process.stdin, (_NO_PERSON, False))
         assert [receive_object(process.stdout) for _ in range(2)] == [MAKES_READY] * 2
         send_object(process.stdin, False)
         assert isinstance(receive_object(process.stdout), TegaError)  # no such adapter
@@ -40,9 +40,9 @@ def test_each_stage_of_the_start_is_told() -> None:
 
 def test_one_that_says_nothing_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hand_ends, "_START_S", 0.3)
-    steers = HandProcess(_NOBODY, lambda _spoken, _news: None)
+    steers = HandProcess(_NO_PERSON, lambda _spoken, _news: None)
     steers.warm_up()
     os.kill(steers.pid, signal.SIGSTOP)
-    with pytest.raises(TegaError, match="did not start") as told:
+    with pytest.raises(TegaError, match="did not start") as reported:
         steers.open(whole=False)
-    assert told.value.hint.startswith("it said nothing for 0.3 s")
+    assert reported.value.hint.startswith("it said nothing for 0.3 s")

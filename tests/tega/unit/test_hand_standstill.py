@@ -19,7 +19,7 @@ from reference.waiting import until
 from tega.devices.hand import hand_loop
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_loop import HandLoop
-from tega.devices.hand.hand_told import HandNews, HandOrders
+from tega.devices.hand.hand_reports import HandNews, HandOrders
 from tega.runtime import clock
 from tega.runtime.clock import Standstill
 from tega.wire import CanFrame
@@ -53,7 +53,7 @@ class Slept:
     def __init__(self, hand: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
         self.slept_s = 0.0
         self.news: list[HandNews] = []
-        self.orders = HandOrders(heard=False)
+        self.orders = HandOrders(received=False)
         options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0, guard=False)
         self.loop = HandLoop(options, self.orders, lambda _spoken, seen: self.news.append(seen))
         awake = clock.since_boot_s

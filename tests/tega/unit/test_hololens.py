@@ -100,11 +100,11 @@ def test_an_origin_that_is_elsewhere_after_a_restart_does_not_move_the_arm(heads
         command = steered.until(lambda c: c.state == "idle")
         assert command.reason.endswith("let the clutch go and press it again")
         steered.until(lambda c: c.reason == "the clutch is open", clutch=False)
-        assert steered.way_m(before) < 0.005
+        assert steered.travel_m(before) < 0.005
         steered.hold()
         packets = lens.counts.packets
         steered.until(lambda _: lens.counts.packets > packets + 30)
-        assert steered.way_m(before) < 0.01
+        assert steered.travel_m(before) < 0.01
         assert lens.counts.connections == 2
 
 
@@ -118,7 +118,7 @@ def test_what_was_held_up_by_the_network_is_as_old_as_it_is(headset: Emulator) -
         headset.say("wave 0.3 1")
         packets = lens.counts.packets
         steered.until(lambda _: lens.counts.packets > packets + 60)
-        assert steered.way_m(before) < 0.01
+        assert steered.travel_m(before) < 0.01
         assert any("press it again" in reason for reason in steered.reasons)
         assert lens.counts.connections == 1
 
@@ -135,7 +135,7 @@ def test_a_wrist_that_cannot_be_steers_nothing(headset: Emulator, fault: str, re
         headset.say(fault)
         command = steered.until(lambda c: c.state == "idle")
         assert reason in command.reason
-        assert steered.way_m(before) < 0.005
+        assert steered.travel_m(before) < 0.005
 
 
 def test_a_wrist_that_jumps_does_not_move_the_arm(headset: Emulator) -> None:
@@ -145,7 +145,7 @@ def test_a_wrist_that_jumps_does_not_move_the_arm(headset: Emulator) -> None:
         before, packets = steered.at, lens.counts.packets
         headset.say("jump 0.4 0 0")
         steered.until(lambda _: lens.counts.packets > packets + 20)
-        assert steered.way_m(before) < 0.005
+        assert steered.travel_m(before) < 0.005
 
 
 @pytest.mark.slow

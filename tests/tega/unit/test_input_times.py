@@ -30,12 +30,12 @@ class OneButton:
         return events
 
 
-def looked_at(source: Any, bus: Bus, n_looks: int) -> Inputs:
+def looked_at(source: Any, bus: Bus, n_checks: int) -> Inputs:
     """Return the inputs after some looks at a marker."""
     pacer: Any = SimpleNamespace(start_ns=START_NS, elapsed_ns=lambda: PRESSED_NS - START_NS + 1_000_000)
     inputs = Inputs({"marker": Seat(source, "a")})
-    for _ in range(n_looks):
-        inputs.look(bus, pacer)
+    for _ in range(n_checks):
+        inputs.check(bus, pacer)
     return inputs
 
 
@@ -50,6 +50,6 @@ def test_a_press_has_the_time_at_which_it_was_reported() -> None:
 
 
 def test_the_share_without_data_is_of_the_looks() -> None:
-    for live, n_looks, share in ((False, 1, 1.0), (False, 4, 1.0), (True, 4, 0.0), (False, 0, 0.0)):
-        summary = looked_at(OneButton(live=live), Bus(), n_looks).summary()
+    for live, n_checks, share in ((False, 1, 1.0), (False, 4, 1.0), (True, 4, 0.0), (False, 0, 0.0)):
+        summary = looked_at(OneButton(live=live), Bus(), n_checks).summary()
         assert summary["marker"]["no_data_share"] == share

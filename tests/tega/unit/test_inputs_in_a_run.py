@@ -17,7 +17,7 @@ from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.records import AdaptationSwitch
 from tega.records.bus import Bus
 from tega.ui.view.state import ViewState

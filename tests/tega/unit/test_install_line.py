@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import tega
-from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.bench import DriverProbe
 from tega.setup.doctor.findings import Finding
 from tega.ui.cli import install_line
 from tega.ui.cli.devices import could_not_look
@@ -47,7 +47,7 @@ def test_doctor_init_and_devices_print_that_line(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(install_line, "distribution", lambda _name: installed(tmp_path, "file:///lab/tega"))
     finding = Finding(check="packages", status="missing", finding="packages are missing", todo=(HINT,))
     assert "pip install '/lab/tega[sim,view]'" in " ".join(_paragraph(finding, 8))
-    looked = {"digit": DriverLook("tactile", could_not="cv2 is missing", hint=HINT, lacks_package=True)}
+    looked = {"digit": DriverProbe("tactile", could_not="cv2 is missing", hint=HINT, lacks_package=True)}
     (line,) = could_not_look(looked)
     assert "pip install '/lab/tega[sim,view]'" in line
 

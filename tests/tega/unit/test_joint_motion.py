@@ -33,9 +33,9 @@ class Bench:
         self.node = AllegroNode(seed=seed)
         self.node._angles = CLOSURE_POSES_RAD[0].copy()  # its way there takes seconds
         self.link = HandLink(HandController(), torque=torque)
-        self.told: list[Latency] = []
+        self.reported: list[Latency] = []
         bus = Bus()
-        bus.subscribe(Latency, self.told.append)
+        bus.subscribe(Latency, self.reported.append)
         self.trace = LatencyTrace(
             now_ns=self.clock.now_ns,
             start_ns=0,
@@ -56,7 +56,7 @@ class Bench:
         seconds: float,
         level: Callable[[int], float],
         *,
-        asked: Callable[[float], float | None] = lambda level: level,
+        requested: Callable[[float], float | None] = lambda level: level,
     ) -> list[tuple[int, Any]]:
         """Go on, and return where the joints really were, each millisecond."""
         truth = []
@@ -66,22 +66,22 @@ class Bench:
             t_ms, t_s = t_ns // MS, t_ns / 1e9
             answers = []
             for frame in self._out:
-                answers += self.node.hear(frame.id, bytes(frame.data), remote=frame.remote, t_s=t_s)
-            heard = [Received(can_id, data) for can_id, data in (*answers, *self.node.due(t_s))]
+                answers += self.node.receive(frame.id, bytes(frame.data), remote=frame.remote, t_s=t_s)
+            received = [Received(can_id, data) for can_id, data in (*answers, *self.node.due(t_s))]
             wanted = level(t_ms)
-            self._out = self.link.exchange(heard, t_ns, wanted)
+            self._out = self.link.exchange(received, t_ns, wanted)
             if t_ms % SAMPLE_MS == 3:
                 self._measured(t_ns - 3 * MS, t_ns - MS)
                 self.trace.taken("emg", t_ns - 3 * MS)
             if t_ms % 3 == 0:
-                self.trace.commanded(asked(wanted))
+                self.trace.commanded(requested(wanted))
             truth.append((t_ns, np.array(self.node.angles_rad)))
         return truth
 
     @property
     def motions(self) -> list[Latency]:
         """What was told of motions."""
-        return [way for way in self.told if way.path == "motion"]
+        return [route for route in self.reported if route.path == "motion"]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -92,16 +92,16 @@ def test_a_new_closure_is_followed_to_the_joint_that_moves(seed: int) -> None:
     still = np.array(bench.node.angles_rad)
     # The block of 1510 ms is the first that asks for more: it is known at 1513.
     truth = bench.run(0.5, lambda t_ms: 3.0 if t_ms >= 1513 else 1.0)
-    (way,) = bench.motions
+    (route,) = bench.motions
     moved_ns = next(t_ns for t_ns, angles in truth if np.abs(angles - still).max() > 0.002)
-    assert way.stamps_ns[:3] == (1510 * MS, 1512 * MS, 1513 * MS)
-    assert way.stamps_ns[3] == 1515 * MS  # the tick after
+    assert route.stamps_ns[:3] == (1510 * MS, 1512 * MS, 1513 * MS)
+    assert route.stamps_ns[3] == 1515 * MS  # the tick after
     # A report and a tick later than the joint; the mean and the threshold are of noisy reports.
-    assert abs(way.stamps_ns[4] - moved_ns) <= 12 * MS
+    assert abs(route.stamps_ns[4] - moved_ns) <= 12 * MS
     stages = bench.trace.summary()["motion"]
     assert tuple(stages) == MOTION_STAGES
     assert stages["whole"]["n"] == 1
-    assert stages["whole"]["worst"] == (way.stamps_ns[4] - 1510 * MS) / MS
+    assert stages["whole"]["worst"] == (route.stamps_ns[4] - 1510 * MS) / MS
     assert sum(stages[name]["worst"] for name in MOTION_STAGES[:-1]) == stages["whole"]["worst"]
     assert bench.trace.n_unmoved == 0
     bench.trace.vest(4000 * MS, 4000 * MS, 4000 * MS, changed=False)
@@ -123,8 +123,8 @@ def test_what_somebody_else_moves_counts_as_nothing() -> None:
     bench.run(1.5, lambda _t: 1.0)
     bench.node._angles += 0.05  # somebody pushes the fingers
     bench.run(1.0, lambda _t: 1.0)
-    bench.run(1.0, lambda _t: 4.0, asked=lambda _level: None)  # a guard closes it
-    bench.run(1.0, lambda _t: 1.0, asked=lambda _level: None)
+    bench.run(1.0, lambda _t: 4.0, requested=lambda _level: None)  # a guard closes it
+    bench.run(1.0, lambda _t: 1.0, requested=lambda _level: None)
     assert bench.motions == []
     assert bench.trace.n_unmoved == 0
 

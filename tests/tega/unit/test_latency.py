@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tega.config import check_tree
+from tega.config.motor_onset import MotorOnset
 from tega.loop.inbox.histogram import Histogram
 from tega.loop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
 from tega.loop.session import run_session
@@ -59,16 +60,16 @@ class _Link:
 
 def _made(budget_ms: float = 5.0) -> tuple[LatencyTrace, _Now, _Link, list[Latency]]:
     now, link = _Now(), _Link()
-    told: list[Latency] = []
+    reported: list[Latency] = []
     bus = Bus()
-    bus.subscribe(Latency, told.append)
+    bus.subscribe(Latency, reported.append)
     # The session began when the monotonic clock showed 1000 ms.
     trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=budget_ms, vests=[link], bus=bus)
-    return trace, now, link, told
+    return trace, now, link, reported
 
 
 def test_a_vest_frame_knows_its_camera_frames() -> None:
-    trace, now, link, told = _made()
+    trace, now, link, reported = _made()
     thumb, index = trace.source("thumb"), trace.source("index")
     for measured, captured, received, done in ((thumb, 10, 12, 13), (index, 11, 14, 16), (thumb, 26, 28, 30)):
         now.ns = done * MS
@@ -81,12 +82,12 @@ def test_a_vest_frame_knows_its_camera_frames() -> None:
     trace.vest(66 * MS, 66 * MS, 67 * MS, changed=True)
     link.handed = [(33 * MS, 0, 1037 * MS), (66 * MS, 0, 1069 * MS)]
     trace.vest(99 * MS, 99 * MS, 99 * MS, changed=True)
-    stamps = {frame.source: tuple(ns // MS for ns in frame.stamps_ns) for frame in told}
+    stamps = {frame.source: tuple(ns // MS for ns in frame.stamps_ns) for frame in reported}
     assert stamps == {
         "thumb": (26, 28, 30, 33, 34, 34, 37),
         "index": (11, 14, 16, 33, 34, 34, 37),
     }
-    assert len(told) == 2
+    assert len(reported) == 2
     found = trace.summary()["touch"]
     assert found["own"]["worst"] == 6.0
     assert found["in-hand"]["worst"] == 23.0
@@ -95,7 +96,7 @@ def test_a_vest_frame_knows_its_camera_frames() -> None:
 
 
 def test_what_the_vest_shows_already_does_not_count() -> None:
-    trace, now, link, told = _made()
+    trace, now, link, reported = _made()
     measured = trace.source("thumb")
     now.ns = 2 * MS
     measured(0, 1001 * MS)
@@ -104,7 +105,7 @@ def test_what_the_vest_shows_already_does_not_count() -> None:
     trace.vest(66 * MS, 66 * MS, 66 * MS, changed=True)
     link.handed = [(66 * MS, 0, 1067 * MS)]
     trace.vest(99 * MS, 99 * MS, 99 * MS, changed=False)
-    assert told == []
+    assert reported == []
 
 
 def test_beyond_the_budget_it_names_the_stage() -> None:
@@ -119,7 +120,23 @@ def test_beyond_the_budget_it_names_the_stage() -> None:
         link.handed.append((33 * k * MS, 0, 1000 * MS + now.ns + 5 * MS))
     assert "7.1 ms" in trace.warning or "7.0 ms" in trace.warning
     assert "4 ms are allowed; most in 'hand-over'" in trace.warning
-    assert "camera to vest" in trace.line
+    assert trace.line == "camera to vest 7 ms, p99 7 (n 186) (ours 7.0, p99 7.0)"
+
+
+def test_a_measured_motor_adds_its_onset_to_the_line() -> None:
+    now, link = _Now(), _Link()
+    motor = MotorOnset(60.0, "vest", (0,), "2026-11-21", 8.0)
+    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=50.0, vests=[link], motor=motor, bus=Bus())
+    measured = trace.source("thumb")
+    for k in range(150):
+        now.ns = (33 * k + 2) * MS
+        measured(33 * k * MS, (1000 + 33 * k) * MS)
+        trace.taken("thumb", 33 * k * MS)
+        trace.vest(33 * k * MS, now.ns, now.ns, changed=True)
+        # Half of the frames are handed over 4 ms later than the others.
+        link.handed.append((33 * k * MS, 0, 1000 * MS + now.ns + (5 + 4 * (k % 2)) * MS))
+    assert trace.line.startswith("camera to vest 7 ms, p99 11 (n 1")
+    assert trace.line.endswith("(ours 7.0, p99 11.0), to the skin 67")
 
 
 def test_a_joint_that_moves_late_is_named_with_the_number_of_motions() -> None:
@@ -128,7 +145,7 @@ def test_a_joint_that_moves_late_is_named_with_the_number_of_motions() -> None:
     class Joints:
         n_unmoved = 0
 
-        def look(self, *_given: object) -> tuple[int, ...] | None:
+        def check(self, *_given: object) -> tuple[int, ...] | None:
             return moves.pop() if moves else None
 
     joints: Any = Joints()
@@ -147,8 +164,8 @@ def test_a_joint_that_moves_late_is_named_with_the_number_of_motions() -> None:
 
 
 def test_the_hand_s_own_clock_is_not_ours() -> None:
-    now, bus, told = _Now(), Bus(), list[Latency]()
-    bus.subscribe(Latency, told.append)
+    now, bus, reported = _Now(), Bus(), list[Latency]()
+    bus.subscribe(Latency, reported.append)
     answers: list[tuple[int, int]] = []
 
     def answered(since_ns: int) -> tuple[int, int] | None:
@@ -165,7 +182,7 @@ def test_the_hand_s_own_clock_is_not_ours() -> None:
         answers.append((answer[0] * MS, answer[1] * MS))
         now.ns = (at + 9) * MS
         trace.commanded(1)
-    stages = [{name: ns / MS for name, ns in block.stages_ns().items()} for block in told]
+    stages = [{name: ns / MS for name, ns in block.stages_ns().items()} for block in reported]
     # The first is told at 13 ms, and the hand reports at 16. The second is told at 113, after a report at 111.
     assert stages[0] == {
         "sample": 0,
@@ -189,8 +206,8 @@ def test_the_hand_s_own_clock_is_not_ours() -> None:
 
 def test_a_recording_of_before_reports_were_told_apart_is_read() -> None:
     old = Latency(path="intent", source="emg", stamps_ns=(0, 1, 3, 6, 10))
-    said = {"sample": 1, "levels": 2, "wait": 3, "report": 0, "hand-over": 4, "own": 6, "whole": 10}
-    assert old.stages_ns() == said
+    message = {"sample": 1, "levels": 2, "wait": 3, "report": 0, "hand-over": 4, "own": 6, "whole": 10}
+    assert old.stages_ns() == message
 
 
 def test_memory_stays_the_same_however_long_it_runs() -> None:
@@ -237,9 +254,9 @@ def test_bench_loop_tells_every_stage(preset: str) -> None:
         preset,
         "--json",
     ]
-    said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
-    assert said["preset"] == preset
-    assert set(said["latency_ms"]["touch"]) == set(TOUCH_STAGES)
-    assert set(said["latency_ms"]["intent"]) == set(INTENT_STAGES)
-    assert said["frames_hz"] > 0
-    assert said["cpu_cores"] > 0
+    message = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    assert message["preset"] == preset
+    assert set(message["latency_ms"]["touch"]) == set(TOUCH_STAGES)
+    assert set(message["latency_ms"]["intent"]) == set(INTENT_STAGES)
+    assert message["frames_hz"] > 0
+    assert message["cpu_cores"] > 0

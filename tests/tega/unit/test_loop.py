@@ -23,8 +23,8 @@ from tega.loop.inbox.reader import ReadAhead, Reader
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView, Moment
 from tega.loop.pacing import LATE_EDGES_NS, Pacer
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Intent
 from tega.records.bus import Bus
@@ -46,7 +46,7 @@ def run_loop(
 ) -> DualLoop:
     contacts, bus = contacts or {}, Bus()
     if observer is not None:
-        bus.subscribe(Moment, lambda moment: observer(moment.view), vital=True)
+        bus.subscribe(Snapshot, lambda snapshot: observer(snapshot.view), vital=True)
     loop = wired_loop(
         Pacer(clock or ManualClock()),
         TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
@@ -196,11 +196,11 @@ def test_a_problem_only_on_the_way_out_is_raised() -> None:
 
 
 def test_being_told_to_stop_and_a_set_duration_end_it_cleanly() -> None:
-    asked = iter([False] * 20 + [True] * 100)
+    requested = iter([False] * 20 + [True] * 100)
     vest = Sink()
     endless = (touching(100, t_ns=k * MS) for k in range(10**9))
     loop = run_loop(
-        contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), stop=lambda: next(asked)
+        contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), stop=lambda: next(requested)
     )
     assert loop.report.ended == "stopped"
     assert is_silent(vest.sent[-1][1])

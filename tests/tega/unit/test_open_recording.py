@@ -278,9 +278,9 @@ def test_a_missing_package_is_named(
     lossless: Path, monkeypatch: pytest.MonkeyPatch, package: str, method: str
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingExtraError, match="pip install") as told:
+    with pytest.raises(MissingExtraError, match="pip install") as reported:
         getattr(tega.open_recording(lossless)[CONTACT], method)()
-    assert package in str(told.value)
+    assert package in str(reported.value)
 
 
 def test_every_topic_has_its_record_type() -> None:

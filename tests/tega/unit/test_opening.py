@@ -28,8 +28,8 @@ def test_a_hand_is_not_touched_where_a_source_is_missing(tmp_path: Path) -> None
         lab.emg.say("freeze")
         with pytest.raises(DeviceUnavailableError, match="cyton"):
             _run(lab.tree, tmp_path)
-        look = lab.hand.say("look")
-        assert (look["torques"], look["servo_on"], look["reports"]) == (0, False, False)
+        check = lab.hand.say("look")
+        assert (check["torques"], check["servo_on"], check["reports"]) == (0, False, False)
         for module in ("tega.devices.hand.hand_program", "tega.devices.hand.hand_guard"):
             assert begun_by(os.getpid(), module) == []
 

@@ -129,7 +129,7 @@ def test_a_service_that_goes_is_told_and_found_again_and_the_arm_stays(service: 
         service.say("show")
         steered.until(lambda _: tracker.counts.connections == 2 and tracker.problem == "")
         steered.until(lambda c: c.reason.endswith("let the clutch go and press it again"))
-        assert steered.way_m(before) < 0.005
+        assert steered.travel_m(before) < 0.005
         steered.hold()
         assert any("was restarted" in note for note in tracker.info.notes)
 
@@ -142,7 +142,7 @@ def test_an_origin_that_is_moved_lets_the_arm_go(service: Emulator) -> None:
         service.say("recentre 0.05 0 0")
         command = steered.until(lambda c: c.state == "idle")
         assert command.reason.endswith("let the clutch go and press it again")
-        assert steered.way_m(before) < 0.005
+        assert steered.travel_m(before) < 0.005
         assert tracker.counts.recentred == 1
         steered.hold()
 
@@ -156,8 +156,8 @@ def test_states_of_the_session_are_told_in_words(service: Emulator, source: str)
             service.say(f"state {state}")
             until(tracker, lambda _, w=words: w in tracker.problem)  # type: ignore[misc]
             tracker.read(0)
-            heard_ns = {tracker._heard_ns}
-            assert until(tracker, lambda _, h=heard_ns: h.add(tracker._heard_ns) or len(h) > 5) == []  # type: ignore[misc]
+            received_ns = {tracker._received_ns}
+            assert until(tracker, lambda _, h=received_ns: h.add(tracker._received_ns) or len(h) > 5) == []  # type: ignore[misc]
             service.say("state ready" if state == "stopping" else "state focused")
             # Whoever steers takes hold anew.
             until(tracker, lambda poses: bool(poses) and not poses[0].valid)
@@ -167,21 +167,21 @@ def test_states_of_the_session_are_told_in_words(service: Emulator, source: str)
 
 
 @pytest.mark.parametrize(
-    ("event", "said"),
+    ("event", "text"),
     [
         ("state exiting", "emulated runtime 1.0.0 has ended the session"),
         ("state loss-pending", "emulated runtime 1.0.0 is gone"),
         ("instance-loss", "emulated runtime 1.0.0 says that it ends"),
     ],
 )
-def test_a_session_that_is_over_is_made_anew(service: Emulator, event: str, said: str) -> None:
+def test_a_session_that_is_over_is_made_anew(service: Emulator, event: str, text: str) -> None:
     with opened() as tracker:
         some(tracker)
         service.say(event)
         until(tracker, lambda _: tracker.counts.connections == 2)
         some(tracker)
         until(tracker, lambda _: tracker.problem == "")
-        assert f"restarted 1 times; last reason: TEGA's {said}" in tracker.info.notes[-1]
+        assert f"restarted 1 times; last reason: TEGA's {text}" in tracker.info.notes[-1]
 
 
 def test_a_service_that_does_not_answer_is_told(service: Emulator) -> None:
@@ -258,10 +258,10 @@ def test_its_calls_are_what_openxr_s_own_validation_layer_allows(
                 service.say("state exiting")
                 until(tracker, lambda _, t=tracker: t.counts.connections == 2)  # type: ignore[misc]
                 some(tracker)
-    said = log.read_text()
-    assert said.count("is initialized") == 4
-    assert "VALID_ERROR" not in said
-    assert "VALID_WARNING" not in said
+    text = log.read_text()
+    assert text.count("is initialized") == 4
+    assert "VALID_ERROR" not in text
+    assert "VALID_WARNING" not in text
     # What is not allowed, the layer says.
     instance = xr.create_instance()
     with pytest.raises(xr.ValidationFailureError):
@@ -271,7 +271,7 @@ def test_its_calls_are_what_openxr_s_own_validation_layer_allows(
 
 
 @pytest.mark.parametrize(
-    ("lacking", "options", "said"),
+    ("lacking", "options", "text"),
     [
         ("XR_MND_headless", {}, "emulated runtime 1.0.0 has no sessions without a picture"),
         ("XR_EXT_hand_tracking", {"source": "wrist"}, "knows no source = 'wrist'"),
@@ -279,10 +279,10 @@ def test_its_calls_are_what_openxr_s_own_validation_layer_allows(
     ],
 )
 def test_what_a_runtime_cannot_do_is_said(
-    service: Emulator, lacking: str, options: dict[str, object], said: str
+    service: Emulator, lacking: str, options: dict[str, object], text: str
 ) -> None:
     service.say(f"without {lacking}")
-    with pytest.raises(DeviceUnavailableError, match=said):
+    with pytest.raises(DeviceUnavailableError, match=text):
         opened(**options).open()
     service.say("without")
     with opened(**options) as tracker:
@@ -322,8 +322,8 @@ def test_forward_is_found_with_it(service: Emulator, tmp_path: Path) -> None:
     file = tmp_path / "lab.toml"
     file.write_text('[arm]\ndriver = "simulated-arm"\n[arm.tracker]\ndriver = "openxr"\n')
     with wrist_goes(service, 0.5):
-        said = CliRunner().invoke(forward, [str(file), "--json"])
-    assert said.exit_code == 0, said.output
-    told = json.loads(said.output)
-    assert told["yaw_rad"] == pytest.approx(0.5, abs=0.03)
-    assert told["ok"]
+        text = CliRunner().invoke(forward, [str(file), "--json"])
+    assert text.exit_code == 0, text.output
+    reported = json.loads(text.output)
+    assert reported["yaw_rad"] == pytest.approx(0.5, abs=0.03)
+    assert reported["ok"]

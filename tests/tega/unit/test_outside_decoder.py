@@ -62,15 +62,15 @@ class Peer:
         self.process = subprocess.Popen(
             [sys.executable, "-c", PEER, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
-        self._hear()
+        self._receive()
 
     def say(self, line: str) -> None:
         assert self.process.stdin is not None
         self.process.stdin.write(line + "\n")
         self.process.stdin.flush()
-        self._hear()
+        self._receive()
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         assert self.process.stdout is not None
         assert self.process.stdout.readline() in {"ready\n", "heard\n"}
 
@@ -168,9 +168,9 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
             "recording": {"dir": str(tmp_path / "rec"), "stop_free_mib": 0.0},
         }
         bus, states, intents, alerts = Bus(), list[str](), list[Intent](), list[str]()
-        bus.subscribe(RunState, lambda told: states.append(told.state))
+        bus.subscribe(RunState, lambda reported: states.append(reported.state))
         bus.subscribe(Intent, intents.append)
-        bus.subscribe(Alert, lambda told: alerts.append(told.said))
+        bus.subscribe(Alert, lambda reported: alerts.append(reported.said))
         stop, done = Stop(), list[dict[str, Any]]()
         over = threading.Event()
         stop.also(lambda: "the test" if over.is_set() else "")
@@ -186,7 +186,7 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
             other.say("stop")
             until(lambda: states[-1] == "hold")
             n = len(intents)
-            assert any("no channel can be believed" in said for said in alerts)
+            assert any("no channel can be believed" in message for message in alerts)
             until(lambda: len(intents) > n + 5)
             assert {intent.closure for intent in intents[n:]} == {0.75}
             other.say("0.5")

@@ -177,7 +177,7 @@ def test_the_converters_limits_of_others_are_used_in_calibration() -> None:
     source: Any = OwnAmplifier(Options())
     with source, pytest.raises(CalibrationError):
         take_rest(source, Chain(_RATE_HZ, 50, "raw", ("ch1", "ch2", "ch3")), guide, Times(rest_s=0.8))
-    assert any("at the converter's limit" in said for said in guide.said), guide.said
+    assert any("at the converter's limit" in message for message in guide.said), guide.said
 
 
 def test_what_a_driver_has_not_is_taken_as_the_table_says() -> None:

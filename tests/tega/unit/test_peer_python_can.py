@@ -81,7 +81,7 @@ def test_its_logger_hears_a_grasp_and_its_player_plays_it_to_another_hand(
     path = tmp_path / f"grasp{suffix}"
     with hand_on(channel) as hand, logging_to(path, channel):
         close_hand(hand)
-        heard = hand.say("look")
+        received = hand.say("look")
     with can.LogReader(path) as reader:
         frames = list(reader)
     assert not any(f.is_extended_id or f.is_fd or f.is_error_frame for f in frames)
@@ -93,7 +93,7 @@ def test_its_logger_hears_a_grasp_and_its_player_plays_it_to_another_hand(
     assert any(any(f.data) for f in sent[on:off])
     assert not any(any(f.data) for f in sent[off:])
     # Datagrams may be lost where the machine is full.
-    assert heard["torques"] == pytest.approx(len(torques), rel=0.05)
+    assert received["torques"] == pytest.approx(len(torques), rel=0.05)
     last = {f.arbitration_id: f.data for f in frames if f.arbitration_id in POSITIONS}
     counts = np.frombuffer(b"".join(last[finger] for finger in POSITIONS), "<i2")
     assert np.abs(np.radians(counts * 333.3 / 65536.0) - CLOSURE_POSES_RAD[2]).max() < 0.1

@@ -115,7 +115,7 @@ def test_a_stack_gives_the_pictures_that_numpy_saved(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "text"),
     [
         (lambda a: a.transpose(0, 3, 1, 2).copy(), r"\(7, 3, 20, 30\).*put the colours last"),
         (lambda a: a / 255, "float64.*convert it"),
@@ -124,10 +124,10 @@ def test_a_stack_gives_the_pictures_that_numpy_saved(tmp_path: Path) -> None:
     ],
 )
 def test_another_array_is_refused_with_the_way_out(
-    change: Callable[[Any], Any], said: str, tmp_path: Path
+    change: Callable[[Any], Any], text: str, tmp_path: Path
 ) -> None:
     np.save(tmp_path / "a.npy", change(np.zeros((7, 20, 30, 3), np.uint8)))
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=text):
         stack_of(tmp_path / "a.npy")
 
 
@@ -140,7 +140,7 @@ def test_a_stack_that_was_cut_short_names_the_picture(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "text"),
     [
         (lambda p: p[..., ::-1], "nearly everywhere: it looks like them in RGB order"),
         (lambda p: p[::-1, ::-1], "nearly everywhere: it looks like them turned by 180 degrees"),
@@ -156,14 +156,14 @@ def test_a_stack_that_was_cut_short_names_the_picture(tmp_path: Path) -> None:
     ],
 )
 def test_a_baseline_that_is_not_the_pictures_is_refused_with_what_it_looks_like(
-    change: Callable[[Any], Any], said: str
+    change: Callable[[Any], Any], text: str
 ) -> None:
     pictures = [gel(k, depth=40 * (k % 3)) for k in range(1, 6)]
     check_baseline(gel(), pictures, name="b.png", label="frames")
     check_baseline(
         np.clip(gel().astype(int) + 5, 0, 255).astype(np.uint8), pictures, name="b.png", label="frames"
     )
-    with pytest.raises((CalibrationError, RecordingError), match=said):
+    with pytest.raises((CalibrationError, RecordingError), match=text):
         check_baseline(np.ascontiguousarray(change(gel())), pictures, name="b.png", label="frames")
 
 
@@ -175,5 +175,5 @@ def test_replay_refuses_a_baseline_in_rgb(tmp_path: Path, capsys: pytest.Capture
     cv2.imwrite(str(tmp_path / "rgb.png"), gel()[..., ::-1])
     words = ["replay", "--tactile", f"thumb={tmp_path / 'frames'}", "--out", tmp_path / "out", "--baseline"]
     call(capsys, *words, f"thumb={tmp_path / 'right.png'}")
-    _, said = call(capsys, *words, f"thumb={tmp_path / 'rgb.png'}", code=1)
-    assert "unlike the pictures of frames nearly everywhere: it looks like them in RGB order" in said
+    _, text = call(capsys, *words, f"thumb={tmp_path / 'rgb.png'}", code=1)
+    assert "unlike the pictures of frames nearly everywhere: it looks like them in RGB order" in text

@@ -51,9 +51,9 @@ def test_a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_pictu
     assert not camera.report.faults
     assert camera.used(picture()) == [True]  # one bad picture alone is left out
     assert camera.used(picture(0.5), picture(0.5)) == [False, False]
-    (said,) = camera.report.faults
-    assert said.startswith("dark: ")
-    assert 47 <= float(said.removeprefix("dark: ").partition(" %")[0]) <= 53
+    (text,) = camera.report.faults
+    assert text.startswith("dark: ")
+    assert 47 <= float(text.removeprefix("dark: ").partition(" %")[0]) <= 53
     # 500 ms after the last dark one, which was 20 ms ago.
     assert camera.used(*(picture() for _ in range(26))) == [False] * 24 + [True, True]
     assert not camera.report.faults

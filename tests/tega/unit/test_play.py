@@ -29,7 +29,7 @@ from tega.errors import ConfigError
 from tega.haptics import MotorLevels
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.recording.replay.play import LEAD_S, play_file
 from tega.recording.replay.playhead import Playhead
 from tega.records import ArmTurn, Contact, HandCommand, HeardMarker, Marker, PoseNumbers, VestFrame
@@ -145,7 +145,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
         yield Session(lab, to, folder / "session" / str(summary["recording"]["file"]))
 
 
-def told(file: Path) -> list[list[int]]:
+def reported(file: Path) -> list[list[int]]:
     """The frames of a recording, in the wearer's order, without those that are equal to the one before."""
     frames: list[list[int]] = [[0] * 40]
     for one in read_recorded(file).of(VestFrame):
@@ -167,7 +167,7 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     states = [change["state"] for change in summary["safety"]["changes"]]
     assert (states[:2], states[-1]) == (["armed", "active"], "stopped")
     seen = [frame for _, frame in seen_by(lab.vest).history[before:]]
-    then = told(file)
+    then = reported(file)
     assert len(then) > 10
     # The vest takes the newest frame only; of those that a busy machine makes it miss none comes later.
     left = iter(then)
@@ -202,9 +202,9 @@ def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_pa
     lab = session.lab
     with playing_at_twice_the_speed(session, tmp_path) as process:
         process.send_signal(signal.SIGINT)
-        said, _ = process.communicate()
+        sentence, _ = process.communicate()
     assert process.returncode == 130
-    summary = json.loads(said)
+    summary = json.loads(sentence)
     assert summary["ended"] == "stopped"
     assert summary["played"]["because"] == "a test"
     assert summary["safety"]["changes"][-1]["reason"] == "stopped: Ctrl-C"
@@ -224,12 +224,12 @@ def test_a_kill_in_the_middle_leaves_both_without_force(session: Session, tmp_pa
 def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up: Path) -> None:
     seen: list[tuple[int, int, bool]] = []
 
-    def look(view: LoopView) -> None:
+    def check(view: LoopView) -> None:
         if view.intent is not None and view.vest is not None:
             seen.append((view.t_ns, view.intent.level, bool(view.vest.intensities.any())))
 
     # A live driver, and nothing but this terminal's error output behind it.
-    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, bus=observed(look))
+    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, bus=observed(check))
     lead = [(level, felt) for t_ns, level, felt in seen if t_ns < 2 * LEAD_S * 1e9]
     assert len(lead) > 40
     assert set(lead) == {(read_recorded(made_up).of(HandCommand)[0].level, False)}
@@ -303,9 +303,9 @@ def test_a_motor_that_is_identified_counts_to_the_day_too(session: Session, tmp_
 def _with_arm_and_markers(folder: Path) -> Path:
     """Record a run beside which an arm is led, and two moments are marked."""
     bus = Bus()
-    told: list[int] = []
+    reported: list[int] = []
 
-    def see(contact: Contact) -> None:
+    def observe(contact: Contact) -> None:
         t_ns = contact.taken_ns
         x_m = 0.5 + 0.1 * t_ns / 1e9
         measured = PoseNumbers(t_ns, (x_m, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
@@ -315,12 +315,12 @@ def _with_arm_and_markers(folder: Path) -> Path:
             target=(x_m, 0.0, 0.31, 0.0, 0.0, 0.0, 1.0), velocity=(0.0,) * 6, phase="following",
         )  # fmt: skip
         bus.publish(turn)
-        if not told:
+        if not reported:
             bus.publish(Marker(t_ns=200_000_000, text="lift", source="marker"))
             bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
-        told.append(t_ns)
+        reported.append(t_ns)
 
-    bus.subscribe(Contact, see)
+    bus.subscribe(Contact, observe)
     summary = run_session(checked(sessions_tree(folder)), bus=bus)
     return folder / str(summary["recording"]["file"])
 

@@ -86,12 +86,12 @@ def test_a_flood_of_pings_from_a_player_that_reads_nothing_ends_the_link() -> No
         try:
             go.set()
             tracemalloc.start()
-            said = driven(link, 20.0)
+            text = driven(link, 20.0)
             _, peak_bytes = tracemalloc.get_traced_memory()
         finally:
             tracemalloc.stop()
             link.close()
-    assert "it takes nothing any more" in said
+    assert "it takes nothing any more" in text
     assert peak_bytes < 8 << 20
 
 

@@ -83,12 +83,12 @@ def test_every_motor_is_drawn_where_it_is(layout: str) -> None:
 
 
 def test_names_are_escaped() -> None:
-    shown = [
+    displayed = [
         Contact(finger=HOSTILE, t_ns=0, in_contact=True, more=(NamedValue(HOSTILE, 1.0, HOSTILE),)),
         VestFrame(t_ns=0, layout=HOSTILE, intensities=(1,)),
         SentFrame(t_ns=0, layout="x40", intensities=(1,)),
     ]
-    for record in shown:
+    for record in displayed:
         html = record._repr_html_()
         assert html is not None
         assert "<script>" not in html
@@ -121,9 +121,9 @@ def test_without_matplotlib_the_error_has_the_pip_line(monkeypatch: pytest.Monke
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MissingExtraError) as told:
+    with pytest.raises(MissingExtraError) as reported:
         tega.plot.vest(vest_frame([0] * 4, [0] * 4))
-    assert told.value.hint == "install it with: pip install 'tega[plot]'"
+    assert reported.value.hint == "install it with: pip install 'tega[plot]'"
 
 
 def test_importing_tega_loads_neither_numpy_nor_a_part() -> None:

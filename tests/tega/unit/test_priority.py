@@ -16,8 +16,8 @@ import pytest
 from reference.parts import observed
 from tega.config import check_tree
 from tega.loop.gc_pause import settle, settled
-from tega.loop.moment import LoopView
 from tega.loop.session import run_session
+from tega.loop.snapshot import LoopView
 from tega.runtime import threads as priority
 from tega.runtime.threads import all_along, give_way, promote, realtime, run_realtime, short_turns
 from tega_emulators.lab import emulated_lab
@@ -30,11 +30,11 @@ def _policy(thread: threading.Thread | None = None) -> tuple[int, int]:
     return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(tid).sched_priority
 
 
-def _until(what: Callable[[], bool]) -> bool:
+def _until(subject: Callable[[], bool]) -> bool:
     end_s = time.monotonic() + 60.0
-    while not what() and time.monotonic() < end_s:
+    while not subject() and time.monotonic() < end_s:
         time.sleep(0.01)
-    return what()
+    return subject()
 
 
 @linux
@@ -69,14 +69,14 @@ def test_a_thread_gives_way_for_a_block_only_and_only_where_it_had_a_rank() -> N
 
 @linux
 def test_a_run_without_real_time_asks_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[int] = []
-    monkeypatch.setattr(os, "sched_setscheduler", lambda tid, *_how: asked.append(tid))
+    requested: list[int] = []
+    monkeypatch.setattr(os, "sched_setscheduler", lambda tid, *_how: requested.append(tid))
     with realtime(allowed=False), run_realtime("act") as granted, all_along():
         assert not granted
         assert not promote(threading.current_thread(), "act")
-    assert asked == []
+    assert requested == []
     with run_realtime("act"):
-        assert asked == [0]
+        assert requested == [0]
 
 
 @linux
@@ -118,13 +118,13 @@ def test_full_collections_look_at_what_has_come_since_only() -> None:
 def test_a_run_that_is_told_to_takes_no_real_time(tmp_path: Path) -> None:
     frozen: list[int] = []
 
-    def look(_view: LoopView) -> None:
+    def check(_view: LoopView) -> None:
         frozen.append(gc.get_freeze_count())
 
     with emulated_lab(tmp_path, emg_hz=250.0) as lab:
         for wanted in (True, False):
             lab.tree["session"] = {"duration_s": 0.5, "realtime": wanted}
-            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, bus=observed(look))
+            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, bus=observed(check))
             allowed = wanted and sys.platform == "linux" and _granted()
             assert summary["pacing"]["real_time"] is allowed
     assert min(frozen) > 10_000

@@ -72,7 +72,7 @@ def test_whoever_starts_python_goes_through_one_function() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "said"),
+    ("source", "message"),
     [
         ("import sys, subprocess\nsubprocess.run([sys.executable, '-m', 'tega.ui.cli'])", "sys.executable"),
         ("from sys import executable", "imports from sys"),
@@ -84,9 +84,9 @@ def test_whoever_starts_python_goes_through_one_function() -> None:
         ("import multiprocessing.pool", "without isolated_workers"),
     ],
 )
-def test_what_goes_past_it_is_found(source: str, said: str, tmp_path: Path) -> None:
+def test_what_goes_past_it_is_found(source: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.py").write_text(source)
-    assert any(said in place for place in started(tmp_path / "a.py"))
+    assert any(message in place for place in started(tmp_path / "a.py"))
 
 
 def test_what_goes_through_it_is_not_found(tmp_path: Path) -> None:
@@ -99,6 +99,6 @@ def test_what_goes_through_it_is_not_found(tmp_path: Path) -> None:
 def test_a_program_finds_the_package_s_folder_and_nothing_inside_it() -> None:
     package = Path(tega.__file__).resolve().parent
     # The module `site` prints the import path.
-    said = subprocess.run(python_command("site"), capture_output=True, text=True, check=True).stdout
-    assert repr(str(package.parent)) in said
-    assert repr(str(package)) not in said
+    message = subprocess.run(python_command("site"), capture_output=True, text=True, check=True).stdout
+    assert repr(str(package.parent)) in message
+    assert repr(str(package)) not in message

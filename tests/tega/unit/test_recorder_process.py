@@ -82,10 +82,10 @@ def test_a_process_that_stands_still_with_a_full_pipe_does_not_keep_the_run(
     monkeypatch.setattr(recorder_process, "_ANSWER_S", 1.0)
     os.kill(recorder.pid, signal.SIGSTOP)
     with suppress(BlockingIOError):
-        os.set_blocking(recorder._asked.fileno(), False)
+        os.set_blocking(recorder._requested.fileno(), False)
         while True:
-            os.write(recorder._asked.fileno(), bytes(1024))
-    os.set_blocking(recorder._asked.fileno(), True)
+            os.write(recorder._requested.fileno(), bytes(1024))
+    os.set_blocking(recorder._requested.fileno(), True)
     facts = recorder.finish(bytes(2_000_000))
     assert (facts["state"], facts["file"]) == ("stopped", "trial-001.mcap.part")
     assert "recorder's process ended" in facts["reason"]

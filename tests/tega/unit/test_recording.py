@@ -17,7 +17,7 @@ from tega.config import check_tree
 from tega.config.text import config_text
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.recording.inspection import inspect_file
 from tega.recording.replay import replay_file
 from tega.ui.cli.main import main

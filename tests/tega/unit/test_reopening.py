@@ -43,11 +43,11 @@ def failing(n: int, error: Exception) -> Iterator[Callable[[], str]]:
 
 
 def test_rests_grow_to_the_longest_and_begin_anew_once_it_worked() -> None:
-    rests, again, told = Rests(), Reopening(0.25, 2.0), list[str]()
+    rests, again, reported = Rests(), Reopening(0.25, 2.0), list[str]()
     (opened,) = failing(5, DeviceUnavailableError("away"))
-    link = again.open(opened, rests, absent=DeviceUnavailableError, refused=lambda e: told.append(str(e)))
+    link = again.open(opened, rests, absent=DeviceUnavailableError, refused=lambda e: reported.append(str(e)))
     assert link == "link"
-    assert told == ["away"] * 5
+    assert reported == ["away"] * 5
     assert rests.s == [0.25, 0.5, 1.0, 2.0, 2.0, 2.0]
     again.works()
     again.wait(rests)

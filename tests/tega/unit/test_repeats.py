@@ -198,10 +198,10 @@ def test_a_recording_whose_pixels_stand_still_says_so(
     summary = json.loads(capsys.readouterr().out)
     thumb = summary["tactile"]["thumb"]
     assert (thumb["frames"], thumb["duplicate"], thumb["identical"], thumb["stuck"]) == (12, 0, 2, 0)
-    said = (
+    text = (
         "thumb: 2 frames have exactly the pixels of the one before, as a sensor's raw frames never do; used"
     )
-    assert said in summary["notes"]
+    assert text in summary["notes"]
     rows = table(tmp_path / "out" / "contacts.csv")
     assert len(rows) == 12
     assert rows[4]["eda"] == rows[5]["eda"] == rows[6]["eda"]

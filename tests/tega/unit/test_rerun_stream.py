@@ -36,7 +36,7 @@ def test_what_the_bus_tells_is_in_the_file(tmp_path: Path) -> None:
         bus.publish(Joints(t_ns=6, angles_rad=(0.1,) * 16))
         bus.publish(Skip(t_ns=8))
     assert bus.problem() == ""
-    said = subprocess.run(
+    message = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "print", str(file)], capture_output=True, text=True, check=True
     ).stdout
     for where in (
@@ -46,9 +46,9 @@ def test_what_the_bus_tells_is_in_the_file(tmp_path: Path) -> None:
         "/emg/levels",
         "/vest/frame",
     ):
-        assert where in said
-    assert "/hand/joints" in said
-    assert "skip" not in said
+        assert where in message
+    assert "/hand/joints" in message
+    assert "skip" not in message
     bus.publish(Intent(t_ns=9, level=3))  # nobody hears it any more
     assert bus.problem() == ""
 
@@ -59,7 +59,7 @@ def printed(file: Path) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
-def shown(layout: Path) -> set[str]:
+def displayed(layout: Path) -> set[str]:
     """Return what the views of a layout are named, and what they show."""
     text = printed(layout)
     assert "Blueprint," in text
@@ -70,8 +70,8 @@ def shown(layout: Path) -> set[str]:
 def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(tmp_path: Path) -> None:
     saved = Path(str(files("tega") / "data/rerun-layout.rbl"))
     save_layout(tmp_path / "layout.rbl")
-    there = shown(saved)
-    assert there == shown(tmp_path / "layout.rbl")
+    there = displayed(saved)
+    assert there == displayed(tmp_path / "layout.rbl")
     assert set(NAMES) <= there
     bus, file = Bus(), tmp_path / "run.rrd"
     image = np.zeros((32, 24, 3), np.uint8)
@@ -83,7 +83,7 @@ def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(
         bus.publish(VestFrame(t_ns=6, layout="x16", intensities=(7,) * 16))
         bus.publish(Joints(t_ns=6, angles_rad=(0.1,) * 16))
     sent = set(re.findall(r"entity_path: (/[a-z/]+)", printed(file)))
-    assert {f"{finger} {what}" for finger in FINGERS for what in ("CCI", "EDA")} <= set(
+    assert {f"{finger} {subject}" for finger in FINGERS for subject in ("CCI", "EDA")} <= set(
         re.findall(r"[a-z]+ (?:CCI|EDA)", printed(file))
     )
     topics = {name for name in there if re.fullmatch(r"/[a-z]+(/[a-z]+)+", name)}

@@ -16,8 +16,8 @@ def found(shares: list[float], *, least_s: float, look_ahead_s: float = 0.0) -> 
         rest_s=1.0,
         look_ahead_s=look_ahead_s,
     )
-    told = (rise.add(k / 10, share, void=False) for k, share in enumerate(shares))
-    return [one for one in told if one is not None]
+    reported = (rise.add(k / 10, share, void=False) for k, share in enumerate(shares))
+    return [one for one in reported if one is not None]
 
 
 @pytest.mark.parametrize("n", range(1, 8))

@@ -25,7 +25,7 @@ def active(**more: Any) -> tuple[Guard, SourceReport]:
 def show(guard: Guard, t_ms: int, *, block_ms: int | None = None, **more: Any) -> None:
     """Show it a moment at which the newest block is so old."""
     stamp = t_ms if block_ms is None else block_ms
-    guard.look(t_ms * MS, late_ns=0, stamps={"emg": stamp * MS}, counts={"emg": stamp // 100}, **more)
+    guard.check(t_ms * MS, late_ns=0, stamps={"emg": stamp * MS}, counts={"emg": stamp // 100}, **more)
 
 
 def test_it_arms_once_the_rate_is_known_and_nothing_was_wrong_for_a_while() -> None:
@@ -74,13 +74,13 @@ def test_a_short_return_does_not_end_a_hold() -> None:
 
 
 def test_other_alerts_are_told_and_kept_for_the_summary() -> None:
-    said = [""]
-    guard, _ = active(alerts={"disk": lambda: said[0]})
+    text = [""]
+    guard, _ = active(alerts={"disk": lambda: text[0]})
     assert not guard.alerts
-    said[0] = "disk: full"
+    text[0] = "disk: full"
     show(guard, 2100)
     assert guard.alerts == {"disk": "disk: full"}
-    said[0] = ""
+    text[0] = ""
     show(guard, 2200)
     assert not guard.alerts
     assert guard.summary()["alerts"][-1] == "disk: full"
@@ -105,11 +105,11 @@ def test_calibration_that_does_not_fit_keeps_it_from_arming() -> None:
 
 def test_an_observer_is_told_of_every_change() -> None:
     guard, _ = active()
-    told: list[Transition] = []
-    guard.observers.append(told.append)
+    reported: list[Transition] = []
+    guard.observers.append(reported.append)
     guard.stop(3 * MS, "stopped: the space bar")
     guard.stop(4 * MS, "again")
-    assert told == [Transition(3 * MS, "stopped", "stopped: the space bar")]
+    assert reported == [Transition(3 * MS, "stopped", "stopped: the space bar")]
 
 
 def test_the_first_reason_to_stop_counts() -> None:
@@ -120,3 +120,12 @@ def test_the_first_reason_to_stop_counts() -> None:
     assert stop()
     stop.ask("Ctrl-C")
     assert stop.reason == "the pedal"
+
+
+def test_a_stream_at_a_fifth_of_its_rate_keeps_it_from_arming_and_is_named_with_its_number() -> None:
+    guard = Guard(SafetySection(), streams=[Watched("emg", "emg", 10.0, SourceReport())])
+    for k in range(60):
+        t_ms = 100 * k
+        guard.check(t_ms * MS, late_ns=0, stamps={"emg": t_ms * MS}, counts={"emg": 7 + k // 5})
+    assert guard.state == "idle"
+    assert guard.reason == "emg: 2.0 a second come, 10 are expected"

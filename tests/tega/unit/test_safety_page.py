@@ -9,7 +9,7 @@ from rich.console import Console
 
 from reference.scripted import MS, touching
 from tega.haptics import MotorLevels
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.records import Intent
 from tega.safety.states import STATES
 from tega.ui.view.run_state import meaning
@@ -75,6 +75,6 @@ def test_a_moment_that_cannot_be_drawn_is_told_and_the_next_one_is_drawn() -> No
         show(VIEW._replace(state="hold", intent=Intent(t_ns=0, level=9)))
         now_s = 1.0
         show(VIEW._replace(state="active"))
-    said = capture.get()
-    assert "HOLD  not drawn: IndexError" in said
-    assert "ACTIVE" in said
+    text = capture.get()
+    assert "HOLD  not drawn: IndexError" in text
+    assert "ACTIVE" in text

@@ -31,19 +31,19 @@ def test_bytes_are_stamped_as_they_come_while_the_interpreter_lock_is_held() -> 
     with Emulator("ascii_board", *board) as emulator:
         port = SerialPort(emulator.port, 115_200, driver="test")
         try:
-            said = port.read_until(b"\r\n", 5.0)
+            text = port.read_until(b"\r\n", 5.0)
             for _ in range(TIMES):
                 hold(HELD_US)
                 data, arrival_ns = port.arrived()
-                said += data
-                whole, _, _ = said.rpartition(b"\r\n")
+                text += data
+                whole, _, _ = text.rpartition(b"\r\n")
                 newest = round(int(whole.rpartition(b"\n")[2].split(b",")[0]) * RATE_HZ / 1000)
                 stamps.append((newest, arrival_ns))
                 time.sleep(0.013)  # another part of a burst's period
         finally:
             port.close()
         sent_ns = emulator.say("sent")["sent_ns"]
-    lines = [line.split(b",") for line in said.split(b"\r\n")[1:-1]]
+    lines = [line.split(b",") for line in text.split(b"\r\n")[1:-1]]
     numbers = [round(int(line[0]) * RATE_HZ / 1000) for line in lines]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), "no line is lost"
     assert len(numbers) > TIMES * HELD_US / 1e6 * RATE_HZ / 2

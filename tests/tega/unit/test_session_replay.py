@@ -17,7 +17,7 @@ from reference.sessions import SECONDS, record, rewritten, stream, tree
 from tega.config import SessionConfig, check_tree
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.moment import LoopView
+from tega.loop.snapshot import LoopView
 from tega.recording.inspection import inspect_file
 from tega.recording.replay import replay_file
 from tega.recording.replay.feed import RecordFeed
@@ -170,14 +170,14 @@ def test_a_loop_that_was_late_and_muted_motors_are_replayed_as_they_were(tmp_pat
 
 
 def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -> None:
-    asked = 0
+    requested = 0
     original = Guard.level
 
     def careful(guard: Guard, wanted: float) -> float:
         """Ask the hand for less than the muscles say, as a policy would."""
-        nonlocal asked
-        asked += 1
-        return original(guard, min(wanted, 2) if 100 < asked < 400 else wanted)
+        nonlocal requested
+        requested += 1
+        return original(guard, min(wanted, 2) if 100 < requested < 400 else wanted)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Guard, "level", careful)

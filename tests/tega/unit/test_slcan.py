@@ -94,10 +94,10 @@ def test_a_frame_is_on_its_way_whether_or_not_the_adapter_reads(line: tuple[int,
     ours, bus = line
     message = can.Message(arbitration_id=0x081, data=bytes(7) + b"\x01", is_extended_id=False)
     bus.send(message, timeout=0.05)
-    told = b""
-    while not told.endswith(FRAMES[1]):  # after what it was told when it was opened, in any pieces
-        told += os.read(ours, 4096)
-    assert told.count(b"t") == 1
+    reported = b""
+    while not reported.endswith(FRAMES[1]):  # after what it was told when it was opened, in any pieces
+        reported += os.read(ours, 4096)
+    assert reported.count(b"t") == 1
 
     def fill() -> None:
         for _ in range(10_000):  # more than a system keeps for one that reads nothing
@@ -125,9 +125,9 @@ def test_frames_that_are_sent_together_are_written_together(
     ]
     bus.send_together(messages, timeout=1.0)
     bus.send(messages[0])
-    said = b""
-    while said.count(b"\r") < 5:
-        said += os.read(ours, 4096)
+    text = b""
+    while text.count(b"\r") < 5:
+        text += os.read(ours, 4096)
     lines = [f"t08{k}8{f'{k:02X}' * 8}\r".encode() for k in (0, 1, 2, 3, 0)]
-    assert said == b"".join(lines)
+    assert text == b"".join(lines)
     assert sizes == [sum(map(len, lines[:4])), len(lines[4])]

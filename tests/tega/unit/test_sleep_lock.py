@@ -56,7 +56,7 @@ def test_a_refused_block_leaves_the_delay(logind: Emulator) -> None:
     lock = SleepLock("a test", let_go)
     lock.take()
     until(lambda: logind.say("look")["locks"] == BOTH[:1])
-    assert lock.asked.wait(10)  # both locks were asked for
+    assert lock.requested.wait(10)  # both locks were asked for
     assert lock.problem == "Inhibit: Permission denied"
     assert logind.say("sleep")["delayed_s"] < 4.0
     assert asleep.is_set()
@@ -79,8 +79,8 @@ def test_a_hand_is_let_go_before_the_computer_sleeps(logind: Emulator) -> None:
             until(lambda: logind.say("look")["locks"] == BOTH)
             slept = logind.say("sleep")
             assert limp(hand)
-            look = hand.say("look")
-            assert max(look["zero_s"], look["off_s"]) < slept["t_s"]
+            check = hand.say("look")
+            assert max(check["zero_s"], check["off_s"]) < slept["t_s"]
             assert slept["delayed_s"] < 5.0
             with pytest.raises(DeviceUnavailableError, match="goes to sleep"):
                 until(lambda: (allegro.step(5), False)[1])

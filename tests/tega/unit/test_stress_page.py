@@ -24,9 +24,9 @@ def test_every_group_has_lines_and_no_name_stands_twice_on_the_page() -> None:
         .split("<!-- extremes: end -->")[0]
     )
     rows = [row.split(" | ") for row in text.splitlines() if row.startswith("| ")][1:]
-    told = [row[1] for row in rows]
-    assert len(set(told)) == len(told)
-    assert set(told) == {line.name for line in EXTREMES}
+    reported = [row[1] for row in rows]
+    assert len(set(reported)) == len(reported)
+    assert set(reported) == {line.name for line in EXTREMES}
     # Errors are at most their bounds on the page as well.
     assert all(float(row[2]) <= float(row[3]) for row in rows)
 

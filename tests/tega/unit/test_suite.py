@@ -47,7 +47,7 @@ def run(suite: Path, code: str, *words: str, ci: str = "") -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(
-    ("n", "ci", "code", "said"),
+    ("n", "ci", "code", "message"),
     [
         (3, "", pytest.ExitCode.OK, "3 passed, 3 rerun"),
         (3, "true", pytest.ExitCode.TESTS_FAILED, "3 tests were asked again, and at most 2 may be in CI"),
@@ -55,10 +55,10 @@ def run(suite: Path, code: str, *words: str, ci: str = "") -> tuple[int, str]:
     ],
 )
 def test_few_tests_are_asked_again_and_fewer_in_ci(
-    suite: Path, n: int, ci: str, code: pytest.ExitCode, said: str
+    suite: Path, n: int, ci: str, code: pytest.ExitCode, message: str
 ) -> None:
     ended, printed = run(suite, FLAKY.format(n=n), ci=ci)
-    assert said in printed
+    assert message in printed
     assert ended == code
 
 

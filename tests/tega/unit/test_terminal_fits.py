@@ -51,7 +51,7 @@ def test_hand_levels_rates_latency_and_both_faces_are_in_sight(width: int, heigh
     lines = screen(width, height)
     assert len(lines) <= height - 1  # the cursor stands in the line below
     assert {len(line) for line in lines} == {min(width, 120)}
-    shown = "\n".join(lines)
+    displayed = "\n".join(lines)
     for text in (
         "command level 5: tight",
         "reported bend",
@@ -63,7 +63,7 @@ def test_hand_levels_rates_latency_and_both_faces_are_in_sight(width: int, heigh
         "vest",
         "/t/",
     ):
-        assert text in shown, text
+        assert text in displayed, text
 
 
 def test_alerts_that_do_not_fit_are_counted() -> None:

@@ -116,9 +116,9 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
     reader.close()
     assert report.n_contacts == {"thumb": 4}
     assert (report.n_vest_ticks, report.n_vest_between) == (1, 3)
-    shown = [int(frame.intensities[0]) for _, frame in vest.sent]
-    assert shown[0] == 0
-    assert 0 < shown[1] == shown[2]  # the front follows CCI, which is the same
+    displayed = [int(frame.intensities[0]) for _, frame in vest.sent]
+    assert displayed[0] == 0
+    assert 0 < displayed[1] == displayed[2]  # the front follows CCI, which is the same
     backs = [int(frame.intensities[20]) for _, frame in vest.sent]
     assert 0 < backs[1] < backs[2]
     assert (backs[0], backs[3]) == (0, 0)
@@ -164,7 +164,7 @@ def test_a_run_by_frame_is_recorded_and_computed_again_bit_for_bit(tmp_path: Pat
     other = tmp_path / "other.toml"
     other.write_text('[vest]\nlayout = "x40"\npace = "steady"\n')
     again = replay_file(file, config=other)
-    assert any("vest.pace" in said for said in again.changed)
+    assert any("vest.pace" in text for text in again.changed)
     frames = next(stream for stream in again.streams if stream.stream == "/vest/frame")
     assert frames.recorded - frames.replayed == len(between)
 
@@ -194,9 +194,9 @@ def test_a_driver_spares_frames_that_its_vest_shows_alike_but_a_motor_that_rests
     assert new_frames(FineVest(VestOptions()), 40, 41, 42, 50, 50) == [40, 41, 42, 50]
     assert new_frames(KeptVest(VestOptions()), 40, 41, 42, 50, 50) == [40, 50]  # steps 6, 6, 6, 8
     assert new_frames(KeptVest(VestOptions()), 2, 0) == [2, 0]  # both are step 0
-    told = KeptVest(VestOptions())
-    told.keep_alive_s = 0
-    assert new_frames(told, 40, 41, 41) == [40, 41, 41]
+    reported = KeptVest(VestOptions())
+    reported.keep_alive_s = 0
+    assert new_frames(reported, 40, 41, 41) == [40, 41, 41]
 
 
 def test_a_frame_that_stands_is_renewed_and_what_comes_alike_is_not_sent_beside_it() -> None:
@@ -264,9 +264,9 @@ class _Link:
 def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_offered() -> None:
     now = [0]
     link = _Link()
-    told: list[Latency] = []
+    reported: list[Latency] = []
     bus = Bus()
-    bus.subscribe(Latency, told.append)
+    bus.subscribe(Latency, reported.append)
     trace = LatencyTrace(now_ns=lambda: now[0], start_ns=0, budget_ms=5.0, vests=[link], bus=bus)
     for finger, measured_ms in (("ring", 0), ("thumb", 1), ("ring", 4), ("index", 5)):
         source = trace.source(finger)
@@ -277,10 +277,10 @@ def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_of
     # All wait in the driver, each in the place of the one before; the last leaves at 20 ms.
     link.handed = [(5 * MS, 20 * MS, 21 * MS)]
     trace.vest(33 * MS, 33 * MS, 33 * MS, changed=False)
-    held = {way.source: way.stages_ns()["held"] // MS for way in told}
+    held = {route.source: route.stages_ns()["held"] // MS for route in reported}
     assert held == {"thumb": 19, "ring": 16, "index": 15}
     assert trace.n_replaced == 1  # the ring's first
-    in_hand = {way.source: way.stages_ns()["in-hand"] // MS for way in told}
+    in_hand = {route.source: route.stages_ns()["in-hand"] // MS for route in reported}
     assert in_hand == {"thumb": 20, "ring": 17, "index": 16}
 
 

@@ -100,8 +100,8 @@ def test_the_verb_names_the_place_of_every_motor_it_lights(
     with pytest.raises(SystemExit) as done:
         main([*words, "--motor", "36", "--seconds", "0.1"])
     assert done.value.code == 0
-    said = capsys.readouterr().out
-    assert said.splitlines() == [
+    text = capsys.readouterr().out
+    assert text.splitlines() == [
         "motor  3: front, row 1 of 5 from the top, column 4 of 4 from the wearer's left",
         "motor 36: back, row 5 of 5 from the top, column 1 of 4 from the wearer's left",
     ]

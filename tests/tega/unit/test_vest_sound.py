@@ -35,7 +35,7 @@ def motors(columns: dict[tuple[int, int], int]) -> NDArray[np.uint8]:
     return frame.reshape(40)
 
 
-def heard(sound: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
+def received(sound: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the amplitude of each column's tone in either ear, float64 (8, 2), by a Fourier transform.
 
     The window keeps what belongs to one tone apart from its neighbours, 50 Hz away at least; the power near each
@@ -53,7 +53,7 @@ def settled(tones: ColumnTones, intensities: NDArray[np.uint8], seconds: float =
     """Return the sound of a frame that is told again every 10 ms, after the ramp."""
     blocks = []
     for _ in range(round(seconds * RATE_HZ / BLOCK) + 1):
-        tones.tell(intensities)
+        tones.notify(intensities)
         blocks.append(tones.render(BLOCK))
     return np.concatenate(blocks[1:])
 
@@ -61,7 +61,7 @@ def settled(tones: ColumnTones, intensities: NDArray[np.uint8], seconds: float =
 @pytest.mark.parametrize("face", [0, 1])
 @pytest.mark.parametrize("column", range(4))
 def test_each_column_has_its_tone_and_its_side(face: int, column: int) -> None:
-    amplitude = heard(settled(ColumnTones(100), motors({(face, column): 100})))
+    amplitude = received(settled(ColumnTones(100), motors({(face, column): 100})))
     loudness = np.hypot(*amplitude.T)
     assert loudness.argmax() == 4 * face + column
     assert loudness.max() == pytest.approx(1 / 8, rel=0.02)
@@ -83,21 +83,21 @@ def test_loudness_is_proportional_to_the_intensity_of_the_strongest_motor(volume
     for percent in (1, 7, 25, 50, 100):
         frame = motors({(0, 1): percent})
         frame[4 * 3 + 1] = percent // 2  # a weaker motor of the same column
-        found.append(np.hypot(*heard(settled(tones, frame)).T)[1] / percent)
+        found.append(np.hypot(*received(settled(tones, frame)).T)[1] / percent)
     assert found == pytest.approx([volume / 100 / 8 / 100] * 5, rel=0.02)
 
 
 def test_all_columns_at_full_drive_do_not_clip_and_are_all_heard() -> None:
     sound = settled(ColumnTones(100), np.full(40, 100, np.uint8), 4.0)
     assert np.abs(sound).max() < 1
-    np.testing.assert_allclose(np.hypot(*heard(sound).T), 1 / 8, rtol=0.02)
+    np.testing.assert_allclose(np.hypot(*received(sound).T), 1 / 8, rtol=0.02)
 
 
 def test_zero_is_silence_to_the_last_bit_after_a_ramp_without_clicks() -> None:
     tones = ColumnTones(100)
     assert not tones.render(BLOCK).any()
     settled(tones, motors({(0, 0): 100}), 0.1)
-    tones.tell(np.zeros(40, np.uint8))
+    tones.notify(np.zeros(40, np.uint8))
     # Blocks shorter than the ramp end it too.
     fading = np.concatenate([tones.render(32) for _ in range(10)])
     assert not fading[-40:].any()
@@ -108,7 +108,7 @@ def test_zero_is_silence_to_the_last_bit_after_a_ramp_without_clicks() -> None:
 
 def test_a_frame_that_is_not_told_again_fades_after_200_ms() -> None:
     tones = ColumnTones(100)
-    tones.tell(motors({(1, 3): 100}))
+    tones.notify(motors({(1, 3): 100}))
     sound = np.concatenate([tones.render(BLOCK) for _ in range(30)])
     last = np.flatnonzero(sound.any(axis=1))[-1] / RATE_HZ
     assert 0.2 < last < 0.23
@@ -124,7 +124,7 @@ def test_the_same_samples_stand_in_a_wav_file(tmp_path: Path) -> None:
         file.writeframes((sound * 32767).astype("<i2").tobytes())
     with wave.open(str(tmp_path / "vest.wav"), "rb") as file:
         read = np.frombuffer(file.readframes(file.getnframes()), "<i2").reshape(-1, 2)
-    loudness = np.hypot(*heard(read / 32767).T)
+    loudness = np.hypot(*received(read / 32767).T)
     assert loudness[[0, 6]] == pytest.approx([0.5 / 8, 1 / 8], rel=0.02)
     assert np.delete(loudness, [0, 6]).max() < 1e-4
 
@@ -160,10 +160,10 @@ def test_a_touch_is_heard_as_written_and_the_end_is_silent(port: SoundPort) -> N
             return len(port.played) > 40
 
         until(enough)
-        told: MotorLevels = vest.write(0, TOUCH)
-        np.testing.assert_array_equal(told.intensities, TOUCH.intensities)
+        reported: MotorLevels = vest.write(0, TOUCH)
+        np.testing.assert_array_equal(reported.intensities, TOUCH.intensities)
         sound = np.concatenate(port.played[20:40])
-    loudness = np.hypot(*heard(sound).T)
+    loudness = np.hypot(*received(sound).T)
     assert loudness == pytest.approx(np.array([80, 60, 40, 20, 13, 0, 100, 53]) / 800, abs=0.003)
     assert vest.counters.lost == 0
 
@@ -228,7 +228,7 @@ def test_every_way_out_of_a_program_is_silent(how: str, code: int) -> None:
         assert program.stdout.readline() == "sounds\n"
         if how == "SIGTERM":
             program.send_signal(signal.SIGTERM)
-        said, noted = program.communicate()
+        message, noted = program.communicate()
     assert program.returncode == code, noted
     # The last that the loudspeaker was given is the end of the fade: nothing at all.
-    assert said == "LAST 0.0\n"
+    assert message == "LAST 0.0\n"

@@ -49,17 +49,17 @@ class Way:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
 def test_a_picture_passes_14_objects_and_is_handed_on_twice(tmp_path: Path) -> None:
-    way = Way()
+    route = Way()
     with emulated_lab(tmp_path, fingers=("thumb",), vest=True, touch=PRESSED) as lab:
         config = check_tree({**lab.tree, "session": {"duration_s": 2.0}}, {}, base=tmp_path).config
-        threading.setprofile(way)
-        sys.setprofile(way)
+        threading.setprofile(route)
+        sys.setprofile(route)
         try:
             run_session(config)
         finally:
             sys.setprofile(None)
             threading.setprofile(None)
-    assert len(way.objects) <= 14, sorted(way.objects)
+    assert len(route.objects) <= 14, sorted(route.objects)
     # Beyond the camera's, the loop's and the vest's there is none, so there are two places between threads.
-    threads = set[str]().union(*way.objects.values())
+    threads = set[str]().union(*route.objects.values())
     assert threads == {"digit", threading.current_thread().name, "bhaptics-player"}

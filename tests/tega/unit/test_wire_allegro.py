@@ -69,6 +69,7 @@ def test_home_pose_as_position_frames() -> None:
         "d70329fc67269022",
         "162e3413850b9022",
     ]
+    assert frames == wire.allegro_position_frames(np.radians(degrees), device_id=0)
     back = wire.allegro_angles_rad(np.concatenate([np.frombuffer(frame.data, "<i2") for frame in frames]))
     wanted = [0, -0.174508, 0.785376, 0.785376, 0, -0.174508, 0.785376, 0.785376]
     wanted += [0.087254, -0.087254, 0.872631, 0.785376, 1.047228, 0.436360, 0.261763, 0.785376]

@@ -146,11 +146,11 @@ def test_what_the_player_of_version_3_says_of_its_devices() -> None:
         "vsm": 20,
     }
     arm = {"position": 1, "connected": False, "battery": 26}
-    for said in (
+    for text in (
         {"Type": "ServerDevices", "Message": json.dumps([vest, arm])},
         {"type": "ServerDevices", "message": [vest, arm]},
     ):
-        message = wire.sdk3_server_message(json.dumps(said))
+        message = wire.sdk3_server_message(json.dumps(text))
         assert [d.is_vest for d in message.devices] == [True, False]
         assert [d.battery_percent for d in message.devices] == [None, 26]
         assert [d.connected for d in message.devices] == [True, False]

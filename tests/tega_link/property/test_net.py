@@ -89,13 +89,13 @@ def test_without_a_session_nothing_passes() -> None:
     assert gate.refusal(stamp, 0, Offset(0, 0)) == "foreign"
 
 
-_way = st.integers(0, 50_000_000)
+_route = st.integers(0, 50_000_000)
 
 
 @given(
     st.integers(-(10**15), 10**15),
     st.lists(
-        st.tuples(st.integers(0, 200_000_000), _way, st.integers(0, 10**6), _way), min_size=1, max_size=40
+        st.tuples(st.integers(0, 200_000_000), _route, st.integers(0, 10**6), _route), min_size=1, max_size=40
     ),
 )
 def test_the_clock_s_offset_is_wrong_by_at_most_half_the_shortest_round_trip(offset_ns, questions) -> None:
@@ -195,12 +195,12 @@ def test_whatever_the_ways_and_the_rests_nothing_is_used_that_is_truly_older_tha
     offset_ns, steps
 ) -> None:
     machines = _Machines(offset_ns)
-    for what, *how in steps:
-        if what == "rest":  # this program stands still, and then looks at what lies there
+    for subject, *how in steps:
+        if subject == "rest":  # this program stands still, and then looks at what lies there
             machines.now_ns += how[0]
         else:
-            getattr(machines, what)(*how)
-        if what != "send" or machines.sequence % 2:  # now and then two commands wait
+            getattr(machines, subject)(*how)
+        if subject != "send" or machines.sequence % 2:  # now and then two commands wait
             assert all(machines.now_ns - machines.sent_ns[n] <= TTL_NS for n in machines.uses())
 
 
@@ -302,8 +302,8 @@ def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> 
     join = Join(5, "alice", frame="openxr", dead_man=True, muscles=True)
     assert decode(Welcome, station._reception.join("join/alice", encode(join))).arm
     for key, data in arrivals:
-        hear = station._hear_clock if "clock" in key else station._hear_command
-        hear(key, data)
+        receive = station._receive_clock if "clock" in key else station._receive_command
+        receive(key, data)
     # No question for the clock was ever answered as it was asked, so nothing that came has an age.
     assert station._commands.blocks.next_until(2**62) is None
     assert not any(station._commands.switch(name)[2] for name in ("dead_man", "clutch", "recover"))
@@ -341,7 +341,7 @@ def test_a_contact_comes_over_the_link_as_it_was_or_not_at_all(contact) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("requested", "sentence"),
     [
         (Intent(t_ns=0, level=6), "level 6"),
         (Intent(t_ns=0, level=3, closure=1.5), "closure 1.5"),
@@ -350,12 +350,14 @@ def test_a_contact_comes_over_the_link_as_it_was_or_not_at_all(contact) -> None:
         (None, ""),
     ],
 )
-def test_a_closure_between_two_levels_goes_over_the_link_as_it_is(asked: Intent | None, said: str) -> None:
-    told = decode(HandMessage, encode(HandMessage(session=1, sequence=0, sent_ns=0, intent=asked)))
-    assert said in told.malformed()
-    assert bool(told.malformed()) == bool(said)
-    if not said:
-        assert told.intent == asked
+def test_a_closure_between_two_levels_goes_over_the_link_as_it_is(
+    requested: Intent | None, sentence: str
+) -> None:
+    reported = decode(HandMessage, encode(HandMessage(session=1, sequence=0, sent_ns=0, intent=requested)))
+    assert sentence in reported.malformed()
+    assert bool(reported.malformed()) == bool(sentence)
+    if not sentence:
+        assert reported.intent == requested
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,7 @@ def _make_study(folder: Path) -> None:
             rater.press("lift_off", begin_ns + 3 * second_ns)
             end_ns = begin_ns + 12 * second_ns
             journal.add("trial_end", t_ns=end_ns, trial=trial, status="done", success=True, source="auto")
-            rater.look(end_ns)
+            rater.check(end_ns)
             journal.add("rating", t_ns=end_ns, trial=trial, item="tlx.effort", value=10.0 * trial)
     shutil.copy(events_path(folder, "p01"), detected_path(folder, "p01"))
 
@@ -248,15 +248,15 @@ _FOLDERS: dict[str, tuple[Callable[[Path], None], Callable[[Path], list[list[str
 
 def _run(words: list[str]) -> str:
     """Carry out a verb; return what is wrong with how it ended."""
-    said = io.StringIO()
+    text = io.StringIO()
     try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stderr(text), contextlib.redirect_stdout(io.StringIO()):
             tega(words)
     except SystemExit:
         pass
     except BaseException as error:  # a panic of native code as well
         return f"{type(error).__name__}: {error}"
-    return next((line for line in said.getvalue().splitlines() if line.startswith("error: unexpected ")), "")
+    return next((line for line in text.getvalue().splitlines() if line.startswith("error: unexpected ")), "")
 
 
 def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) -> tuple[str, str]:
@@ -300,26 +300,26 @@ def main() -> int:
     parser.add_argument("--each", type=int, default=200, help="files a format")
     parser.add_argument("--only", default="", help="one format")
     parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
+    requested = parser.parse_args()
     makers: dict[str, Callable[[Path], bytes]] = {kind: made for kind, (_, made, _) in READERS.items()}
     makers["recording"] = _recording
     makers |= {kind: partial(_made_folder, make) for kind, (make, _) in _FOLDERS.items()}
     wrong = 0
     for kind, make in makers.items():
-        if asked.only not in {"", kind}:
+        if requested.only not in {"", kind}:
             continue
-        rng, found = random.Random(f"{asked.seed} {kind}"), Counter[str]()
+        rng, found = random.Random(f"{requested.seed} {kind}"), Counter[str]()
         with tempfile.TemporaryDirectory() as name:
             content = make(Path(name))
-            for k in range(asked.each):
-                verb, said = _one(kind, content, rng, Path(name), k)
-                found[f"{verb}: {said[:140]}"] += bool(said)
+            for k in range(requested.each):
+                verb, text = _one(kind, content, rng, Path(name), k)
+                found[f"{verb}: {text[:140]}"] += bool(text)
         n = found.total()
         wrong += n
-        print(f"{kind}: {asked.each} files, {n} ended otherwise than by an error of TEGA", flush=True)  # noqa: T201
-        for said, times in found.most_common(12):
+        print(f"{kind}: {requested.each} files, {n} ended otherwise than by an error of TEGA", flush=True)  # noqa: T201
+        for text, times in found.most_common(12):
             if times:
-                print(f"    {times} {said}", flush=True)  # noqa: T201
+                print(f"    {times} {text}", flush=True)  # noqa: T201
     return 1 if wrong else 0
 
 

@@ -229,14 +229,14 @@ def test_contact_and_intent_come_over_the_link_with_every_field(contact: Contact
     )
     commands.start(0, None)
     commands.begin(1)
-    asked = HandMessage(session=1, sequence=0, sent_ns=10, intent=replace(intent, t_ns=5))
-    obeyed = commands.hand(encode(asked))
+    requested = HandMessage(session=1, sequence=0, sent_ns=10, intent=replace(intent, t_ns=5))
+    obeyed = commands.hand(encode(requested))
     there = commands.blocks.next_until(10)
-    if asked.malformed():
+    if requested.malformed():
         assert (obeyed, there) == (None, None)
     else:
         assert obeyed is not None
-        assert same(obeyed.intent, asked.intent)
+        assert same(obeyed.intent, requested.intent)
         # The robot's station has one channel: the level itself.
         assert same(there, replace(intent, t_ns=5, taken_ns=0, channels=(intent.level,)))
 
@@ -318,9 +318,9 @@ def test_a_data_set_has_contact_and_intent_as_they_were_recorded(
         replace(one, finger="thumb", t_ns=k * 40_000_000, taken_ns=k * 40_000_000)
         for k, one in enumerate(contacts)
     ]
-    asked = replace(intent, t_ns=0, taken_ns=0)
+    requested = replace(intent, t_ns=0, taken_ns=0)
     with tempfile.TemporaryDirectory() as folder:
-        episode = read_episode(recorded(Path(folder), (asked, *touched)), fps=25)
+        episode = read_episode(recorded(Path(folder), (requested, *touched)), fps=25)
     assert episode.n_frames == len(touched)
     wanted = [replace(one).current() for one in touched]
     touch = [(one.eda, one.cci, one.in_contact) for one in wanted]
@@ -331,7 +331,7 @@ def test_a_data_set_has_contact_and_intent_as_they_were_recorded(
     else:
         assert "observation.touch_si" not in episode.columns
     levels = episode.columns["observation.emg_levels"].values
-    assert np.array_equal(levels, _as_stored([(*asked.channels, asked.level)] * len(touched)))
+    assert np.array_equal(levels, _as_stored([(*requested.channels, requested.level)] * len(touched)))
 
 
 def _as_stored(rows_of: list[tuple[Any, ...]]) -> np.ndarray:
@@ -396,7 +396,7 @@ class _AtTheEnd(Record, frozen=True, kw_only=True):
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("kind", "sentence"),
     [
         (_InTheMiddle, "new ones go to the end"),
         (_OtherType, "new ones go to the end"),
@@ -406,9 +406,9 @@ class _AtTheEnd(Record, frozen=True, kw_only=True):
         (_Before, ""),
     ],
 )
-def test_a_field_in_the_middle_or_without_a_new_version_is_refused(kind: type[Record], said: str) -> None:
+def test_a_field_in_the_middle_or_without_a_new_version_is_refused(kind: type[Record], sentence: str) -> None:
     found = problems({"Made": {"1": fields_now(_Before)}}, {"Made": kind})
-    assert [said in one for one in found] == [True] * bool(said)
+    assert [sentence in one for one in found] == [True] * bool(sentence)
 
 
 def test_a_version_before_that_of_files_is_refused() -> None:

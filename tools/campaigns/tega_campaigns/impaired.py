@@ -155,10 +155,10 @@ class ImpairedLink:
             sender.cancel()
 
     def _way_s(self) -> float:
-        way_ms = self.delay_ms + self._random.uniform(0.0, self.jitter_ms)
+        transit_ms = self.delay_ms + self._random.uniform(0.0, self.jitter_ms)
         while self._random.random() < self.loss:
-            way_ms += _AGAIN_MS + 2 * self.delay_ms
-        return way_ms / 1e3
+            transit_ms += _AGAIN_MS + 2 * self.delay_ms
+        return transit_ms / 1e3
 
     async def _send(self, waiting: asyncio.Queue[tuple[float, bytes]], writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):

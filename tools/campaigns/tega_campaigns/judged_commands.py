@@ -11,7 +11,7 @@ import tega_link.robot
 from tega_link.commands import Commands
 from tega_link.messages import ArmMessage, HandMessage
 
-__all__ = ["JudgedCommands", "look_on"]
+__all__ = ["JudgedCommands", "measure_beside_on"]
 
 
 class JudgedCommands(Commands):
@@ -21,7 +21,7 @@ class JudgedCommands(Commands):
 
     def __init__(self, *, ttl_ns: int, **rest: Any) -> None:
         self._looked = threading.local()
-        super().__init__(ttl_ns=ttl_ns, clock=self._look, **rest)
+        super().__init__(ttl_ns=ttl_ns, clock=self._check, **rest)
         self._true_ttl_ns = ttl_ns
         self._used = self._stale = self._oldest_ns = 0
         type(self).newest = self
@@ -48,7 +48,7 @@ class JudgedCommands(Commands):
             "refused": self.refused,
         }
 
-    def _look(self) -> int:
+    def _check(self) -> int:
         """Return the time, and keep when it was: this program may be held up right after."""
         now_ns: int = time.monotonic_ns()
         self._looked.ns = now_ns
@@ -62,7 +62,7 @@ class JudgedCommands(Commands):
             self._oldest_ns = max(self._oldest_ns, age_ns)
 
 
-def look_on() -> Callable[[], dict[str, Any]]:
+def measure_beside_on() -> Callable[[], dict[str, Any]]:
     """Have the robot's station of this program judged; return what tells its counts, nothing before it has begun."""
     # The same, with somebody who looks on.
     tega_link.robot.Commands = JudgedCommands  # type: ignore[attr-defined]

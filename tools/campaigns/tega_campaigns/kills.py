@@ -40,7 +40,7 @@ MOST_LOST_S = 0.5
 """What a kill may cost."""
 
 _BEGIN_S = 60.0
-_SHOWN = 5
+_DISPLAYED = 5
 """Kills in the table of the docs: those that cost most."""
 
 
@@ -165,8 +165,8 @@ def kill_one(path: Path, after_s: float) -> Kill:
     epoch_ns = int(reader.metadata["tega"]["epoch_ns"])
     alive_ns = epoch_ns + noted_tick_ns(note)
     # A made-up source is read ahead of its time: the loop's own frames tell how far it had come.
-    told = [newest.get(topic, epoch_ns) for topic in ("/hand/frames", "/vest/frame")]
-    lost_s = max(0, alive_ns - max(told)) / 1e9
+    reported = [newest.get(topic, epoch_ns) for topic in ("/hand/frames", "/vest/frame")]
+    lost_s = max(0, alive_ns - max(reported)) / 1e9
     stream_lost_s = max(
         (
             max(0, alive_ns - t_ns) / 1e9
@@ -243,7 +243,7 @@ def main() -> int:
     cases = [CampaignCase({"kill": k}, partial(kill, after_s)) for k, after_s in enumerate(at_s)]
     kills = report_cases(cases, as_json=given.json, attempts=1)
     if given.markdown is not None:
-        longest = sorted(kills, key=lambda kill: -kill.stream_lost_s)[:_SHOWN]
+        longest = sorted(kills, key=lambda kill: -kill.stream_lost_s)[:_DISPLAYED]
         put_table(given.markdown, kill_table(longest), name="kills")
     return 0 if all(kill.good for kill in kills) else 1
 

@@ -31,7 +31,7 @@ from tega.config import load_config
 from tega.errors import TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.moment import LoopView, Moment
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import RunState
 from tega.records.bus import Bus
 from tega.records.display import Notice
@@ -62,7 +62,7 @@ class _Teller:
         self._next_s = 0.0
         self._progress, self._counts = progress, counts
 
-    def look(self, view: LoopView) -> None:
+    def check(self, view: LoopView) -> None:
         """See a moment."""
         if self._progress is not None:
             struct.pack_into("<q", self._progress, 0, view.t_ns)
@@ -92,9 +92,9 @@ def noted_tick_ns(path: Path) -> int:
     return int(struct.unpack("<q", data)[0]) if len(data) == _NOTE_BYTES else -1
 
 
-def _say(**what: Any) -> None:
+def _say(**subject: Any) -> None:
     """Write a line."""
-    sys.stdout.write(json.dumps({"at_s": time.monotonic(), **what}) + "\n")
+    sys.stdout.write(json.dumps({"at_s": time.monotonic(), **subject}) + "\n")
     sys.stdout.flush()
 
 
@@ -131,9 +131,9 @@ def main() -> int:
     given = parser.parse_args()
     counts = None
     if given.commands:
-        from tega_campaigns.judged_commands import look_on  # which brings the link's packages
+        from tega_campaigns.judged_commands import measure_beside_on  # which brings the link's packages
 
-        counts = look_on()
+        counts = measure_beside_on()
     with ExitStack() as stack:
         if given.cap is not None:
             stack.enter_context(HidPort(HidBoard(given.cap, 0x046D, 0xC626)).installed())
@@ -146,11 +146,11 @@ def main() -> int:
         threading.Thread(target=_listen, args=(stop,), daemon=True).start()
         try:
             config = load_config(given.settings, environ={}).config
-            _say(said="begins")
+            _say(text="begins")
             bus, teller = Bus(), _Teller(progress, counts)
-            bus.subscribe(Moment, lambda moment: teller.look(moment.view), name="display", vital=True)
+            bus.subscribe(Snapshot, lambda snapshot: teller.check(snapshot.view), name="display", vital=True)
             bus.subscribe(RunState, _change, name="states", vital=True)
-            bus.subscribe(Notice, lambda notice: _say(said=notice.text), name="notices")
+            bus.subscribe(Notice, lambda notice: _say(text=notice.text), name="notices")
             summary = run_session(config, controls=Controls(stop=stop), bus=bus)
         except Exception as error:
             _say(ended=f"{type(error).__name__}: {error}")

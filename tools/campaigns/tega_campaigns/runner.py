@@ -96,10 +96,10 @@ def report_cases(
     with Standstills() as still:
         for case, (found, _) in zip(cases, run_cases(cases, still, attempts=attempts), strict=True):
             done.append(found)
-            told = {**case.about, **msgspec.structs.asdict(found)}
+            reported = {**case.about, **msgspec.structs.asdict(found)}
             if as_json:
-                sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+                sys.stdout.write(msgspec.json.encode(reported).decode() + "\n")
             else:
-                sys.stdout.write("\n  ".join(f"{name}: {value}" for name, value in told.items()) + "\n")
+                sys.stdout.write("\n  ".join(f"{name}: {value}" for name, value in reported.items()) + "\n")
             sys.stdout.flush()
     return done

@@ -34,7 +34,7 @@ class Standstills:
     def __init__(self) -> None:
         self._found: list[tuple[int, int]] = []
         self._process: subprocess.Popen[str] | None = None
-        self._thread = threading.Thread(target=self._hear, daemon=True)
+        self._thread = threading.Thread(target=self._receive, daemon=True)
 
     def __enter__(self) -> Self:
         """Begin to look."""
@@ -67,7 +67,7 @@ class Standstills:
         """Return for how long it stood still between two times of day, all in ns."""
         return within_ns(self._found, since_ns, till_ns)
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         if self._process is not None and self._process.stdout is not None:
             for line in self._process.stdout:
                 since, _, till = line.partition(" ")

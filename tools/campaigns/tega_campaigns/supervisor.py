@@ -85,8 +85,8 @@ class Supervisor:
     @property
     def newest(self) -> SaidLine:
         """The present process's newest line that tells the state and the alerts."""
-        told = (line for line in self.backwards(self.started_s) if "alerts" in line.said)
-        return next(told, SaidLine(0.0, {}))
+        reported = (line for line in self.backwards(self.started_s) if "alerts" in line.said)
+        return next(reported, SaidLine(0.0, {}))
 
     @property
     def now(self) -> dict[str, Any]:
@@ -100,9 +100,9 @@ class Supervisor:
 
     def well(self, since_s: float = 0.0) -> bool:
         """Tell whether it runs, has been heard since then, is active, and nothing but latency is wrong."""
-        at_s, said = self.newest
-        wrong = [alert for alert in said.get("alerts", ()) if not alert.startswith("latency")]
-        return self.alive and at_s > since_s and said.get("state") == "active" and not wrong
+        at_s, message = self.newest
+        wrong = [alert for alert in message.get("alerts", ()) if not alert.startswith("latency")]
+        return self.alive and at_s > since_s and message.get("state") == "active" and not wrong
 
     def backwards(self, since_s: float) -> Iterator[SaidLine]:
         """Return what was said since a moment, newest first."""
@@ -146,11 +146,11 @@ class Supervisor:
             env=self._environment,
         )
         self._reader = threading.Thread(
-            target=self._hear, args=(self._process, self.lines, memory), daemon=True
+            target=self._receive, args=(self._process, self.lines, memory), daemon=True
         )
         self._reader.start()
 
-    def tell(self, line: str) -> None:
+    def notify(self, line: str) -> None:
         """Give it a line of its standard input."""
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.write(line + "\n")
@@ -215,16 +215,16 @@ class Supervisor:
         return code
 
     @staticmethod
-    def _hear(
+    def _receive(
         process: subprocess.Popen[str], lines: list[SaidLine], memory: list[tuple[float, float]]
     ) -> None:
         if process.stdout is None:
             return
         for text in process.stdout:
             try:
-                said = json.loads(text)
+                message = json.loads(text)
             except ValueError:  # the last line of a process that was killed
                 continue
-            lines.append(SaidLine(said["at_s"], said))
-            if "rss_mib" in said:
-                memory.append((said["at_s"], said["rss_mib"]))
+            lines.append(SaidLine(message["at_s"], message))
+            if "rss_mib" in message:
+                memory.append((message["at_s"], message["rss_mib"]))

@@ -85,7 +85,7 @@ class AllegroNode:
         self.slew_limit = math.inf
         """By how much none is to grow in 3 ms."""
         self._allowed = np.zeros((4, 4))
-        self._heard_s = np.zeros(4)
+        self._received_s = np.zeros(4)
         self.n_over = 0
         """Torque frames that were above either."""
         self.n_torques = 0
@@ -127,7 +127,7 @@ class AllegroNode:
         else:
             raise ValueError(f"no fault is called {words!r}; there are {', '.join(FAULTS)}, clear")
 
-    def hear(self, can_id: int, data: bytes, *, remote: bool, t_s: float) -> list[Frame]:
+    def receive(self, can_id: int, data: bytes, *, remote: bool, t_s: float) -> list[Frame]:
         """Take a frame and return the answers."""
         self._pass(t_s)
         if self._dead(t_s) or can_id & 3 != self._device:
@@ -198,13 +198,13 @@ class AllegroNode:
             return
         sizes, before = np.abs(duties), np.abs(self.duties[first : first + 4])
         # The allowance grows with time, whatever comes late and then at once, and does not grow for ever.
-        share = self._allowed[first // 4] + self.slew_limit * (t_s - self._heard_s[first // 4]) / _CYCLE_S
+        share = self._allowed[first // 4] + self.slew_limit * (t_s - self._received_s[first // 4]) / _CYCLE_S
         share = np.minimum(share, _MOST_CYCLES * self.slew_limit)
         rise = np.maximum(sizes - before, 0.0)
         over = (sizes > self.torque_limits[first : first + 4] + _COUNT) | (
             rise > share + self.slew_limit + 2 * _COUNT
         )
-        self._allowed[first // 4], self._heard_s[first // 4] = np.maximum(share - rise, 0.0), t_s
+        self._allowed[first // 4], self._received_s[first // 4] = np.maximum(share - rise, 0.0), t_s
         self.n_over += bool(over.any())
 
     def next_s(self) -> float:

@@ -136,10 +136,10 @@ class AllegroOnBus(Opened):
         if request is not None:
             self._answer(request, angles)
             return
-        said = allegro_decode(
+        text = allegro_decode(
             frame, device_id=self._device_id, extended=message.is_extended_id, error=message.is_error_frame
         )
-        match said:
+        match text:
             case AllegroServo(on):
                 self._servo_on = on
             case AllegroTorque(finger, counts):

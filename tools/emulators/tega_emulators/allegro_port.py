@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from tega_emulators.allegro import AllegroNode, Frame
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["BusPort", "SlcanNetworkPort", "SlcanPort", "main"]
 
@@ -88,7 +88,7 @@ class SlcanPort:
             can_id, length = int(line[1:4], 16), int(line[4:5])
             data = bytes.fromhex(line[5 : 5 + 2 * length].decode()) if kind == b"t" else b""
             self._say(b"z\r")
-            self.send(self._node.hear(can_id, data, remote=kind == b"r", t_s=t_s))
+            self.send(self._node.receive(can_id, data, remote=kind == b"r", t_s=t_s))
         elif line:
             self._say(b"\r")
 
@@ -198,7 +198,9 @@ class BusPort:
         while (message := self._bus.recv(timeout=0)) is not None:
             if not (message.is_extended_id or message.is_error_frame):
                 remote = message.is_remote_frame
-                answers = self._node.hear(message.arbitration_id, bytes(message.data), remote=remote, t_s=t_s)
+                answers = self._node.receive(
+                    message.arbitration_id, bytes(message.data), remote=remote, t_s=t_s
+                )
                 self.send(answers)
 
     def send(self, frames: list[Frame]) -> None:
@@ -237,7 +239,7 @@ def main(arguments: list[str] | None = None) -> None:
     else:
         port = SlcanPort(node)
     address: dict[str, Any] = {"interface": given.interface, "channel": port.channel}
-    tell(address | ({"bus": {"sleep_after_open": 0.0}} if given.interface == "slcan" else {}))
+    notify(address | ({"bus": {"sleep_after_open": 0.0}} if given.interface == "slcan" else {}))
     pending = b""
     while True:
         wait_s = min(max(node.next_s() - time.monotonic(), 0.0), _IDLE_S)

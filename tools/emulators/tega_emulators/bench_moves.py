@@ -37,7 +37,7 @@ _FIRM: Final = 0.7
 _SHAPES: Final = ("round", "flat")
 # Levels from 1 to 5 at which a closing hand begins to feel the thing in it, and holds it as firmly as it can.
 _TOUCHES_AT, _FIRMEST_AT = 2.0, 5.0
-_LOOK_S: Final = 0.1
+_POLL_S: Final = 0.1
 # A sensor makes the pictures of each firmness when it is asked for the first time, so there are few.
 _STEPS: Final = 8
 
@@ -75,7 +75,7 @@ class Moves:
             self.port = server.server_address[1]
             threading.Thread(target=server.serve_forever, name="tega-moves", daemon=True).start()
             starting.callback(server.shutdown)
-            starting.enter_context(every(self._hold, every_s=_LOOK_S))
+            starting.enter_context(every(self._hold, every_s=_POLL_S))
             self._up = starting.pop_all()
         return self
 
@@ -184,10 +184,10 @@ def _server(act: Any) -> socketserver.ThreadingTCPServer:
         def handle(self) -> None:
             for raw in self.rfile:
                 try:
-                    said = dict(act(raw.decode("utf-8", "replace").strip()))
+                    sentence = dict(act(raw.decode("utf-8", "replace").strip()))
                 except TegaError as error:
-                    said = {"error": error.message}
-                self.wfile.write(json.dumps(said).encode() + b"\n")
+                    sentence = {"error": error.message}
+                self.wfile.write(json.dumps(sentence).encode() + b"\n")
 
     server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Line)
     server.daemon_threads = True

@@ -205,14 +205,14 @@ def _screen(_folder: Path) -> _Options:
     """Open a terminal that somebody looks at."""
     ours, theirs = os.openpty()
 
-    def look() -> None:
+    def check() -> None:
         while True:
             try:
                 os.read(ours, 4096)
             except OSError:
                 return
 
-    looking = threading.Thread(target=look)
+    looking = threading.Thread(target=check)
     looking.start()
     try:
         yield {"terminal": Path(os.ttyname(theirs))}

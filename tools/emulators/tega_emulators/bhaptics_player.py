@@ -118,7 +118,7 @@ class Player:
             else:
                 connection.transport.resume_reading()
                 with contextlib.suppress(ConnectionClosed):  # a client that is just leaving is not told
-                    await self._tell(connection)
+                    await self._notify(connection)
 
     async def _greet(self, connection: ServerConnection, request: Request) -> Response | None:
         while self._fault == "freeze":
@@ -155,7 +155,7 @@ class Player:
                     await self._take_v3(connection, message)
                 else:
                     self._take(message)
-                    await self._tell(connection)
+                    await self._notify(connection)
         except ConnectionClosed:
             pass
         finally:
@@ -165,28 +165,28 @@ class Player:
     async def _take_v3(self, connection: ServerConnection, message: str | bytes) -> None:
         self.received += 1
         try:
-            asked = read_v3(message)
+            requested = read_v3(message)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.errors.append(f"version 3: {type(error).__name__} {error} in {message[:200]!r}")
             return
         now = time.monotonic()
-        if asked.kind in {"SdkRequestAuth", "SdkRequestAuthInit"}:
+        if requested.kind in {"SdkRequestAuth", "SdkRequestAuthInit"}:
             if self._fault != "no-entry":
                 self._let_in.add(connection)
-                await self._tell(connection)
+                await self._notify(connection)
         elif connection not in self._let_in:
             if self._fault != "no-entry":
-                self.errors.append(f"{asked.kind} of a program that was not let in")
-        elif asked.kind == "SdkStopAll":
+                self.errors.append(f"{requested.kind} of a program that was not let in")
+        elif requested.kind == "SdkStopAll":
             self._playing.clear()
-        elif asked.kind == "SdkStopByRequestId":
-            self._playing.pop(f"request {asked.request}", None)
-        elif asked.values:
-            lit = {index: value for index, value in enumerate(asked.values) if value}
-            self._playing[f"request {asked.request}"] = (0, lit, now + asked.duration_s)
+        elif requested.kind == "SdkStopByRequestId":
+            self._playing.pop(f"request {requested.request}", None)
+        elif requested.values:
+            lit = {index: value for index, value in enumerate(requested.values) if value}
+            self._playing[f"request {requested.request}"] = (0, lit, now + requested.duration_s)
         self._drive(now)
 
-    async def _tell(self, connection: ServerConnection) -> None:
+    async def _notify(self, connection: ServerConnection) -> None:
         if self._fault == "garbage":
             for message in _GARBAGE:
                 await connection.send(message)
@@ -194,8 +194,8 @@ class Player:
         has_vest = self._fault != "no-vest"
         if _speaks_v3(connection):
             if connection in self._let_in:
-                for said in told_v3(has_vest=has_vest, battery=9 if self._fault == "flat" else 98):
-                    await connection.send(said)
+                for text in told_v3(has_vest=has_vest, battery=9 if self._fault == "flat" else 98):
+                    await connection.send(text)
             return
         status = {"VestFront": self.motors.now[:20], "VestBack": self.motors.now[20:], "Head": [0] * 6}
         await connection.send(
@@ -287,20 +287,20 @@ def _check_frame(frame: Any) -> None:
         seen.add(dot["Index"])
 
 
-def _keys(what: str, value: Any, *, needed: set[str], allowed: set[str]) -> None:
+def _keys(subject: str, value: Any, *, needed: set[str], allowed: set[str]) -> None:
     if not isinstance(value, dict) or not needed <= set(value) <= allowed:
-        raise ValueError(f"{what} has the keys {list(value) if isinstance(value, dict) else value!r}")
+        raise ValueError(f"{subject} has the keys {list(value) if isinstance(value, dict) else value!r}")
 
 
-def _list(what: str, value: Any) -> list[Any]:
+def _list(subject: str, value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise ValueError(f"{what} is {value!r}, not an array")  # noqa: TRY004  # bad data, whatever its type
+        raise ValueError(f"{subject} is {value!r}, not an array")  # noqa: TRY004  # bad data, whatever its type
     return value
 
 
-def _integer(what: str, value: Any, least: int, most: int) -> None:
+def _integer(subject: str, value: Any, least: int, most: int) -> None:
     if type(value) is not int or not least <= value <= most:
-        raise ValueError(f"{what} {value!r} is not an integer from {least} to {most}")
+        raise ValueError(f"{subject} {value!r} is not an integer from {least} to {most}")
 
 
 def main() -> None:

@@ -70,14 +70,14 @@ class ChordsBoard(EmulatedBoard):
     def power_on(self) -> bytes:
         """Begin stopped, at sample 0."""
         self._n, self._typed, self.streaming = 0, b"", False
-        self._heard_s = self._busy_until_s = 0.0
+        self._received_s = self._busy_until_s = 0.0
         self._starts = False
         return b""
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Keep what came for :meth:`go_on`; it stops the packets, whatever it says."""
         self._typed += data
-        self._heard_s = self._now_s()
+        self._received_s = self._now_s()
         if self.streaming:
             self._stop()
         return b""
@@ -96,15 +96,15 @@ class ChordsBoard(EmulatedBoard):
 
     def _command(self) -> str | None:
         """Return the next command that the sketch's way of reading gives it."""
-        silent_s = self._now_s() - self._heard_s
+        silent_s = self._now_s() - self._received_s
         if self._lines and b"\n" in self._typed:
             taken, _, self._typed = self._typed.partition(b"\n")
         elif self._typed and silent_s >= (_LINE_SILENCE_S if self._lines else _SILENCE_S):
             taken, self._typed = self._typed, b""
         else:
             return None
-        said = taken.decode("latin-1").strip()
-        return said.upper() if self._lines else said
+        text = taken.decode("latin-1").strip()
+        return text.upper() if self._lines else text
 
     def _obey(self, command: str) -> bytes:
         match command:

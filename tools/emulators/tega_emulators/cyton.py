@@ -76,7 +76,7 @@ class CytonBoard(EmulatedBoard):
         packet = bytes([0xA0, counter]) + body + aux + b"\xc0"
         return bytes([0xA0, 0x41]) + packet[1:31] + b"\xc0" if self._rng.random() < self._shifted else packet
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Obey commands as soon as they are whole."""
         if self._board_off:
             return _FAILURE
@@ -88,8 +88,8 @@ class CytonBoard(EmulatedBoard):
             if len(self._typed) < n:
                 break
             command, self._typed = self._typed[:n], self._typed[n:]
-            said = self._obey(command)
-            answer += b"" if self.streaming else said
+            text = self._obey(command)
+            answer += b"" if self.streaming else text
         return answer
 
     def _obey(self, command: bytes) -> bytes:

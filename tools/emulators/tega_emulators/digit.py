@@ -19,7 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["FAULTS", "WEAR", "main"]
 
@@ -55,16 +55,16 @@ _SIZE: Final = (240, 320)
 class _Sensor:
     """Pictures with noise, made beforehand: encoding takes longer than a frame."""
 
-    def __init__(self, *, rate_hz: float, seed: int, look: int = 0) -> None:
+    def __init__(self, *, rate_hz: float, seed: int, check: int = 0) -> None:
         self.rate_hz = rate_hz
         self.faults: set[str] = set()
         self.wear: set[str] = set()
         self._random = random = np.random.default_rng(seed)
-        self._look = look
+        self._check = check
         self._firmness, self._shape = 0, "round"
         self._made: dict[tuple[int, str, frozenset[str]], list[bytes]] = {}
         self._pictures = self._noisy()
-        light, others = _light(look), _light(look + 1)
+        light, others = _light(check), _light(check + 1)
         noisy = [light + random.normal(0, 2.5, light.shape) for _ in range(_N_NOISY)]
         half = _SIZE[0] // 2
         self._torn = [_encoded(np.vstack([image[:half], np.full_like(image[half:], 128)])) for image in noisy]
@@ -119,7 +119,7 @@ class _Sensor:
         """Make the pictures of the present state, or find them where they were made before."""
         key = (self._firmness, self._shape, frozenset(self.wear))
         if key not in self._made:
-            light = _worn(_light(self._look), key[2]) + _dent(self._firmness / _FIRMNESS_STEPS, self._shape)
+            light = _worn(_light(self._check), key[2]) + _dent(self._firmness / _FIRMNESS_STEPS, self._shape)
             sigma = 7.5 if "noisier" in self.wear else 2.5
             self._made[key] = [
                 _encoded(light + self._random.normal(0, sigma, light.shape)) for _ in range(_N_NOISY)
@@ -148,12 +148,12 @@ def _encoded(image: Any) -> bytes:
     return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1])
 
 
-def _light(look: int) -> Any:
+def _light(check: int) -> Any:
     """The untouched gel of a sensor, float (240, 320, 3); no two sensors' colours lie alike."""
     rows, columns = np.mgrid[: _SIZE[0], : _SIZE[1]]
     colours = [90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns]
-    turned = colours[look % 3 :] + colours[: look % 3]
-    return np.stack(turned, axis=2) + 20 * (look % 2)
+    turned = colours[check % 3 :] + colours[: check % 3]
+    return np.stack(turned, axis=2) + 20 * (check % 2)
 
 
 def _worn(light: Any, wear: frozenset[str]) -> Any:
@@ -224,13 +224,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--look", type=int, default=0, help="which sensor's gel it shows")
     given = parser.parse_args(arguments)
-    sensor = _Sensor(rate_hz=given.rate_hz, seed=given.seed, look=given.look)
+    sensor = _Sensor(rate_hz=given.rate_hz, seed=given.seed, check=given.look)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _handler(sensor))
     server.daemon_threads = True
     # A sensor has no room for pictures that nobody fetches.
     server.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384)
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    tell({"source": f"http://127.0.0.1:{server.server_address[1]}/video"})
+    notify({"source": f"http://127.0.0.1:{server.server_address[1]}/video"})
     for line in sys.stdin:
         obey(line, sensor.act)
 

@@ -20,7 +20,7 @@ from tega.devices import Found, driver_class
 from tega.errors import DeviceUnavailableError
 from tega.loop.maxima import emg_conditions
 from tega.runtime.lifecycle import require
-from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.bench import DriverProbe
 from tega.setup.doctor.lab_file import lab_settings
 from tega_emulators.bench_moves import Moves
 from tega_emulators.emulated_operator import EmulatedOperator
@@ -59,7 +59,7 @@ class EmulatedBench:
         self.hand = Emulator("allegro_port")
         self.operator = None if arm is None else EmulatedOperator(arm)
         self.moves = Moves(self.digits, self.board, self.player, self.hand)
-        self.looked: dict[str, DriverLook] = {}
+        self.looked: dict[str, DriverProbe] = {}
 
     def __enter__(self) -> Self:
         """Start them.
@@ -107,10 +107,10 @@ class EmulatedBench:
         vest = Found(driver="bhaptics-player", label="emulated Player", options={"port": port})
         hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.address | _PATIENT)
         self.looked = {
-            "digit": DriverLook("tactile", cameras),
-            "cyton": DriverLook("emg", [amplifier]),
-            "bhaptics-player": DriverLook("vest", [vest]),
-            "allegro": DriverLook("hand", [hand]),
+            "digit": DriverProbe("tactile", cameras),
+            "cyton": DriverProbe("emg", [amplifier]),
+            "bhaptics-player": DriverProbe("vest", [vest]),
+            "allegro": DriverProbe("hand", [hand]),
         }
         if self.operator is not None:
             self.looked |= self.operator.looked

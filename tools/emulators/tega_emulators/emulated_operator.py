@@ -13,7 +13,7 @@ from typing import Any, Final, Self
 
 from tega.devices import Found
 from tega.runtime.lifecycle import require
-from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.bench import DriverProbe
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.process import Emulator
 
@@ -97,12 +97,12 @@ class EmulatedOperator:
         return [self.headset, self.pedal, *([] if self.robot is None else [self.robot])]
 
     @property
-    def looked(self) -> dict[str, DriverLook]:
+    def looked(self) -> dict[str, DriverProbe]:
         """What a search would have found, had they been real."""
         # A program that repeats itself is held up now and then, as no pedal is.
         options = PEDAL | {"silent_after_ms": 500}
         return {
-            "pedal": DriverLook("input", [Found(driver="pedal", label="emulated pedal", options=options)])
+            "pedal": DriverProbe("input", [Found(driver="pedal", label="emulated pedal", options=options)])
         }
 
     @property

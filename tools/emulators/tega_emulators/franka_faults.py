@@ -28,7 +28,7 @@ import time
 import xml.etree.ElementTree as ET
 from typing import Any
 
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["HAND_CENTRE_M", "HAND_KG", "main", "on_franky_sim"]
 
@@ -144,7 +144,7 @@ class _FrankaEmulator:
             self._server = self._server_type(robot, [self._host] if self._host else self._hosts())
             self._server.init()
             sim.start()
-            tell({"host": self._server.hostname})
+            notify({"host": self._server.hostname})
             next_s = time.monotonic()
             while not sys.stdin.closed:
                 ready, _, _ = select.select([sys.stdin], [], [], max(0.0, next_s - time.monotonic()))

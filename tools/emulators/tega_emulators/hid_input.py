@@ -27,7 +27,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["DEVICES", "FAULTS", "InputDevice", "main"]
 
@@ -126,10 +126,10 @@ class _Plug:
         """Take a new connection, or notice that an old one has gone."""
         for client in [c for c in self._clients if c in ready]:
             try:
-                heard = client.recv(64)
+                received = client.recv(64)
             except OSError:  # it went with reports unread
-                heard = b""
-            if not heard:
+                received = b""
+            if not received:
                 client.close()
                 self._clients.remove(client)
         if self._listener is not None and self._listener in ready:
@@ -237,7 +237,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="tega-hid-") as folder:
         port = _Plug(Path(folder, "device.socket"))
         port.plug()
-        tell({"port": str(Path(folder, "device.socket"))})
+        notify({"port": str(Path(folder, "device.socket"))})
         _HidEmulator(InputDevice(options.device), port, options.seed).run()
         port.unplug()
 

@@ -32,7 +32,7 @@ import time
 from collections import deque
 from typing import Any, Final
 
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["FAULTS", "Headset", "main"]
 
@@ -67,7 +67,7 @@ class Headset:
 
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)
-        self._shown: bytes = b""
+        self._displayed: bytes = b""
         self.at: Triple = (0.2, -0.3, -0.4)
         self.turn = (0.0, 0.0, 0.0, 1.0)
         self.origin: Triple = (0.0, 0.0, 0.0)
@@ -81,12 +81,12 @@ class Headset:
         bits = _HEAD
         if "no-hands" not in self.faults:
             bits |= _LEFT | (_RIGHT if self.seen else 0)
-        if self.seen and ("same" not in self.faults or not self._shown):
-            self._shown = self._hand(self._wrist(device_100ns / 1e7))
+        if self.seen and ("same" not in self.faults or not self._displayed):
+            self._displayed = self._hand(self._wrist(device_100ns / 1e7))
         left = self._hand(((0.0, 0.0, 0.0, 1.0), (-0.2, -0.3, -0.4)))
         head = struct.pack("<9f", 0, 0, 0, 0, 0, -1, 0, 1, 0) + bytes(24)
         size = _PAYLOAD + ("odd-size" in self.faults)
-        return struct.pack("<QII", device_100ns, size, bits) + head + left + self._shown
+        return struct.pack("<QII", device_100ns, size, bits) + head + left + self._displayed
 
     def _wrist(self, t_s: float) -> Joint:
         size_m, often_hz = self.wave
@@ -229,7 +229,7 @@ def main() -> None:
     options = parser.parse_args()
     with contextlib.suppress(KeyboardInterrupt):
         emulator = _HeadsetEmulator(Headset(options.seed), options.rate_hz)
-        tell({"host": "127.0.0.1", "port": emulator.show()})
+        notify({"host": "127.0.0.1", "port": emulator.show()})
         emulator.run()
 
 

@@ -63,9 +63,9 @@ class KeyboardPoses:
             elif key in _TURNS:
                 axis, sign = _TURNS[key]
                 self._left_rad[axis] += sign * _STEP_RAD
-        self._left_m, way = _part(self._left_m, _SPEED_M_S, dt_s)
+        self._left_m, route = _part(self._left_m, _SPEED_M_S, dt_s)
         self._left_rad, turn = _part(self._left_rad, _TURN_RAD_S, dt_s)
-        self._place = self._place + way
+        self._place = self._place + route
         self._turn = unit(multiply(exp(turn), self._turn))
         return (StampedPose(now_ns, self._place.tolist(), self._turn.tolist()),)
 
@@ -77,7 +77,7 @@ def _part(
     size = math.hypot(*left.tolist())
     if size == 0:
         return left, left
-    way = left * min(1.0, speed * dt_s / size)
-    rest = left - way
+    route = left * min(1.0, speed * dt_s / size)
+    rest = left - route
     size = math.hypot(*rest.tolist())
-    return rest * min(1.0, speed * _MOST_LEFT_S / size) if size else rest, way
+    return rest * min(1.0, speed * _MOST_LEFT_S / size) if size else rest, route

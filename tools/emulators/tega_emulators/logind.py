@@ -19,12 +19,12 @@ from dbus_fast import Message, MessageType
 from dbus_fast.aio import MessageBus
 
 from tega_emulators.message_bus import PrivateBus
-from tega_emulators.pipe import tell
+from tega_emulators.pipe import notify
 
 _PATH = "/org/freedesktop/login1"
 _MANAGER = "org.freedesktop.login1.Manager"
 _MOST_DELAY_S = 5.0
-_LOOK_S = 0.005
+_POLL_S = 0.005
 
 
 class Logind:
@@ -64,7 +64,7 @@ class Logind:
         begun_s = time.monotonic()
         self._announce(begins=True)
         while any(mode == "delay" for _, mode in self.held()) and time.monotonic() - begun_s < _MOST_DELAY_S:
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_POLL_S)
         return {"delayed_s": time.monotonic() - begun_s, "t_s": time.monotonic()}
 
     def _announce(self, *, begins: bool) -> None:
@@ -87,12 +87,12 @@ class Logind:
             return False
         if message.member != "Inhibit":
             return Message.new_error(message, "org.freedesktop.DBus.Error.UnknownMethod", "not emulated")
-        what, _, _, mode = message.body
+        subject, _, _, mode = message.body
         if mode == "block" and self.refuses:
             return Message.new_error(message, "org.freedesktop.DBus.Error.AccessDenied", "Permission denied")
         ours, theirs = os.pipe()
         os.set_blocking(ours, False)
-        self._locks[ours] = (what, mode)
+        self._locks[ours] = (subject, mode)
         asyncio.get_running_loop().call_later(1.0, os.close, theirs)  # it has left by then
         return Message.new_method_return(message, "h", [0], unix_fds=[theirs])
 
@@ -104,9 +104,9 @@ async def _run() -> None:
         lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
     )
     try:
-        tell(await logind.start())
+        notify(await logind.start())
         while line := (await reader.readline()).decode("ascii", "replace"):
-            tell(await logind.act(line.strip()))
+            notify(await logind.act(line.strip()))
     finally:
         logind.stop()
 

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tega_emulators.faults import SIGNALS, Faults, Signal
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["STAMPS", "main"]
 
@@ -46,7 +46,7 @@ def main() -> None:
     info = pylsl.StreamInfo(options.name, options.type, options.channels, stated_hz, "float32", source_id)
     outlet: Any = pylsl.StreamOutlet(info)
     stamps, since_s = options.stamps, time.monotonic()
-    tell({"port": source_id})
+    notify({"port": source_id})
 
     def act(words: list[str]) -> None:
         nonlocal outlet, stamps

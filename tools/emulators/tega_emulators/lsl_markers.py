@@ -12,7 +12,7 @@ import os
 import sys
 from typing import Any
 
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["main"]
 
@@ -30,8 +30,8 @@ def main() -> None:
         pylsl.StreamInfo(name, "Markers", 1, 0.0, "string", f"emulator-{os.getpid()}")
     )
     inlets: list[Any] = []
-    heard: list[tuple[float, str]] = []
-    tell({"port": name})
+    received: list[tuple[float, str]] = []
+    notify({"port": name})
 
     def act(words: list[str]) -> dict[str, Any] | None:
         if words[0] == "mark":
@@ -49,8 +49,8 @@ def main() -> None:
         if words[0] == "heard":
             for inlet in inlets:
                 while (got := inlet.pull_sample(0.0))[0] is not None:
-                    heard.append((got[1], got[0][0]))
-            return {"heard": heard}
+                    received.append((got[1], got[0][0]))
+            return {"heard": received}
         raise ValueError(words[0])
 
     for line in sys.stdin:

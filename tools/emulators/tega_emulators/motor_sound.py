@@ -28,7 +28,7 @@ from bisect import insort
 from pathlib import Path
 from typing import Any, Final
 
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["RATE_HZ", "SETTINGS", "MotorSound", "main"]
 
@@ -102,21 +102,23 @@ class MotorSound:
             self._hz += (self._wanted_hz - self._hz) * step
             self._phase += turn * self._hz
             force = s["loud"] * (self._hz / s["full_hz"]) ** 2
-            heard = force * (math.sin(self._phase) + 0.25 * math.sin(2 * self._phase + 0.4))
-            heard += s["hum"] * (math.sin(100 * math.pi * t) + 0.4 * math.sin(300 * math.pi * t))
-            heard += self._random.gauss(0.0, s["noise"]) + self._struck(t)
-            out.append(round(32767 * max(-1.0, min(1.0, s["gain"] * heard))))
+            received = force * (math.sin(self._phase) + 0.25 * math.sin(2 * self._phase + 0.4))
+            received += s["hum"] * (math.sin(100 * math.pi * t) + 0.4 * math.sin(300 * math.pi * t))
+            received += self._random.gauss(0.0, s["noise"]) + self._struck(t)
+            out.append(round(32767 * max(-1.0, min(1.0, s["gain"] * received))))
             self._n += 1
         return out
 
     def _struck(self, t: float) -> float:
-        heard = 0.0
+        received = 0.0
         for at_s, kind in self._events:
             age_s = t - at_s
             if 0 <= age_s < (_CLICK_S if kind == "click" else _KNOCK_S):
                 fade = math.exp(-age_s / (0.001 if kind == "click" else 0.03))
-                heard += 0.6 * fade * math.sin(2 * math.pi * (3500 if kind == "click" else 160) * age_s + 1)
-        return heard
+                received += (
+                    0.6 * fade * math.sin(2 * math.pi * (3500 if kind == "click" else 160) * age_s + 1)
+                )
+        return received
 
 
 def write_wav(path: Path, samples: array[int]) -> None:
@@ -153,7 +155,7 @@ def main() -> None:
                 raise ValueError("there are set, forget, drive, click, knock, wav")
         return {}
 
-    tell({"rate_hz": RATE_HZ})
+    notify({"rate_hz": RATE_HZ})
     for line in sys.stdin:
         obey(line, act)
 

@@ -31,7 +31,7 @@ import sys
 import time
 from typing import Any, Final
 
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["EXTENSIONS", "FAULTS", "Service", "main"]
 
@@ -80,7 +80,7 @@ class Service:
         self.is_asleep = False
         self.is_on = True
         self.events: list[str] = []
-        self.asked: list[str] = []
+        self.requested: list[str] = []
         self._same: str = ""
 
     def answer(self, question: str) -> str:
@@ -95,7 +95,7 @@ class Service:
             return " ".join(name for name in EXTENSIONS if name not in self.without)
         if verb == "held":
             return "yes" if self.is_on else "no"
-        self.asked.append(verb)
+        self.requested.append(verb)
         if verb == "begin" and "stuck" in self.faults:
             return "stuck"
         return "idle" if self.is_asleep else "ready"
@@ -103,10 +103,10 @@ class Service:
     def _event(self) -> str:
         if not self.events:
             return str(time.monotonic_ns())
-        told, *numbers = self.events.pop(0).split()
+        reported, *numbers = self.events.pop(0).split()
         if numbers:  # what is announced holds from then on
             self.origin = (float(numbers[0]), float(numbers[1]), float(numbers[2]))
-        return f"{time.monotonic_ns()} {told}"
+        return f"{time.monotonic_ns()} {reported}"
 
     def _locate(self, user: str, source: str, base: str, t_ns: int) -> str:
         if "nowhere" in self.faults or (source != "wrist" and not self.is_on):
@@ -199,9 +199,9 @@ class _Emulator:
                 self._clients[client] = b""
             for client in clients:
                 if client in ready:
-                    self._hear(client)
+                    self._receive(client)
 
-    def _hear(self, client: socket.socket) -> None:
+    def _receive(self, client: socket.socket) -> None:
         try:
             data = client.recv(4096)
             *lines, rest = (self._clients[client] + data).split(b"\n")
@@ -228,7 +228,7 @@ class _Emulator:
             self._service.events.clear()
             return {"port": self.show()}
         if verb == "look":
-            return {"clients": len(self._clients), "asked": self._service.asked}
+            return {"clients": len(self._clients), "asked": self._service.requested}
         return self._service.act(verb, words[1:])
 
 
@@ -239,7 +239,7 @@ def main() -> None:
     options = parser.parse_args()
     with contextlib.suppress(KeyboardInterrupt):
         emulator = _Emulator(Service(options.seed))
-        tell({"host": "127.0.0.1", "port": emulator.show()})
+        notify({"host": "127.0.0.1", "port": emulator.show()})
         emulator.run()
 
 

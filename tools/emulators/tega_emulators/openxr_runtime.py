@@ -60,9 +60,12 @@ def build_runtime() -> Path:
     command = ["cargo", "build", "--locked", "--quiet", "--package", _CRATE, "--message-format=json"]
     done = subprocess.run(command, cwd=root, text=True, capture_output=True, check=False)
     for line in done.stdout.splitlines():
-        said = json.loads(line)
-        if said.get("reason") == "compiler-artifact" and _CRATE.replace("-", "_") in said["target"]["name"]:
-            return Path(said["filenames"][0])
+        message = json.loads(line)
+        if (
+            message.get("reason") == "compiler-artifact"
+            and _CRATE.replace("-", "_") in message["target"]["name"]
+        ):
+            return Path(message["filenames"][0])
     raise DeviceUnavailableError(
         f"no emulated OpenXR runtime: cargo ends with {done.returncode}",
         f"cd {root}; cargo build -p {_CRATE}",
@@ -115,10 +118,10 @@ def main() -> int:
             sys.stdout.flush()
             for line in sys.stdin:
                 try:
-                    said = service.say(line.strip()) if line.strip() else {}
+                    message = service.say(line.strip()) if line.strip() else {}
                 except TegaError as error:
-                    said = {"error": str(error)}
-                sys.stdout.write(f"{json.dumps(said)}\n" if said else "")
+                    message = {"error": str(error)}
+                sys.stdout.write(f"{json.dumps(message)}\n" if message else "")
                 sys.stdout.flush()
     except KeyboardInterrupt:
         return 0

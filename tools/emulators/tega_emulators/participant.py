@@ -66,10 +66,10 @@ class Reach:
         with self._saying:
             self._file.write(line + "\n")
             self._file.flush()
-            said: dict[str, Any] = json.loads(self._file.readline() or '{"error": "the bench has gone"}')
-        if "error" in said:
-            raise InvalidValueError(said["error"], "see tega_emulators.bench_moves.MOVES")
-        return said
+            sentence: dict[str, Any] = json.loads(self._file.readline() or '{"error": "the bench has gone"}')
+        if "error" in sentence:
+            raise InvalidValueError(sentence["error"], "see tega_emulators.bench_moves.MOVES")
+        return sentence
 
 
 class Participant:
@@ -88,7 +88,7 @@ class Participant:
         self._seen = "", ""
         self._n_tries = 0
 
-    def hear(self, line: str, type_keys: Callable[[str], None]) -> None:
+    def receive(self, line: str, type_keys: Callable[[str], None]) -> None:
         """Take in a line, and do and type what it asks for.
 
         Args:
@@ -199,7 +199,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         for line in process.stderr:
             print(line, end="", file=sys.stderr, flush=True)  # noqa: T201  # what the command says
-            participant.hear(line.rstrip("\n"), type_keys)
+            participant.receive(line.rstrip("\n"), type_keys)
         code = process.wait()
     except KeyboardInterrupt:  # the command has had it too
         for line in process.stderr:

@@ -12,12 +12,12 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-__all__ = ["obey", "tell"]
+__all__ = ["notify", "obey"]
 
 
-def tell(said: Mapping[str, Any]) -> None:
+def notify(text: Mapping[str, Any]) -> None:
     """Say something to who started this."""
-    sys.stdout.write(json.dumps(said) + "\n")
+    sys.stdout.write(json.dumps(text) + "\n")
     sys.stdout.flush()
 
 
@@ -29,7 +29,7 @@ def obey(line: str, act: Callable[[list[str]], Mapping[str, Any] | None]) -> Non
         act: Given its words, returns the answer; a ValueError, KeyError or IndexError says that it makes no sense.
     """
     try:
-        said = act(line.split())
+        text = act(line.split())
     except (ValueError, KeyError, IndexError) as error:
-        said = {"error": f"{line.strip()!r} means nothing here: {error}"}
-    tell(said or {})
+        text = {"error": f"{line.strip()!r} means nothing here: {error}"}
+    notify(text or {})

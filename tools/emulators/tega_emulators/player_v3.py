@@ -77,11 +77,11 @@ def read_v3(message: str | bytes) -> AskedV3:
     return AskedV3(kind, int(content["requestId"]), tuple(values), content["durationMillis"] / 1000)
 
 
-def _check_introduction(said: Any) -> None:
+def _check_introduction(text: Any) -> None:
     # The vendor's clients write these names with a capital or without.
-    said = {name.lower(): value for name, value in said.items()}
+    text = {name.lower(): value for name, value in text.items()}
     for name in ("sdkApiKey", "applicationId", "cipher", "nonceHashValue", "applicationIdHashValue"):
-        if not isinstance(said.get(name.lower()), str):
+        if not isinstance(text.get(name.lower()), str):
             raise ValueError(f"introduction without {name}")  # noqa: TRY004  # bad data, whatever its type
 
 
@@ -99,8 +99,8 @@ def told_v3(*, has_vest: bool, battery: int) -> list[str]:
     }
     arm = {**vest, "position": 1, "deviceName": "Tactosy2 (L)", "address": "C0FFEE004002", "battery": 26}
     return [
-        json.dumps({"Type": kind, "Message": json.dumps(said)})
-        for kind, said in (
+        json.dumps({"Type": kind, "Message": json.dumps(text)})
+        for kind, text in (
             ("ServerReady", None),
             ("ServerEventNameList", []),
             ("ServerEventList", []),

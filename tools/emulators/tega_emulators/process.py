@@ -88,7 +88,7 @@ class Emulator:
             env=python_environment(),
             process_group=0,  # Ctrl-C is for who started it, who then ends it
         )
-        self.address = self._hear()
+        self.address = self._receive()
         return self
 
     def __exit__(
@@ -114,7 +114,7 @@ class Emulator:
         with self._saying:
             self._process.stdin.write(line + "\n")
             self._process.stdin.flush()
-            answer = self._hear()
+            answer = self._receive()
         if "error" in answer:
             raise InvalidValueError(f"{self._module}: {answer['error']}")
         self.address |= {key: answer[key] for key in self.address.keys() & answer.keys()}
@@ -137,11 +137,11 @@ class Emulator:
             self._process.kill()
         self.__exit__(None, None, None)
 
-    def _hear(self) -> dict[str, Any]:
+    def _receive(self) -> dict[str, Any]:
         process = self._process
         line = "" if process is None or process.stdout is None else process.stdout.readline()
         if not line:
             self.__exit__(None, None, None)
             raise DeviceUnavailableError(f"{self._module} has ended", "its error output says why")
-        said: dict[str, Any] = json.loads(line)
-        return said
+        message: dict[str, Any] = json.loads(line)
+        return message

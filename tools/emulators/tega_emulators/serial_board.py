@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tega_emulators.faults import FAULTS, SIGNALS, Faults, Signal
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["EmulatedBoard", "add_options", "serve"]
 
@@ -44,7 +44,7 @@ class EmulatedBoard:
         """Return the next packet, counted."""
         raise NotImplementedError
 
-    def hear(self, data: bytes) -> bytes:  # noqa: ARG002  # a board that only talks
+    def receive(self, data: bytes) -> bytes:  # noqa: ARG002  # a board that only talks
         """Take what the host sent and return the answer."""
         return b""
 
@@ -73,7 +73,7 @@ def serve(board: EmulatedBoard, signal: Signal, faults: Faults, options: argpars
         name, _, value = text.partition("=")
         faults.set(name, float(value or 1))
     line = _Line(board, signal, faults, random.Random(options.seed + 1))
-    tell({"port": line.port})
+    notify({"port": line.port})
     try:
         line.run(options.burst_ms / 1000)
     finally:
@@ -86,7 +86,7 @@ class _Line:
         self.port = ""
         self._ends: tuple[int, int] | None = None
         self._vanished: list[int] = []
-        self._heard = b""
+        self._received = b""
         self._rest = b""
         self._typed = b""
         self._sent_ns: deque[int] = deque(maxlen=_KEPT)
@@ -97,7 +97,7 @@ class _Line:
         ours, hosts = os.openpty()
         tty.setraw(hosts)
         os.set_blocking(ours, False)
-        self._ends, self._rest, self._heard = (ours, hosts), b"", b""
+        self._ends, self._rest, self._received = (ours, hosts), b"", b""
         self.port = os.ttyname(hosts)
         self._send(self._board.power_on())
 
@@ -116,7 +116,7 @@ class _Line:
             watched = [sys.stdin.fileno(), *([self._ends[0]] if self._ends else [])]
             ready, _, _ = select.select(watched, [], [], burst_s)
             if self._ends and self._ends[0] in ready:
-                self._hear(self._ends[0])
+                self._receive(self._ends[0])
             if sys.stdin.fileno() in ready and not self._obey():
                 return
             if not self._faults.frozen:
@@ -132,14 +132,14 @@ class _Line:
                     self._send(self._faults.pass_on(self._board.packet()))
                     self._sent_ns.append(time.monotonic_ns())
 
-    def _hear(self, ours: int) -> None:
+    def _receive(self, ours: int) -> None:
         try:
             data = os.read(ours, 4096)
         except OSError:
             return
-        self._heard += data
+        self._received += data
         if not self._faults.frozen:
-            self._send(self._board.hear(self._over_the_wire(data)))
+            self._send(self._board.receive(self._over_the_wire(data)))
 
     def _send(self, data: bytes) -> None:
         """Write to the host; what it does not take is lost, as in an adapter whose buffer is full."""
@@ -191,7 +191,7 @@ class _Line:
         elif verb == "reset":
             self._send(self._board.power_on())
         elif verb == "heard":
-            return {"heard": self._heard.hex()}
+            return {"heard": self._received.hex()}
         elif verb == "sent":
             return {"sent_ns": list(self._sent_ns)}
         elif verb == "clear":

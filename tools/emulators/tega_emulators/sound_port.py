@@ -64,13 +64,13 @@ class SoundPort:
 
     def InputStream(self, **options: Any) -> _SoundStream:  # noqa: N802  # the package's name
         """Return a stream that records."""
-        return _SoundStream(self, options | {"samplerate": RATE_HZ}, hears=True)
+        return _SoundStream(self, options | {"samplerate": RATE_HZ}, receives=True)
 
     def OutputStream(self, **options: Any) -> _SoundStream:  # noqa: N802
         """Return a stream that plays."""
         if not self.present:
             raise PortAudioError("Error querying device -1")
-        return _SoundStream(self, options, hears=False)
+        return _SoundStream(self, options, receives=False)
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
@@ -87,11 +87,11 @@ class SoundPort:
 
 
 class _SoundStream:
-    def __init__(self, port: SoundPort, options: dict[str, Any], *, hears: bool) -> None:
+    def __init__(self, port: SoundPort, options: dict[str, Any], *, receives: bool) -> None:
         self._port, self._n_channels = port, options["channels"]
         self._callback: Callable[..., None] = options["callback"]
         self._leave = threading.Event()
-        self._thread = threading.Thread(target=self._hear if hears else self._play, daemon=True)
+        self._thread = threading.Thread(target=self._receive if receives else self._play, daemon=True)
         self.samplerate, self.latency = options["samplerate"], port.latency_s
 
     @property
@@ -109,7 +109,7 @@ class _SoundStream:
         if self._thread.is_alive():
             self._thread.join()
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         port = self._port
         assert port.peer is not None, "there is no microphone"
         first_s = time.monotonic()
@@ -121,8 +121,8 @@ class _SoundStream:
             if not port.present:
                 return
             from_s = first_s + k * _BLOCK_S
-            heard = port.peer.say(f"hear {from_s!r} {n}")["samples"]
-            data = np.array(heard, np.float32)[:, None] / 32768
+            received = port.peer.say(f"hear {from_s!r} {n}")["samples"]
+            data = np.array(received, np.float32)[:, None] / 32768
             self._callback(
                 data, n, SimpleNamespace(), SimpleNamespace(input_overflow=port.overflows and k == 20)
             )

@@ -39,7 +39,7 @@ class SpikerBoard(EmulatedBoard):
         self.rate_hz = _BASE_HZ / self._n_channels
         return b"StartUp!\r\n"
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Carry out the lines that are whole; it answers none."""
         *lines, self._typed = (self._typed + data).split(b"\n")
         for line in lines:

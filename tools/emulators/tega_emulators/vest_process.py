@@ -19,7 +19,7 @@ import time
 from typing import Any, ClassVar, Protocol
 
 from tega_emulators.motor_sound import RATE_HZ, MotorSound
-from tega_emulators.pipe import obey, tell
+from tega_emulators.pipe import notify, obey
 
 __all__ = ["EmulatedVest", "Motors", "serve"]
 
@@ -83,14 +83,14 @@ async def serve(vest: EmulatedVest) -> None:
         lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
     )
 
-    heard = _Heard(vest.motors)
+    received = _Heard(vest.motors)
 
     def act(words: list[str]) -> dict[str, Any]:
         if words[:1] == ["limit"]:
             vest.motors.limit, vest.motors.heat_limit = int(words[1]), float(words[2])
             return {}
         if words[0] in _HEARD:
-            return heard.act(words)
+            return received.act(words)
         if " ".join(words) not in known:
             raise ValueError(f"there are {', '.join(known)}")
         if words == ["glance"]:
@@ -99,7 +99,7 @@ async def serve(vest: EmulatedVest) -> None:
 
     known = (*vest.faults, "clear", "glance", "look")
 
-    tell(await vest.start())
+    notify(await vest.start())
     while line := (await reader.readline()).decode("ascii", "replace"):
         if (name := line.strip()) in vest.faults or name == "clear":
             await vest.fault("" if name == "clear" else name)

@@ -22,7 +22,7 @@ class Wearer:
         mirrored: Whether the back is felt mirrored.
 
     Attributes:
-        asked: The columns that vibrated before each question.
+        requested: The columns that vibrated before each question.
         loudest: The highest percent so far.
     """
 
@@ -40,7 +40,7 @@ class Wearer:
         self._mirrored = mirrored
         self._n_seen = len(history())
         self._n_again = 0
-        self.asked: list[str] = []
+        self.requested: list[str] = []
         self.loudest = 0
 
     def __call__(self, prompt: str) -> str | None:
@@ -48,7 +48,7 @@ class Wearer:
         if prompt.startswith(">"):
             return ""
         bursts = self._bursts()
-        self.asked += [site for site, _ in bursts[:1]]
+        self.requested += [site for site, _ in bursts[:1]]
         n_due, self._n_again = (2 if "stronger" in prompt else 1), self._n_again + 1
         # What a busy machine swallowed is asked for once more, as a person would; a silent trial stays silent.
         if len(bursts) != n_due and self._n_again < 3:

@@ -282,9 +282,9 @@ def _judged(
     held = (since_s >= EDGE_S + 0.1 - HOLD_S) & (since_s < 0)
     steady = eda[(since_s >= EDGE_S + 0.5 - HOLD_S) & (since_s < 0)]
     again = np.zeros(len(on), bool)
-    told = again.copy()
+    reported = again.copy()
     if case.again_s is not None:
-        told = (since_s >= case.again_s + 0.1) & (since_s < case.again_s + 1.5)
+        reported = (since_s >= case.again_s + 0.1) & (since_s < case.again_s + 1.5)
         # Its own release may take as long as the first one's.
         again = (since_s >= case.again_s) & (since_s < case.again_s + 1.5 + SETTLED_S)
     watched = (since_s >= SETTLED_S) & (since_s < WATCH_S) & ~again
@@ -299,7 +299,7 @@ def _judged(
         float(since_s[off[0]]) if off.size and since_s[off[0]] < WATCH_S else float("nan"),
         int(phantom.size),
         float(since_s[phantom[0]]) if phantom.size else float("nan"),
-        float(on[told].mean()) if told.any() else float("nan"),
+        float(on[reported].mean()) if reported.any() else float("nan"),
         float(on[since_s >= WATCH_S + 0.1].mean()),
         float(steady.std() / mean) if mean else float("nan"),
         float(np.abs(np.diff(steady)).max() / mean) if mean else float("nan"),

@@ -104,7 +104,7 @@ def _places(diagram: Diagram) -> dict[str, _Place]:
     }
 
 
-def _text(x: float, y: float, said: str, *, size: int = 13, bold: bool = False, colour: str = INK) -> str:
+def _text(x: float, y: float, message: str, *, size: int = 13, bold: bool = False, colour: str = INK) -> str:
     weight = (
         ' font-weight="600"'
         if bold
@@ -112,7 +112,7 @@ def _text(x: float, y: float, said: str, *, size: int = 13, bold: bool = False, 
     )
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" fill="{colour}"{weight} '
-        f'text-anchor="middle">{escape(said)}</text>'
+        f'text-anchor="middle">{escape(message)}</text>'
     )
 
 

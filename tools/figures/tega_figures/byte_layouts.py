@@ -55,9 +55,11 @@ ROWS: Final[dict[str, tuple[tuple[str, tuple[PacketField, ...]], ...]]] = {
 }  # fmt: skip
 
 
-def _text(x: float, y: float, said: str, size: int = 12, *, colour: str = INK, anchor: str = "middle") -> str:
+def _text(
+    x: float, y: float, message: str, size: int = 12, *, colour: str = INK, anchor: str = "middle"
+) -> str:
     style = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" {style}>{escape(said)}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {style}>{escape(message)}</text>'
 
 
 def _svg(width: float, height: float, title: str, parts: list[str]) -> str:

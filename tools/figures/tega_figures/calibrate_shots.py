@@ -141,13 +141,13 @@ def _answered(unread: str, ours: int, board: Emulator) -> str:
     return ""
 
 
-def frames(shown: list[Shown]) -> list[Image.Image]:
+def frames(displayed: list[Shown]) -> list[Image.Image]:
     """Draw each moment as a terminal, the newest lines at the bottom."""
     pictures = []
     with launched() as browser:
         page: Any = browser.new_page(viewport={"width": _WIDTH_PX, "height": 100})
-        for moment in shown:
-            lines = [*moment.lines][-_ROWS:]
+        for snapshot in displayed:
+            lines = [*snapshot.lines][-_ROWS:]
             svg = drawn(["tega-teleop", *WORDS], lines, width=_COLUMNS, n_lines=_ROWS, name="calibrate")
             page.set_content(f'<body style="margin:0">{svg}')
             taken = page.locator("svg").screenshot()
@@ -160,9 +160,9 @@ def main(file: Path) -> None:
     with tempfile.TemporaryDirectory() as made, Emulator("cyton", "--signal", "emg") as board:
         board.go_ahead()
         Path(made, "lab.toml").write_text(_SETTINGS % board.port, encoding="utf-8")
-        shown = recorded(Path(made), board)
-    first, *others = frames(shown)
-    times_s = [moment.t_s for moment in shown]
+        displayed = recorded(Path(made), board)
+    first, *others = frames(displayed)
+    times_s = [snapshot.t_s for snapshot in displayed]
     lasts_ms = [round(1000 * (b - a) / _FAST_FORWARD) for a, b in pairwise(times_s)]
     first.save(
         file,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["arm_figure", "hand_of", "main", "table"]
 
-_SHOWN = ("default, not late", "without filter", "200 ms late, `age_ms` and `hold_ms` 300")
+_DISPLAYED = ("default, not late", "without filter", "200 ms late, `age_ms` and `hold_ms` 300")
 _STAYS = 0.01
 
 
@@ -76,13 +76,13 @@ def arm_figure(path: HandPath, found: Sequence[tuple[str, Followed]]) -> Figure:
     """
     from tega.ui.view.figures import new_figure
 
-    shown = [(name, f) for name, f in found if name in _SHOWN]
+    displayed = [(name, f) for name, f in found if name in _DISPLAYED]
     figure = new_figure(figsize=(9, 3.6))
     whole, still = figure.subplots(1, 2, width_ratios=(2, 1))
     times = np.arange(0, path.duration_s, 0.01)
     hand = 100 * np.array([path.at(t).position_m for t in times])
     whole.plot(times, hand[:, 2], "k--", lw=1.2, label="hand")
-    for number, (name, f) in enumerate(shown):
+    for number, (name, f) in enumerate(displayed):
         label = name.split(",")[0] if "late," in name else name
         # The first line is broad, so that it is seen where the others lie on it.
         whole.plot(f.course[:, 0], 100 * f.course[:, 3], lw=1 if number else 2.6, label=label)
@@ -96,7 +96,7 @@ def arm_figure(path: HandPath, found: Sequence[tuple[str, Followed]]) -> Figure:
     # On white: a patch of the grey would not be seen on the grey.
     whole.legend(fontsize=7, framealpha=1.0, loc="center", bbox_to_anchor=(0.52, 0.5))
     start_s = 3.0
-    for name, f in shown[:2]:
+    for name, f in displayed[:2]:
         t, x, *_ = f.course[(f.course[:, 0] > start_s) & (f.course[:, 0] < start_s + 1)].T
         still.plot(t, 1e3 * (x - x.mean()), lw=1, label=name)
     still.set(xlabel="time, s", ylabel="off its mean along x, mm", title="the palm while the hand rests")

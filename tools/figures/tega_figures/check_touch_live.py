@@ -54,12 +54,14 @@ def felt_of_slow_press(name: str, seed: int, rise_s: float, *, rate_hz: float = 
     """Return from which force, newtons, a press to 1.5 N over so many seconds is felt to its end; NaN if not."""
     force_n = ramp(peak_n=1.5, wait_s=2.0, rise_s=rise_s, hold_s=1.0, fall_s=0.1)
     tracker, first = None, float("nan")
-    for moment in press_sequence(name, seed=seed, force_n=force_n, duration_s=2.0 + rise_s, rate_hz=rate_hz):
-        tracker = tracker or TouchTracker(moment.image, rate_hz=rate_hz)
-        if not tracker.update(moment.image).in_contact:
+    for snapshot in press_sequence(
+        name, seed=seed, force_n=force_n, duration_s=2.0 + rise_s, rate_hz=rate_hz
+    ):
+        tracker = tracker or TouchTracker(snapshot.image, rate_hz=rate_hz)
+        if not tracker.update(snapshot.image).in_contact:
             first = float("nan")
         elif np.isnan(first):
-            first = moment.force_n
+            first = snapshot.force_n
     return first
 
 
@@ -137,41 +139,42 @@ def _demo_table(people: int) -> list[str]:
 def _recorded_table(folder: Path) -> list[str]:
     lines = ["| recorded | " + " | ".join(_ON_RECORDINGS) + " |", "|---" * (1 + len(_ON_RECORDINGS)) + "|"]
 
-    def row(what: str, shares: dict[str, float]) -> None:
-        lines.append(f"| {what} | " + " | ".join(f"{shares[peer]:.1%}" for peer in _ON_RECORDINGS) + " |")
+    def row(subject: str, shares: dict[str, float]) -> None:
+        lines.append(f"| {subject} | " + " | ".join(f"{shares[peer]:.1%}" for peer in _ON_RECORDINGS) + " |")
 
     pictures = soft_grips(folder)
     still = np.median(np.array(pictures["empty"]), axis=0).astype(np.uint8)
     for name, frames in pictures.items():
         # Each picture is shown for a second to readings that are made anew.
-        told = {
-            p: [_shown(make(still, 30.0), frame) for frame in frames] for p, make in _ON_RECORDINGS.items()
+        reported = {
+            p: [_displayed(make(still, 30.0), frame) for frame in frames]
+            for p, make in _ON_RECORDINGS.items()
         }
-        row(f"{name}, {len(frames)} pictures", {p: float(np.mean(t)) for p, t in told.items()})
+        row(f"{name}, {len(frames)} pictures", {p: float(np.mean(t)) for p, t in reported.items()})
     baseline, frames, _ = rest(folder)
     row(
         "three minutes at rest",
-        {p: _told(make(baseline, 1 / 5.9), frames) for p, make in _ON_RECORDINGS.items()},
+        {p: _reported(make(baseline, 1 / 5.9), frames) for p, make in _ON_RECORDINGS.items()},
     )
     for name, grip in GRIPS.items():
         fingers = [grip_video(folder, name, camera) for camera in (0, 2)]
         together = _together(fingers, grip)
         for number, (camera, images) in enumerate(zip((0, 2), fingers, strict=True)):
             still = np.median(images[grip.rest[0] : grip.rest[1] + 1], axis=0).astype(np.uint8)
-            told = {}
+            reported = {}
             for peer, make in _ON_RECORDINGS.items():
                 if peer == "live":
-                    told[peer] = [on[number] for on in together]
+                    reported[peer] = [on[number] for on in together]
                     continue
                 read = make(still, 25.0)
-                told[peer] = [read(frame).in_contact for frame in images[grip.from_frame :]]
+                reported[peer] = [read(frame).in_contact for frame in images[grip.from_frame :]]
             held = slice(grip.held[0] - grip.from_frame, grip.held[1] + 1 - grip.from_frame)
-            row(f"{name}, finger {camera}, held", {p: float(np.mean(t[held])) for p, t in told.items()})
+            row(f"{name}, finger {camera}, held", {p: float(np.mean(t[held])) for p, t in reported.items()})
             if grip.silent_from is not None:
                 after = slice(grip.silent_from - grip.from_frame, None)
                 row(
                     f"{name}, finger {camera}, 1.5 s after",
-                    {p: float(np.mean(t[after])) for p, t in told.items()},
+                    {p: float(np.mean(t[after])) for p, t in reported.items()},
                 )
     return lines
 
@@ -189,22 +192,22 @@ def _together(fingers: list[NDArray[np.uint8]], grip: RecordedGrip) -> list[list
     ]
 
 
-def _shown(read: FrameReader, frame: Image) -> bool:
+def _displayed(read: FrameReader, frame: Image) -> bool:
     return [read(frame).in_contact for _ in range(32)][-1]
 
 
-def _told(read: FrameReader, frames: list[Image]) -> float:
+def _reported(read: FrameReader, frames: list[Image]) -> float:
     return float(np.mean([read(frame).in_contact for frame in frames]))
 
 
 def commit() -> str:
     """Return the hash of the commit that is checked out."""
-    asked = subprocess.run(
+    requested = subprocess.run(
         ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
     )
-    if asked.returncode:
+    if requested.returncode:
         raise click.UsageError("there is no commit here to take seeds from: give --seed-text")
-    return asked.stdout.strip()
+    return requested.stdout.strip()
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})

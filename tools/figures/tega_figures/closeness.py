@@ -155,12 +155,12 @@ def match_press(frame: Image, still: Image, mark: Mark, gel: Gel, *, index: int)
         else abs(np.log(max(simulated[name], _LEAST) / max(recorded[name], _LEAST))) / tolerance
         for name, tolerance in TOLERANCES.items()
     }
-    shown = difference(made, untouched)
+    displayed = difference(made, untouched)
     return Match(
         force_n=float(root * root),
         centre_xy=(float(x), float(y)),
-        correlation=float(np.corrcoef(shown[near].ravel(), wanted[near].ravel())[0, 1]),
-        rms=float(np.sqrt(((shown - wanted) ** 2).mean())),
+        correlation=float(np.corrcoef(displayed[near].ravel(), wanted[near].ravel())[0, 1]),
+        rms=float(np.sqrt(((displayed - wanted) ** 2).mean())),
         recorded=recorded,
         simulated=simulated,
         off=off,

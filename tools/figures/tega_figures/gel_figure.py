@@ -15,7 +15,7 @@ __all__ = ["draw_presses", "draw_readings"]
 
 TRUE_WHITE, AREA_YELLOW = "#ffffff", "#ffd23f"
 # Shape and force of each column; one unit a column.
-_SHOWN = (
+_DISPLAYED = (
     ("ball 4.4 mm", 0.5),
     ("ball 4.4 mm", 4.0),
     ("cylinder 3 mm", 3.0),
@@ -32,8 +32,8 @@ def draw_presses(path: Path) -> None:
         MissingExtraError: matplotlib is not installed.
     """
     figure = new_figure(figsize=(9, 4.1))
-    axes = figure.subplots(2, len(_SHOWN))
-    for seed, (name, force_n) in enumerate(_SHOWN, start=1):
+    axes = figure.subplots(2, len(_DISPLAYED))
+    for seed, (name, force_n) in enumerate(_DISPLAYED, start=1):
         gel = Gel(seed)
         image, still = gel.frame([shape(name, force_n)], 0), gel.still()
         upper, lower = axes[:, seed - 1]

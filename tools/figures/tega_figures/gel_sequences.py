@@ -151,13 +151,13 @@ def press_sequence(
     Example:
         >>> force_n = ramp(peak_n=2.0, wait_s=0.05, rise_s=0.1, hold_s=0.1, fall_s=0.1)
         >>> moments = list(press_sequence("ball 4 mm", seed=1, force_n=force_n, duration_s=0.5))
-        >>> len(moments), moments[0].touches, max(moment.force_n for moment in moments)
+        >>> len(moments), moments[0].touches, max(snapshot.force_n for snapshot in moments)
         (30, False, 2.0)
     """
-    for what, value in (("rate_hz", rate_hz), ("duration_s", duration_s)):
+    for subject, value in (("rate_hz", rate_hz), ("duration_s", duration_s)):
         if not 0 < value < np.inf:
             raise InvalidValueError(
-                f"{what} = {value}, wanted more than 0", "60 frames a second are a DIGIT's"
+                f"{subject} = {value}, wanted more than 0", "60 frames a second are a DIGIT's"
             )
     pressing(name, 0.0)
     gel = Gel(seed, spread=spread, shape=shape, memory=memory)

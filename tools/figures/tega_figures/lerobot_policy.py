@@ -199,9 +199,9 @@ def draw(root: Path, picture: Path) -> None:
         images = [
             frame.to_ndarray(format="rgb24") for frame, _ in zip(film.decode(video=0), time_s, strict=False)
         ]
-    shown = np.linspace(0, len(images) - 1, 12).astype(int)
-    width_s = time_s[-1] / len(shown) * 0.8
-    for k in shown:
+    displayed = np.linspace(0, len(images) - 1, 12).astype(int)
+    width_s = time_s[-1] / len(displayed) * 0.8
+    for k in displayed:
         axes[0].imshow(images[k], extent=(time_s[k], time_s[k] + width_s, 0, 1), aspect="auto")
     axes[0].set_yticks([])
     lines = (

@@ -114,11 +114,11 @@ def _lit(down: Height, across: Height, height_mm: Height) -> NDArray[np.float64]
     seen = _unit(np.array(_CAMERA_MM) - place)
     lamps = []
     for lamp in _LAMPS_MM:
-        way = np.array(lamp) - place
-        towards = _unit(way)
+        route = np.array(lamp) - place
+        towards = _unit(route)
         diffuse = np.maximum((normal * towards).sum(axis=-1), 0.0)
         glint = np.maximum((normal * _unit(towards + seen)).sum(axis=-1), 0.0) ** _GLOSS
-        lamps.append(150.0 * (diffuse + _GLINT * glint) / (way * way).sum(axis=-1))
+        lamps.append(150.0 * (diffuse + _GLINT * glint) / (route * route).sum(axis=-1))
     total = sum(lamps)
     return np.stack([0.15 + _LEAK * total + (1 - _LEAK) * own for own in lamps], axis=-1)
 

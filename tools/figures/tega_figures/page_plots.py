@@ -83,7 +83,7 @@ def emg_faults(path: Path) -> None:
     t_s = np.arange(0, 4, 0.001)
     effort = 0.05 + np.clip(np.sin(np.pi * (t_s - 1) / 2), 0, 1) ** 2
     clean = rng.normal(0, 1, t_s.size) * effort
-    shown = {
+    displayed = {
         "a clean squeeze: quiet at rest, grows with effort": clean,
         "50 Hz mains: an even hum at rest; the reference electrode is loose": (
             clean + 0.8 * np.sin(2 * np.pi * 50 * t_s)
@@ -91,7 +91,7 @@ def emg_faults(path: Path) -> None:
         "clipped: flat at the top and the bottom; the gain is too high": np.clip(3 * clean, -1, 1),
     }
     figure = Figure(figsize=(8, 4), layout="constrained")
-    for axes, (name, signal) in zip(figure.subplots(3, 1, sharex=True), shown.items(), strict=True):
+    for axes, (name, signal) in zip(figure.subplots(3, 1, sharex=True), displayed.items(), strict=True):
         axes.plot(t_s, signal, lw=0.4, color=MUSCLE_COLOURS[0])
         axes.set_title(name, fontsize=10)
         axes.set_ylabel("EMG")
@@ -106,8 +106,8 @@ def hand_moves(path: Path) -> None:
     figure = Figure(figsize=(8, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     poses = np.asarray(hand.CLOSURE_POSES_RAD)
-    shown = {"index, middle, ring (alike)": (0, INK), "thumb": (3, FINGER_COLOURS["thumb"])}
-    for name, (finger, colour) in shown.items():
+    displayed = {"index, middle, ring (alike)": (0, INK), "thumb": (3, FINGER_COLOURS["thumb"])}
+    for name, (finger, colour) in displayed.items():
         for joint in range(1, 4):
             label = name if joint == 1 else None
             angles = poses[:, 4 * finger + joint]
@@ -128,7 +128,7 @@ def hand_moves(path: Path) -> None:
         modelled.step(1)
     moved = np.array([np.array(modelled.step(5)[0]) for _ in range(700)])
     t_s = 0.003 * np.arange(len(moved))
-    for finger, colour in shown.values():
+    for finger, colour in displayed.values():
         right.plot(t_s, moved[:, 4 * finger + 1 : 4 * finger + 4], color=colour, lw=1.4)
     right.set_xlabel("time since level 5 was asked for, s")
     right.set_title("The same joints move from level 1 to 5, simulated", fontsize=10)

@@ -44,10 +44,10 @@ def lift(name: str) -> list[ViewState]:
     """Return the moments of a simulated lift of an object, thirty a second; one in half a second has its pictures."""
     course: list[ViewState] = []
 
-    def see(state: ViewState) -> None:
+    def observe(state: ViewState) -> None:
         course.append(state if len(course) % _EVERY == 0 else state._replace(images=None))
 
-    run_trial(TrialPlan(object=name, condition="haptic", seed=1), observer=see)
+    run_trial(TrialPlan(object=name, condition="haptic", seed=1), observer=observe)
     return course
 
 
@@ -76,9 +76,9 @@ class ShownLift:
         width_px, height_px = self._size_px
         with (
             BrowserView("TEGA demo, simulated", port=0, controls=controls) as self._view,
-            opened(self._browser, self._view.url, width_px=width_px, height_px=height_px) as self.shown,
+            opened(self._browser, self._view.url, width_px=width_px, height_px=height_px) as self.displayed,
         ):
-            self.shown.add_style_tag(content=_STILL)
+            self.displayed.add_style_tag(content=_STILL)
             yield self
 
     def paint(self, place: int, *, whole: bool) -> None:
@@ -92,9 +92,11 @@ class ShownLift:
         for turn in range(3) if whole else (2,):
             self._view.page.paint(state, turn=turn, rates_hz=rates_hz, latency_ms=dict(state.latency_ms))
         if whole:
-            self.shown.get_by_text(f"{state.t_ns / 1e9:.1f} s", exact=True).first.wait_for(state="attached")
+            self.displayed.get_by_text(f"{state.t_ns / 1e9:.1f} s", exact=True).first.wait_for(
+                state="attached"
+            )
             # Two frames: one that takes the news up, and one that is drawn from it.
-            self.shown.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+            self.displayed.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
 
     def _rates(self, place: int) -> dict[str, float]:
         before = self._course[max(place - round(1 / _MOMENT_S), 0)]
@@ -112,9 +114,9 @@ def still(browser: Any, course: list[ViewState], size_px: tuple[int, int], path:
     with ShownLift(browser, course, size_px).page() as lifted:
         for place in range(0, last + 1, _BETWEEN):
             lifted.paint(place, whole=place == last)
-        lifted.shown.wait_for_timeout(20_000)  # the scene comes after the text, and fades in
+        lifted.displayed.wait_for_timeout(20_000)  # the scene comes after the text, and fades in
         # 256 colours would put steps into the cameras' pictures.
-        Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB").save(path, quality=90, method=6)
+        Image.open(io.BytesIO(lifted.displayed.screenshot())).convert("RGB").save(path, quality=90, method=6)
 
 
 def animation(browser: Any, course: list[ViewState], path: Path) -> None:
@@ -124,10 +126,10 @@ def animation(browser: Any, course: list[ViewState], path: Path) -> None:
         for place in range(0, len(course), _BETWEEN):
             lifted.paint(place, whole=place % _EVERY == 0)
             if place == 0:
-                lifted.shown.wait_for_timeout(5_000)
+                lifted.displayed.wait_for_timeout(5_000)
             if place % _EVERY:
                 continue
-            frame = Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB")
+            frame = Image.open(io.BytesIO(lifted.displayed.screenshot())).convert("RGB")
             frames.append(frame.resize(_KEPT_PX, Image.Resampling.LANCZOS))
     frames[0].save(
         path,

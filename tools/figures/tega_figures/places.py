@@ -99,12 +99,12 @@ def places_table() -> str:
     """Return the table of the page, with the marks that it stands between."""
     rows = ["| place | unclear point | settings | where |", "|---|---|---|---|"]
     for place in PLACES:
-        told = [f"`{item}`" for item in (*place.needs, *place.sets)]
+        reported = [f"`{item}`" for item in (*place.needs, *place.sets)]
         if len({item.partition("=")[0] for item in place.sets}) == 1 and len(place.sets) > 1:
             key = place.sets[0].partition("=")[0]
             values = ", ".join(f"`{item.partition('=')[2]}`" for item in place.sets)
-            told = [*(f"`{item}`" for item in place.needs), f"`{key}=` {values}"]
-        rows.append(f"| {place.number} | {place.what} | {', '.join(told)} | {_where(place)} |")
+            reported = [*(f"`{item}`" for item in place.needs), f"`{key}=` {values}"]
+        rows.append(f"| {place.number} | {place.what} | {', '.join(reported)} | {_where(place)} |")
     return "\n".join([_BEGIN, *rows, _END])
 
 

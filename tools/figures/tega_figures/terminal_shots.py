@@ -27,20 +27,20 @@ WAIT_S: Final = 180
 _LEAST_COLUMNS = 90
 
 
-def picture(words: list[str], said: str, path: Path, *, most_lines: int = 34) -> None:
+def picture(words: list[str], message: str, path: Path, *, most_lines: int = 34) -> None:
     """Write a command and what it printed as a picture.
 
     Args:
         words: The command, as a reader types it.
-        said: What it printed, with its colours.
+        message: What it printed, with its colours.
         path: The SVG file.
         most_lines: How many lines of it are shown.
     """
-    lines = said.rstrip().splitlines()
-    shown = [*lines[:most_lines], *(["…"] if len(lines) > most_lines else [])]
-    widest = max(len(Text.from_ansi(line).plain) for line in [*shown, "$ " + " ".join(words)])
+    lines = message.rstrip().splitlines()
+    displayed = [*lines[:most_lines], *(["…"] if len(lines) > most_lines else [])]
+    widest = max(len(Text.from_ansi(line).plain) for line in [*displayed, "$ " + " ".join(words)])
     # An empty line at the end, since the last one is drawn cut; wide enough that no browser blows letters up.
-    svg = drawn(words, [*shown, ""], width=min(118, max(_LEAST_COLUMNS, widest + 2)), name=path.stem)
+    svg = drawn(words, [*displayed, ""], width=min(118, max(_LEAST_COLUMNS, widest + 2)), name=path.stem)
     path.write_text(svg, encoding="utf-8")
 
 

@@ -107,8 +107,8 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
                 *_count(rows, np.interp(rows[:, 0], at_s, force)),
                 int(np.sum((front >= 100) | (back >= 100))),
             ]
-            shown_s = kept.array("contacts", "t_s", where=whose) - CAMERA_DELAY_NS / 1e9
-            felt[finger] += list(zip(np.interp(shown_s, at_s, force), front + back, strict=True))
+            displayed_s = kept.array("contacts", "t_s", where=whose) - CAMERA_DELAY_NS / 1e9
+            felt[finger] += list(zip(np.interp(displayed_s, at_s, force), front + back, strict=True))
     scores = {}
     for finger, pairs in felt.items():
         touching = [pair for pair in pairs if pair[0] > 0.05]

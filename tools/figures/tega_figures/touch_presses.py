@@ -224,7 +224,7 @@ def hold_press(name: str, seed: int, force_n: float, light: GelLight | None = No
     curve = ramp(peak_n=force_n, wait_s=1.0, rise_s=1.0, hold_s=1.0, fall_s=0.1)
     moments = list(press_sequence(name, seed=seed, force_n=curve, duration_s=2.5, rate_hz=30.0))
     tracker = TouchTracker(moments[0].image, rate_hz=30.0, light=light)
-    contact = [tracker.update(moment.image) for moment in moments][-1]
+    contact = [tracker.update(snapshot.image) for snapshot in moments][-1]
     return Held(contact, tracker.depth_map(), moments[-1])
 
 

@@ -26,7 +26,7 @@ from tega_sim.gel import CAMERA_HZ, Gel
 
 __all__ = ["untouched_contacts"]
 
-_said: Any = None
+_text: Any = None
 
 
 def untouched_contacts(seed: int, minutes: float, *, rate_hz: float = CAMERA_HZ) -> Iterator[int]:
@@ -48,13 +48,13 @@ def untouched_contacts(seed: int, minutes: float, *, rate_hz: float = CAMERA_HZ)
 
 
 def _watch(seed: int, minutes: float, rate_hz: float) -> None:
-    for told in untouched_contacts(seed, minutes, rate_hz=rate_hz):
-        _said.put((seed, told))
+    for reported in untouched_contacts(seed, minutes, rate_hz=rate_hz):
+        _text.put((seed, reported))
 
 
-def _hand_over(said: Any) -> None:
-    global _said  # noqa: PLW0603  # of a worker: a queue is handed over only where a process begins
-    _said = said
+def _hand_over(message: Any) -> None:
+    global _text  # noqa: PLW0603  # of a worker: a queue is handed over only where a process begins
+    _text = message
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -68,30 +68,30 @@ def main(units: int, minutes: int, rate_hz: str, processes: int, seed_text: str 
     text = seed_text or commit()
     click.echo(f"Seeds of the units: from {text!r}.")
     seeds = unit_seeds(units, text)
-    told = dict.fromkeys(seeds, 0)
+    reported = dict.fromkeys(seeds, 0)
     context = multiprocessing.get_context("spawn")
-    said = context.Queue()
+    message = context.Queue()
     with (
-        context.Pool(min(processes, units), _hand_over, (said,)) as pool,
+        context.Pool(min(processes, units), _hand_over, (message,)) as pool,
         click.progressbar(length=units * minutes, label="minutes watched", file=sys.stderr) as bar,
     ):
         work = pool.starmap_async(_watch, [(seed, float(minutes), float(rate_hz)) for seed in seeds], 1)
         left = units * minutes
         while left:
             try:
-                seed, n = said.get(timeout=1.0)
+                seed, n = message.get(timeout=1.0)
             except queue.Empty:
                 if work.ready():
                     work.get()  # raises what a worker raised
                 continue
-            told[seed] += n
+            reported[seed] += n
             left -= 1
             bar.update(1)
-    for number, (seed, n) in enumerate(told.items()):
+    for number, (seed, n) in enumerate(reported.items()):
         click.echo(
             f"unit {number} (seed {seed}): {n} of {round(minutes * 60 * float(rate_hz))} frames told as contact"
         )
-    if any(told.values()):
+    if any(reported.values()):
         sys.exit(1)
 
 

@@ -12,8 +12,8 @@ def check_grip(config: SessionConfig) -> list[Finding]:
     if table is None:
         return []
     if table.firm_from > fingers:
-        said = (
+        text = (
             f"grip.firm_from is {table.firm_from}, but {fingers} fingers have a sensor: no grip is ever firm"
         )
-        return [Finding(check="grip", status="error", finding=said, todo=(f"set it to {fingers} at most",))]
+        return [Finding(check="grip", status="error", finding=text, todo=(f"set it to {fingers} at most",))]
     return [Finding(check="grip", status="ok", finding=f"a grip is firm from {table.firm_from} fingers on")]

@@ -77,7 +77,7 @@ def checked_person(person: str) -> str:
     Raises:
         UnsafeNameError: It cannot be one.
     """
-    return plain_name(person, what="person's code", source="calibration")
+    return plain_name(person, subject="person's code", source="calibration")
 
 
 def device_name(info: DeviceInfo) -> str:

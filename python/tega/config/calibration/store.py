@@ -170,11 +170,11 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
                 f"{name}: emg has {len(self.emg.channels)} channels and {len(self.emg.maxima)} maxima",
                 "give one maximum per channel",
             )
-        for what in ("kind", "rate_hz", "tau", "channels"):
-            mine, theirs = getattr(self.emg, what), getattr(emg, what)
+        for subject in ("kind", "rate_hz", "tau", "channels"):
+            mine, theirs = getattr(self.emg, subject), getattr(emg, subject)
             if mine != theirs:
                 raise CalibrationError(
-                    f"{name}: made for emg {what} = {mine!r}, the run has {theirs!r}", hint
+                    f"{name}: made for emg {subject} = {mine!r}, the run has {theirs!r}", hint
                 )
 
 
@@ -220,9 +220,9 @@ def parse_calibration(text: str, name: str) -> Calibration:
     try:
         return msgspec.convert(tree, Calibration)
     except msgspec.ValidationError as error:
-        said: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
-        message = said.message.removeprefix("settings: ")
-        raise CalibrationError(f"{name}: {message}", said.hint or "calibrate again") from None
+        sentence: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
+        message = sentence.message.removeprefix("settings: ")
+        raise CalibrationError(f"{name}: {message}", sentence.hint or "calibrate again") from None
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:

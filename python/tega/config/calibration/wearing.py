@@ -86,27 +86,29 @@ def judge_wearing(answers: Mapping[str, str]) -> Wearing:
     Args:
         answers: By the column shown, the column named, or ``"n"`` for nothing felt.
     """
-    felt = {shown: said for shown, said in answers.items() if said in SITES}
+    felt = {displayed: text for displayed, text in answers.items() if text in SITES}
     problems = []
-    unfelt = [shown for shown in answers if shown not in felt]
+    unfelt = [displayed for displayed in answers if displayed not in felt]
     if unfelt:
         places = "; ".join(map(site_place, unfelt))
         problems.append(f"not felt at all: {places}: tighten the vest, or a motor is dead")
-    if felt and sum(said[0] != shown[0] for shown, said in felt.items()) > len(felt) / 2:
+    if felt and sum(text[0] != displayed[0] for displayed, text in felt.items()) > len(felt) / 2:
         problems.append("front and back are felt exchanged: is the vest on the right way round?")
     mirrored = []
     for side, name in (("f", "front"), ("b", "back")):
         own = [(int(s[1]), int(a[1])) for s, a in felt.items() if s[0] == side and a[0] == side]
-        as_is = sum(abs(shown - said) for shown, said in own)
-        turned = sum(abs(5 - shown - said) for shown, said in own)
+        as_is = sum(abs(displayed - text) for displayed, text in own)
+        turned = sum(abs(5 - displayed - text) for displayed, text in own)
         if len(own) >= 3 and turned < as_is and as_is >= len(own):
             mirrored.append(name)
     if mirrored:
-        what = 'set vest.mirror = "all"'
+        subject = 'set vest.mirror = "all"'
         if len(mirrored) == 1:
-            what = {
+            subject = {
                 "front": "over Bluetooth set vest.options.front_mirror = true",
                 "back": 'set vest.mirror = "back"',
             }[mirrored[0]]
-        problems.append(f"{' and '.join(mirrored)} felt mirrored: {what}")
-    return Wearing(sum(shown == said for shown, said in answers.items()), len(answers), tuple(problems))
+        problems.append(f"{' and '.join(mirrored)} felt mirrored: {subject}")
+    return Wearing(
+        sum(displayed == text for displayed, text in answers.items()), len(answers), tuple(problems)
+    )

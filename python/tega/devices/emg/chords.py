@@ -25,7 +25,7 @@ from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
 
 # Bytes that show how many channels a packet has: at least three packets of the largest board.
-_LOOK_BYTES = 256
+_PROBE_BYTES = 256
 # A board of 2026 says UNKNOWN COMMAND where it got something else.
 _NAME = re.compile(rb"(?!UNKNOWN COMMAND)([!-~][ -~]*?)\s*\n")
 # Speeds at which boards talk, by sketch and by converter to USB.
@@ -117,7 +117,7 @@ class Chords(LiveSerialEmg):
         )
         port.write(b"START\n")
         data, deadline = b"", time.monotonic() + o.start_s
-        while (n_channels := chords_channels(data) if len(data) >= _LOOK_BYTES else None) is None:
+        while (n_channels := chords_channels(data) if len(data) >= _PROBE_BYTES else None) is None:
             if time.monotonic() > deadline:
                 raise DeviceUnavailableError(
                     f"chords: {self._board_name} was started, but no packets came ({len(data)} bytes did)",
@@ -134,38 +134,38 @@ class Chords(LiveSerialEmg):
         Opening the port restarts some boards, so each speed is tried until all have been, twice at least.
         """
         o = self._options
-        said, deadline = b"", time.monotonic() + o.start_s
+        text, deadline = b"", time.monotonic() + o.start_s
         bauds = itertools.cycle(_BAUDS if o.baud is None else (o.baud,))
         for n, baud in enumerate(bauds):
             if n >= 2 and time.monotonic() >= deadline:
                 break
             port = self._connect(baud)
-            name, heard = self._ask(port)
+            name, received = self._ask(port)
             if name:
                 return name, port
-            said += heard
+            text += received
             port.close()
         tried = " and ".join(str(baud) for baud in (_BAUDS if o.baud is None else (o.baud,)))
         raise DeviceUnavailableError(
             f"chords: {self._label()} did not say which board it is"
-            + (f"; it said {said[:40]!r}" if said else ", and nothing came"),
+            + (f"; it said {text[:40]!r}" if text else ", and nothing came"),
             f"check the port, the baud rate (tried: {tried}), and that the board runs Chords firmware",
         )
 
     @staticmethod
     def _ask(port: SerialPort) -> tuple[str, bytes]:
         """Ask for the name, and again after stopping the board; return it with all received bytes."""
-        said = b""
+        text = b""
         for again in (False, True):
             if again:
                 port.write(b"STOP\n")
                 port.drain(quiet_s=_SILENCE_S, timeout_s=2 * _SILENCE_S)
             port.write(b"WHORU\n")
-            heard = port.read_until(b"\n", _ANSWER_S)
-            said += heard
-            if match := _NAME.fullmatch(heard):
-                return match[1].decode("ascii"), said
-        return "", said
+            received = port.read_until(b"\n", _ANSWER_S)
+            text += received
+            if match := _NAME.fullmatch(received):
+                return match[1].decode("ascii"), text
+        return "", text
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()

@@ -109,46 +109,46 @@ class Cyton(LiveSerialEmg):
     def _reset(self, port: SerialPort) -> str:
         """Reset the board and return its firmware's version."""
         port.write(b"v")
-        said = port.read_until(_END, _RESET_S).decode("ascii", "replace")
-        if not said:
+        text = port.read_until(_END, _RESET_S).decode("ascii", "replace")
+        if not text:
             raise DeviceUnavailableError(
                 f"cyton: nothing answers on {port.name}",
                 "is this the dongle's port, and its switch at GPIO 6, not RESET?",
             )
-        if "Failure" in said:
+        if "Failure" in text:
             raise DeviceUnavailableError(
-                f"cyton: the dongle answers, the board does not: {_short(said)}",
+                f"cyton: the dongle answers, the board does not: {_short(text)}",
                 "switch the board on (to PC), charge its battery, or set both to one radio channel",
             )
-        if "OpenBCI" not in said or _END.decode() not in said:
+        if "OpenBCI" not in text or _END.decode() not in text:
             raise DeviceUnavailableError(
-                f"cyton: what answers on {port.name} is no Cyton: {_short(said)}", "check the port"
+                f"cyton: what answers on {port.name} is no Cyton: {_short(text)}", "check the port"
             )
-        self._has_daisy = "daisy" in said.lower()
-        _, _, version = said.partition("Firmware:")
+        self._has_daisy = "daisy" in text.lower()
+        _, _, version = text.partition("Firmware:")
         return version.split()[0].rstrip("$") if version.split() else "unknown version"
 
     def _take_daisy_off(self, port: SerialPort) -> None:
         """Take the second eight channels off, which otherwise replace the first eight in every second packet."""
         port.write(b"c")
-        said = port.read_until(_END, _ANSWER_S if self._has_daisy else _NO_DAISY_S).decode("ascii", "replace")
-        if self._has_daisy and ("removed" not in said.lower() or "Failure" in said):
-            answer = f"answers {_short(said)}" if said else "does not answer"
+        text = port.read_until(_END, _ANSWER_S if self._has_daisy else _NO_DAISY_S).decode("ascii", "replace")
+        if self._has_daisy and ("removed" not in text.lower() or "Failure" in text):
+            answer = f"answers {_short(text)}" if text else "does not answer"
             found = f"a Daisy is attached, and the board {answer} to the command that takes it off"
             refuse(self.name, self._label(), Contradiction("banner", found, _DAISY_HINT))
 
-    def _set(self, port: SerialPort, command: bytes, what: str) -> str:
+    def _set(self, port: SerialPort, command: bytes, subject: str) -> str:
         """Send a setting and return the board's confirmation."""
         port.write(command)
-        said = port.read_until(_END, _ANSWER_S).decode("ascii", "replace")
-        if _END.decode() not in said or "Failure" in said:
-            answer = f"answered {_short(said)}" if said else "did not answer"
+        text = port.read_until(_END, _ANSWER_S).decode("ascii", "replace")
+        if _END.decode() not in text or "Failure" in text:
+            answer = f"answered {_short(text)}" if text else "did not answer"
             raise DeviceUnavailableError(
-                f"cyton: {what} was not confirmed: the board (firmware {self._firmware}) {answer}",
+                f"cyton: {subject} was not confirmed: the board (firmware {self._firmware}) {answer}",
                 "firmware 3 or later is needed, so that the gain is certain; switch the board off and on, "
                 "or update it",
             )
-        return said
+        return text
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()
@@ -193,5 +193,5 @@ class Cyton(LiveSerialEmg):
         return f"since it was opened {self._n_bytes} bytes came, {self._decoder.packets} packets among them"
 
 
-def _short(said: str) -> str:
-    return repr(" ".join(said.split())[:80])
+def _short(text: str) -> str:
+    return repr(" ".join(text.split())[:80])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _SPECTRUM_S = 2.0
 
 # Real squeezes are at the limits in up to 3.7 % of their samples; beyond 1 % the level reads too low.
@@ -64,14 +64,14 @@ class EmgHealth:
         self._rate_hz = rate_hz
         self._names = tuple(channels)
         self._limits = limits
-        self._n_look = max(2, round(_LOOK_S * rate_hz))
+        self._n_checked = max(2, round(_POLL_S * rate_hz))
         self._n_spectrum = round(_SPECTRUM_S * rate_hz)
         self._past = np.empty((0, len(self._names)))
         self._new: list[NDArray[np.float64]] = []
         self._n_new = 0
         self._next_index: int | None = None
         self._gaps: list[int] = []
-        self._looks: Counter[str] = Counter()
+        self._checks: Counter[str] = Counter()
         self.now: tuple[str, ...] = ()
 
     def take(self, chunk: EmgChunk) -> None:
@@ -81,15 +81,15 @@ class EmgHealth:
         self._next_index = chunk.first_index + len(chunk.samples)
         left = chunk.samples
         while len(left):
-            room = self._n_look - self._n_new
+            room = self._n_checked - self._n_new
             part, left = left[:room], left[room:]
             self._new.append(part)
             self._n_new += len(part)
-            if self._n_new == self._n_look:
+            if self._n_new == self._n_checked:
                 self._past = np.concatenate([self._past, *self._new])[-self._n_spectrum :]
                 self._new, self._n_new = [], 0
-                self.now = tuple(self._look())
-                self._looks.update(self.now)
+                self.now = tuple(self._check())
+                self._checks.update(self.now)
 
     @property
     def missing_samples(self) -> int:
@@ -99,8 +99,8 @@ class EmgHealth:
     def words(self) -> tuple[str, ...]:
         """Return every finding so far, one sentence each, with how long it lasted."""
         # A copy, since another thread may ask while samples arrive.
-        looks = list(self._looks.items())
-        found = [f"{words} (for {n * _LOOK_S:g} s)" for words, n in looks]
+        looks = list(self._checks.items())
+        found = [f"{words} (for {n * _POLL_S:g} s)" for words, n in looks]
         if self._gaps:
             longest_ms = 1000 * max(self._gaps) / self._rate_hz
             found.insert(
@@ -109,8 +109,8 @@ class EmgHealth:
             )
         return tuple(found)
 
-    def _look(self) -> list[str]:
-        recent = self._past[-self._n_look :]
+    def _check(self) -> list[str]:
+        recent = self._past[-self._n_checked :]
         words: list[str] = []
         sound: list[int] = []
         for k, name in enumerate(self._names):

@@ -167,8 +167,8 @@ class LiveEmg(Opened):
         # Each looked at once: the thread that reads may put another in its place meanwhile.
         clock, order, health = self._clock, self._order, self._health
         notes = self._own_notes()
-        if clock is not None and (said := self._rate_words()):
-            notes += (said,)
+        if clock is not None and (text := self._rate_words()):
+            notes += (text,)
         if order.n_repeated:
             notes += (f"{order.n_repeated} packets came twice; used once",)
         if order.n_damaged:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Stamps further apart than this are a gap; below it they are the sender's jitter.
 _GAP_S = 0.1
 # Streams on one network answer at once; those that start late are found the next time.
-_LOOK_S = 1.5
+_POLL_S = 1.5
 _BUFFER_S = 10
 _MOST_SAMPLES = 4096
 
@@ -95,7 +95,7 @@ class LslEmg(LiveEmg):
                 else {"by": "name", "value": stream.name()},
                 note=f"{stream.channel_count()} channels at {stream.nominal_srate():g} Hz",
             )
-            for stream in lsl.resolve_byprop("type", "EMG", minimum=0, timeout=min(timeout_s, _LOOK_S))
+            for stream in lsl.resolve_byprop("type", "EMG", minimum=0, timeout=min(timeout_s, _POLL_S))
             if stream.channel_format() != lsl.cf_string
         ]
 
@@ -110,11 +110,11 @@ class LslEmg(LiveEmg):
                 "start the sender, and see that no firewall blocks it (UDP 16571, TCP 16572 to 16604)",
             )
         if len(found) > 1:
-            said = f"{len(found)} streams have the {o.by} {o.value!r}, from {hosts_of(found)}"
+            text = f"{len(found)} streams have the {o.by} {o.value!r}, from {hosts_of(found)}"
             hint = "end the senders that are not meant" + (
                 "" if o.by == "source_id" else ", or name a source_id"
             )
-            refuse(self.name, self._label(), Contradiction("banner", said, hint))
+            refuse(self.name, self._label(), Contradiction("banner", text, hint))
         stream = found[0]
         if stream.channel_format() == lsl.cf_string:
             raise DeviceUnavailableError(
@@ -165,9 +165,9 @@ class LslEmg(LiveEmg):
             return Arrived(samples, None, time.monotonic_ns())
         delay_s = self._stamps.delay_s
         if delay_s is not None and delay_s > LATE_S:
-            said = f"samples come {delay_s:.2f} s after their stamps"
+            text = f"samples come {delay_s:.2f} s after their stamps"
             hint = "let the sender send at once, or stamp with its own lsl_local_clock()"
-            refuse(self.name, self._label(), Contradiction("stamp", said, hint))
+            refuse(self.name, self._label(), Contradiction("stamp", text, hint))
         missing = self._missing(taken_s, now_s)
         return Arrived(samples, missing, min(round(taken_s[-1] * 1e9), time.monotonic_ns()))
 

@@ -95,7 +95,7 @@ class SerialEmg(LiveSerialEmg):
         notes = super()._own_notes()
         if self._port is not None and (n := self._decoder.rejected_lines):
             notes += (
-                f"{n} lines were no row of {self._options.columns} numbers, the last one {self._said()}",
+                f"{n} lines were no row of {self._options.columns} numbers, the last one {self._text()}",
             )
         return notes
 
@@ -105,8 +105,8 @@ class SerialEmg(LiveSerialEmg):
         if not self._decoder.rejected_lines:
             return "" if self._n_rows else f"{self._n_bytes} bytes came without a whole line among them"
         fields = self._options.columns + self._options.leading
-        return f"a line of {fields} numbers was expected, the last one was {self._said()}"
+        return f"a line of {fields} numbers was expected, the last one was {self._text()}"
 
-    def _said(self) -> str:
+    def _text(self) -> str:
         line = self._decoder.last_rejected[:40].decode("ascii", "replace").strip()
         return repr(line) if line.isascii() and line.isprintable() else "no text: is baud the board's own?"

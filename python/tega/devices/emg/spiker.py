@@ -25,7 +25,7 @@ from tega.runtime.evidence import Evidence
 _STEPS_HZ: Final = 2_000_000.0
 _STEPS_A_CHANNEL: Final = 199
 _LARGEST: Final = 1023
-_LOOK_S: Final = (
+_POLL_S: Final = (
     0.25  # how long the board is heard before it is told again; some 800 frames of three channels
 )
 _ENOUGH: Final = 20  # frames that show how many channels they have
@@ -82,7 +82,7 @@ class Spiker(LiveSerialEmg):
                     "check port, baud and the board's sketch; columns is the number of channels to ask for",
                 )
             port.write(f"c:{o.columns};\n".encode())
-            data = _hear(port)
+            data = _receive(port)
             sent = _n_channels(data)
         self._decoder, self._waiting = SpikerDecoder(o.columns), data
 
@@ -116,9 +116,9 @@ class Spiker(LiveSerialEmg):
         return f"since it was opened {self._n_bytes} bytes came, {self._decoder.frames} frames among them"
 
 
-def _hear(port: SerialPort) -> bytes:
+def _receive(port: SerialPort) -> bytes:
     """Read for a while and return the second half: the first may date from before the command."""
-    data, until = b"", time.monotonic() + _LOOK_S
+    data, until = b"", time.monotonic() + _POLL_S
     while time.monotonic() < until:
         data += port.read()
         time.sleep(POLL_S)

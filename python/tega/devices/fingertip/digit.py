@@ -236,10 +236,10 @@ class Digit(Opened):
         """Open the camera and set it up."""
         o, cv2 = self._options, self._cv2
         node = None if o.serial is None else find_node(o.serial)
-        place, way_in = camera_place(str(o.source) if node is None else node.device)
-        local = way_in != "CAP_FFMPEG"
+        place, access = camera_place(str(o.source) if node is None else node.device)
+        local = access != "CAP_FFMPEG"
         if local:
-            capture = cv2.VideoCapture(place, getattr(cv2, way_in))
+            capture = cv2.VideoCapture(place, getattr(cv2, access))
         else:
             limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 2000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000]
             capture = cv2.VideoCapture(place, cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
@@ -349,7 +349,7 @@ class Digit(Opened):
         opened_ns, last_ns, n_at_once, n_spoiled = time.monotonic_ns(), 0, 0, 0
         self._window = (opened_ns, 0)
         while not self._leaving.is_set():
-            asked_ns = time.monotonic_ns()
+            requested_ns = time.monotonic_ns()
             with give_way():
                 came, image = read_picture(self._cv2, capture)
             n_spoiled = 0 if image.size else n_spoiled + 1
@@ -360,7 +360,7 @@ class Digit(Opened):
             t_ns = self._kernel_ns(capture, now_ns)
             if t_ns is None:
                 # A stream keeps what nobody reads, and nothing says how old it is but that it was there at once.
-                at_once = (now_ns - asked_ns) * 1e-9 * self._rate_hz < _AT_ONCE
+                at_once = (now_ns - requested_ns) * 1e-9 * self._rate_hz < _AT_ONCE
                 n_at_once = n_at_once + 1 if at_once else 0
                 if n_at_once > _N_AT_ONCE:
                     continue

@@ -18,7 +18,7 @@ from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
 from tega.devices.hand.can_links import can_links, link_trouble
 from tega.devices.hand.hand_alert import HandAlert
 from tega.devices.hand.hand_bus import bus_label
-from tega.devices.hand.hand_told import LET_GO
+from tega.devices.hand.hand_reports import LET_GO
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
 from tega.runtime.evidence import Evidence
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.devices.hand.hand_ends import HandEnd, HandProcess
-    from tega.devices.hand.hand_told import HandNews, HandSpoken
+    from tega.devices.hand.hand_reports import HandNews, HandSpoken
     from tega.hand.link import HandState, Received
     from tega.wire import CanFrame
 
@@ -72,7 +72,7 @@ class Allegro(Opened):
         self._end: HandEnd | None = None
         self._warm: HandProcess | None = None
         self._seen: HandNews | None = None
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._ready = threading.Event()
         self._alert = HandAlert(self)
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
@@ -183,9 +183,9 @@ class Allegro(Opened):
             end.join(LEAVE_S + CONFIRM_S)
             end.end()
             release(self.close)
-            self._tell_of_the_end()
+            self._notify_end()
 
-    def _tell_of_the_end(self) -> None:
+    def _notify_end(self) -> None:
         """Print, as the program's last output, that a hand has not confirmed that its motors are off."""
         from tega.devices.hand.hand_guard import LONGEST_S, guard_runs
 
@@ -258,7 +258,7 @@ class Allegro(Opened):
     def silent(self) -> bool:
         """Whether the joint angles are older than the watchdog allows, or the hand's process is silent."""
         seen = self._seen
-        late = time.monotonic() - self._heard_s > _UNHEARD_S
+        late = time.monotonic() - self._received_s > _UNHEARD_S
         return seen is None or seen.state.phase != "running" or late
 
     @property
@@ -333,12 +333,12 @@ class Allegro(Opened):
 
     def _take(self, spoken: list[HandSpoken], seen: HandNews) -> None:
         """Process the reports of the loop."""
-        self._seen, self._heard_s = seen, time.monotonic()
-        for said in spoken:
-            self._sent.extend(said.taken)
-            if said.left_ns:
-                self._cycles.append((said.left_ns, said.left_ns - said.t_ns))
+        self._seen, self._received_s = seen, time.monotonic()
+        for text in spoken:
+            self._sent.extend(text.taken)
+            if text.left_ns:
+                self._cycles.append((text.left_ns, text.left_ns - text.t_ns))
             if self.on_exchange is not None:
-                self.on_exchange(said.t_ns, (said.level, said.added), said.received, said.out, said.action)
+                self.on_exchange(text.t_ns, (text.level, text.added), text.received, text.out, text.action)
         if seen.ready:
             self._ready.set()

@@ -92,7 +92,7 @@ def link_trouble(link: CanLink, *, bitrate: int) -> tuple[str, str]:
 
 def _ask_ip(name: str) -> str:
     try:
-        asked = subprocess.run(
+        requested = subprocess.run(
             ["ip", "-details", "-json", "link", "show", name],
             capture_output=True,
             text=True,
@@ -101,12 +101,12 @@ def _ask_ip(name: str) -> str:
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return asked.stdout
+    return requested.stdout
 
 
-def _details(said: str) -> dict[str, Any]:
+def _details(message: str) -> dict[str, Any]:
     try:
-        (link,) = json.loads(said)
+        (link,) = json.loads(message)
         about = link["linkinfo"]
     except (ValueError, KeyError, TypeError):
         return {}

@@ -86,8 +86,8 @@ def read_can_log(path: Path) -> Iterator[LoggedFrame]:
     except GeneratorExit:
         raise
     except Exception as error:  # of a damaged log the readers raise what they like
-        said = f"damaged after {n} frames: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        raise RecordingError(f"{path.name}: {said}", "record it again, or cut it there") from error
+        text = f"damaged after {n} frames: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise RecordingError(f"{path.name}: {text}", "record it again, or cut it there") from error
     if not n:
         raise RecordingError(f"{path.name}: holds no CAN frame", "is it the right file?")
 
@@ -131,8 +131,8 @@ def _converted(path: Path) -> Iterator[IO[str]]:
         if done.returncode == _NO_PACKAGE:
             raise NotImplementedError("asammdf")
         if done.returncode:
-            said = done.stderr.decode(errors="replace").strip().splitlines()
-            raise ValueError(said[-1][:200] if said else "asammdf gave up")
+            text = done.stderr.decode(errors="replace").strip().splitlines()
+            raise ValueError(text[-1][:200] if text else "asammdf gave up")
         file.seek(0)
         yield file
 

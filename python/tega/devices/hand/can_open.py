@@ -85,12 +85,12 @@ def open_can_bus(
         try:
             return make()
         except Exception as error:  # adapters raise what they like, NameError where their library is missing
-            said, hint = _explained(error, interface, can)
+            text, hint = _explained(error, interface, can)
             # A half-made bus says so when it is forgotten: that is now.
             traceback.clear_frames(error.__traceback__)
             error.__traceback__ = error.__context__ = error.__cause__ = None
     raise DeviceUnavailableError(
-        f"{driver}: interface {interface!r}, channel {_plain(channel)!r} did not open: {said}", hint
+        f"{driver}: interface {interface!r}, channel {_plain(channel)!r} did not open: {text}", hint
     )
 
 
@@ -125,7 +125,7 @@ def _quiet() -> Iterator[None]:
     log, hook = logging.getLogger("can"), sys.unraisablehook
     level = log.level
     log.setLevel(logging.CRITICAL + 1)
-    sys.unraisablehook = lambda _told: None
+    sys.unraisablehook = lambda _reported: None
     try:
         yield
     finally:

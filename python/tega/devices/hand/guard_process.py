@@ -48,7 +48,7 @@ class GuardProcess:
     """Starts and feeds the guard of a device from the program that it watches; one that is lost is replaced.
 
     Args:
-        what: Task of the guard, such as ``lets go of the hand``, for messages.
+        subject: Task of the guard, such as ``lets go of the hand``, for messages.
         module: The module that it runs.
         arguments: Words for it.
 
@@ -61,8 +61,8 @@ class GuardProcess:
         confirmed: Whether the device that was left to it has confirmed that it is safe.
     """
 
-    def __init__(self, what: str, module: str, *arguments: str) -> None:
-        self._what = what
+    def __init__(self, subject: str, module: str, *arguments: str) -> None:
+        self._subject = subject
         self._module, self._arguments = module, arguments
         self._closing, self._safe = threading.Event(), False
         self._swap = threading.Lock()  # of the process, against the program's leaving
@@ -70,7 +70,7 @@ class GuardProcess:
         self._has_it, self._is_off = threading.Event(), threading.Event()
         self.n_lost = 0
         self.problem = ""
-        self._asked_s = self._heard_s = time.monotonic()
+        self._requested_s = self._received_s = time.monotonic()
         self._process = self._start()
         self._thread = threading.Thread(target=self._watch, name="tega-guard", daemon=True)
         self._thread.start()
@@ -86,10 +86,10 @@ class GuardProcess:
         if now_s < self._next_s or self.problem:
             return
         self._next_s = now_s + BEAT_S
-        if self._asked_s - self._heard_s > DEAF_S:
+        if self._requested_s - self._received_s > DEAF_S:
             self._process.kill()  # it stands still: the thread that watches it sees its end
             return
-        self._asked_s = now_s
+        self._requested_s = now_s
         self._write(b".\n", self._process)
 
     def dismiss(self) -> None:
@@ -144,19 +144,19 @@ class GuardProcess:
         process = start_child(self._module, *self._arguments, stdout=subprocess.PIPE)
         late = threading.Timer(_READY_S, process.kill)
         late.start()
-        said = process.stdout.readline() if process.stdout else b""
+        text = process.stdout.readline() if process.stdout else b""
         late.cancel()
-        if said.strip() != b"ready":
+        if text.strip() != b"ready":
             process.kill()
             _forget(process)
             raise DeviceUnavailableError(
-                f"the process that {self._what} did not start",
+                f"the process that {self._subject} did not start",
                 "its error output says why; nothing was switched on",
             )
         # Windows has no such pipes: what is written fits, since a process that hears nothing is ended after 2 s.
         if process.stdin is not None and sys.platform != "win32":
             os.set_blocking(process.stdin.fileno(), False)
-        self._asked_s = self._heard_s = time.monotonic()
+        self._requested_s = self._received_s = time.monotonic()
         return process
 
     def _write(self, line: bytes, process: subprocess.Popen[bytes]) -> None:
@@ -170,7 +170,7 @@ class GuardProcess:
             process = self._process
             if process.stdout is not None:
                 while line := process.stdout.readline():
-                    self._heard_s = time.monotonic()
+                    self._received_s = time.monotonic()
                     if line == _HAS_IT and self._closing.is_set():
                         self._has_it.set()
                     elif line == _OFF:
@@ -179,7 +179,7 @@ class GuardProcess:
             if self._closing.is_set() and (self._safe or self._has_it.is_set()):
                 return  # else it was lost as the device was left to it
             self.n_lost += 1
-            self.problem = f"the process that {self._what} was lost; another is being started"
+            self.problem = f"the process that {self._subject} was lost; another is being started"
             _forget(process)
             while self.problem and not self._safe:
                 try:
@@ -213,21 +213,21 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
             the program goes on. Returns ``""``, or the reason why the device has not confirmed.
     """
     _answer(b"ready\n")
-    pieces = hear()
-    heard, stuck, said = False, False, b""
+    pieces = receive()
+    received, stuck, text = False, False, b""
     while True:
-        piece = _next(pieces, STUCK_S if heard and not stuck else None)
-        said = (said + (piece or b""))[-64:]
-        if b"done" in said:
+        piece = _next(pieces, STUCK_S if received and not stuck else None)
+        text = (text + (piece or b""))[-64:]
+        if b"done" in text:
             return
         if piece:
             _answer(b".\n" * piece.count(b"."))
-            heard, stuck = True, False
+            received, stuck = True, False
             continue
         gone = piece is not None
         if gone:
             stay_alone()
-        if heard:
+        if received:
             alarm = Alarm(device)
             why = let_go(_never if gone else lambda: not pieces.empty())
             alarm.end(why if gone else "")
@@ -249,23 +249,23 @@ def _never() -> bool:
     return False
 
 
-def hear() -> SimpleQueue[bytes]:
+def receive() -> SimpleQueue[bytes]:
     """Return, in the process, a queue of the program's messages in pieces; an empty one is the last.
 
     A thread reads, since Windows cannot wait for a pipe and a time at once.
     """
-    said: SimpleQueue[bytes] = SimpleQueue()
+    text: SimpleQueue[bytes] = SimpleQueue()
     fd = sys.stdin.fileno()
 
     def listen() -> None:
         while True:
             piece = os.read(fd, 4096)
-            said.put(piece)
+            text.put(piece)
             if not piece:
                 return
 
     threading.Thread(target=listen, name="tega-hears", daemon=True).start()
-    return said
+    return text
 
 
 def stay_alone() -> None:

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from tega.hand.link import HandState
 
 
-_LOOK_S = 0.1
-_TOLD_S = 1.0
+_POLL_S = 0.1
+_REPORTED_S = 1.0
 # So many in a tenth of a second are a fault, and not a frame that a busy machine lost.
 _MANY = 3
 _WORDS = {
@@ -47,21 +47,21 @@ class HandAlert:
         self._hand = hand
         self._next_s = self._until_s = 0.0
         self._counts: dict[str, int] = {}
-        self._said = ""
+        self._text = ""
 
     def __call__(self) -> str:
         """Return the current problem, for at least a second; ``""`` if there is none."""
         now_s = time.monotonic()
         if now_s < self._next_s:
-            return self._said
-        self._next_s = now_s + _LOOK_S
-        if said := self._look():
-            self._said, self._until_s = said, now_s + _TOLD_S
+            return self._text
+        self._next_s = now_s + _POLL_S
+        if text := self._check():
+            self._text, self._until_s = text, now_s + _REPORTED_S
         elif now_s >= self._until_s:
-            self._said = ""
-        return self._said
+            self._text = ""
+        return self._text
 
-    def _look(self) -> str:
+    def _check(self) -> str:
         try:
             state = self._hand.state()
         except DeviceUnavailableError:

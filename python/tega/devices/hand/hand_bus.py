@@ -224,13 +224,13 @@ class HandBus:
                 ask_s = now_s + _ASK_S
                 self.send([*frames, question])
             for got in self.receive(may_reopen=True):
-                said = allegro_decode(
+                text = allegro_decode(
                     CanFrame(got.id, bytes(got.data), got.remote),
                     device_id=device_id,
                     extended=got.extended,
                     error=got.error,
                 )
-                if ask_s and isinstance(said, AllegroInfo) and not said.servo_on:
+                if ask_s and isinstance(text, AllegroInfo) and not text.servo_on:
                     return True
         return False
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from tega.devices.hand.hand_guard import guard_runs, take_over
 from tega.devices.hand.hand_loop import LEAVE_S, HandLoop
-from tega.devices.hand.hand_told import WORD_S, HandNews, HandOrders, Tell
+from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, Notify
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, start_child
 from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
@@ -30,7 +30,7 @@ MAKES_READY: Final = "makes ready"
 _START_S: Final = 20.0
 _SILENT_S: Final = 1.0
 _AWAY_S: Final = 0.2
-_LOOK_S: Final = 0.1
+_POLL_S: Final = 0.1
 # Level and addition. What is so short a pipe takes as a whole or not at all.
 _WORD: Final = struct.Struct("<2d")
 
@@ -40,13 +40,13 @@ class HandThread:
 
     Args:
         options: The driver's settings.
-        tell: Called with the reports of the loop.
+        notify: Called with the reports of the loop.
         whole: Whether the loop reports every exchange.
     """
 
-    def __init__(self, options: AllegroOptions, tell: Tell, *, whole: bool) -> None:
-        self._orders = HandOrders(heard=False)
-        self._loop = HandLoop(options, self._orders, tell, whole=whole)
+    def __init__(self, options: AllegroOptions, notify: Notify, *, whole: bool) -> None:
+        self._orders = HandOrders(received=False)
+        self._loop = HandLoop(options, self._orders, notify, whole=whole)
         self._thread: threading.Thread | None = None
 
     def open(self) -> None:
@@ -90,15 +90,15 @@ class HandProcess:
 
     Args:
         options: The driver's settings.
-        tell: Called with the reports of the loop, in a separate thread.
+        notify: Called with the reports of the loop, in a separate thread.
     """
 
-    def __init__(self, options: AllegroOptions, tell: Tell) -> None:
-        self._options, self._tell = options, tell
+    def __init__(self, options: AllegroOptions, notify: Notify) -> None:
+        self._options, self._notify = options, notify
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: threading.Thread | None = None
         self._word: tuple[float, float] = (1, 0.0)
-        self._said_s = self._heard_s = self._looked_s = self._since_s = 0.0
+        self._text_s = self._received_s = self._looked_s = self._since_s = 0.0
         self._broke = ""
         self._news: HandNews | None = None
 
@@ -125,15 +125,15 @@ class HandProcess:
             self.warm_up()
         process = self._process
         assert process is not None
-        asked, said = process.stdin, process.stdout
-        assert isinstance(asked, BufferedWriter)
-        assert isinstance(said, BufferedReader)
+        requested, text = process.stdin, process.stdout
+        assert isinstance(requested, BufferedWriter)
+        assert isinstance(text, BufferedReader)
         stuck = threading.Event()
         late = _patience(process, stuck)
         try:
             with contextlib.suppress(OSError):  # it has ended, and may have said why
-                send_object(asked, whole)
-            while (error := receive_object(said)) == MAKES_READY:
+                send_object(requested, whole)
+            while (error := receive_object(text)) == MAKES_READY:
                 late.cancel()
                 late = _patience(process, stuck)
         except (EOFError, OSError):
@@ -143,24 +143,24 @@ class HandProcess:
             )
         except BaseException:
             end_child(process, LEAVE_S)
-            said.close()
+            text.close()
             raise
         finally:
             late.cancel()
         if error is not None:
             end_child(process, LEAVE_S)
-            said.close()
+            text.close()
             raise error
         # Windows has no such pipes: a process that takes no word is told of before one is full.
         if sys.platform != "win32":
-            os.set_blocking(asked.fileno(), False)
-        self._heard_s = time.monotonic()
-        self._thread = threading.Thread(target=self._hear, args=(said,), name="allegro", daemon=True)
+            os.set_blocking(requested.fileno(), False)
+        self._received_s = time.monotonic()
+        self._thread = threading.Thread(target=self._receive, args=(text,), name="allegro", daemon=True)
         self._thread.start()
 
     def say(self, level: float, added: float = 0.0) -> None:
         """Set the level and its addition, or with ``LET_GO`` release the hand; returns at once."""
-        if (level, added) != self._word or time.monotonic() - self._said_s >= WORD_S:
+        if (level, added) != self._word or time.monotonic() - self._text_s >= WORD_S:
             self._word = level, added
             self._write()
 
@@ -172,7 +172,7 @@ class HandProcess:
             and self._thread.is_alive()
             and (left_s := until_s - time.monotonic()) > 0
         ):
-            self._thread.join(min(left_s, _LOOK_S))
+            self._thread.join(min(left_s, _POLL_S))
             _ = self.lost
 
     def end(self) -> None:
@@ -192,31 +192,31 @@ class HandProcess:
         if now_s - self._looked_s > _AWAY_S:  # what has come since is still to be heard
             self._since_s = now_s
         self._looked_s = now_s
-        if (silent_s := now_s - max(self._since_s, self._heard_s)) > _SILENT_S:
+        if (silent_s := now_s - max(self._since_s, self._received_s)) > _SILENT_S:
             if self._process is not None:
                 self._process.kill()  # it must not go on later; the thread that listens has the hand let go
             self._broke = f"the hand's process has said nothing for {silent_s:.1f} s"
         return self._broke
 
     def _write(self) -> None:
-        self._said_s = time.monotonic()
+        self._text_s = time.monotonic()
         process = self._process
         if process is not None and process.stdin is not None:
             with contextlib.suppress(OSError, ValueError):  # it is gone, or full of words: both are told of
                 os.write(process.stdin.fileno(), _WORD.pack(*self._word))
 
     @run_realtime("act")
-    def _hear(self, said: BufferedReader) -> None:
+    def _receive(self, text: BufferedReader) -> None:
         """Read the process's output until it ends, and keep reporting to it that this program is alive."""
         self._write()
         try:
             while True:
-                told = receive_object(said)
-                self._heard_s = time.monotonic()
-                if told:  # else that it goes on
-                    self._news = told[1]
-                    self._tell(*told)
-                if self._heard_s - self._said_s >= WORD_S:
+                reported = receive_object(text)
+                self._received_s = time.monotonic()
+                if reported:  # else that it goes on
+                    self._news = reported[1]
+                    self._notify(*reported)
+                if self._received_s - self._text_s >= WORD_S:
                     self._write()
         except (EOFError, OSError):
             process = self._process
@@ -236,7 +236,7 @@ class HandProcess:
         if news.ended and guard_runs(news.guard_pid):
             return  # it was left to its guard, which goes on
         let_go, pid = take_over(self._options, news.guard_pid)
-        self._tell([], news._replace(ended=True, let_go=let_go, guard_pid=pid))
+        self._notify([], news._replace(ended=True, let_go=let_go, guard_pid=pid))
 
 
 HandEnd = HandThread | HandProcess

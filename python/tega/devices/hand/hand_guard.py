@@ -35,7 +35,7 @@ _MODULE: Final = "tega.devices.hand.hand_guard"
 _REST_S: Final = 0.2
 _TRY_S: Final = 0.5
 _CONFIRM_S: Final = 3.0
-_LOOK_S: Final = 0.02
+_POLL_S: Final = 0.02
 
 
 def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id: int) -> GuardProcess:
@@ -74,7 +74,7 @@ def take_over(options: AllegroOptions, guard_pid: int) -> tuple[bool, int]:
     while guard_runs(guard_pid):
         if time.monotonic() > until_s:
             return False, guard_pid
-        time.sleep(_LOOK_S)
+        time.sleep(_POLL_S)
     o = options
     bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
     try:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from tega.devices.hand.hand_bus import HandBus, off_frames
 from tega.devices.hand.hand_guard import guard_hand
-from tega.devices.hand.hand_told import HandNews, HandOrders, HandSpoken, Tell
+from tega.devices.hand.hand_reports import HandNews, HandOrders, HandSpoken, Notify
 from tega.runtime.clock import Standstill
 from tega.runtime.threads import run_realtime
 
@@ -32,7 +32,7 @@ CONFIRM_S = 3.0
 
 _STATE_S: Final = 0.02
 _STILL_OFF_S: Final = 0.5
-_TELL_S: Final = 0.008
+_REPORT_S: Final = 0.008
 
 
 class HandLoop:
@@ -41,7 +41,7 @@ class HandLoop:
     Args:
         options: The driver's settings.
         orders: Requests to the loop.
-        tell: Called after each answer to the hand, each change, and twenty times a second, in the loop's thread.
+        notify: Called after each answer to the hand, each change, and twenty times a second, in the loop's thread.
         whole: If true, every exchange is reported with all received frames; else only those that sent something.
 
     Attributes:
@@ -49,10 +49,10 @@ class HandLoop:
     """
 
     def __init__(
-        self, options: AllegroOptions, orders: HandOrders, tell: Tell, *, whole: bool = False
+        self, options: AllegroOptions, orders: HandOrders, notify: Notify, *, whole: bool = False
     ) -> None:
         o = options
-        self._options, self._orders, self._tell, self.whole = o, orders, tell, whole
+        self._options, self._orders, self._notify, self.whole = o, orders, notify, whole
         self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
         self._off: list[CanFrame] = off_frames(o.device_id)
         self._link: HandLink
@@ -62,7 +62,7 @@ class HandLoop:
         self._pushed, self._let_go, self._ready, self._died = False, True, False, ""
         self._spoken: list[HandSpoken] = []
         self._state: HandState | None = None
-        self._state_s = self._told_s = 0.0
+        self._state_s = self._reported_s = 0.0
         self._cpu_s = 0.0
 
     def warm_up(self) -> None:
@@ -144,7 +144,7 @@ class HandLoop:
             link.release(t_ns)
             self._note(HandSpoken(t_ns, 0, [], [], "release"))
             self._leave_ns = t_ns + round(LEAVE_S * 1e9)
-        level, added = orders.asked
+        level, added = orders.requested
         before = link.phase
         out = link.exchange(frames, t_ns, level, added)
         pushes = link.phase in {"running", "releasing"}
@@ -164,7 +164,7 @@ class HandLoop:
             # It hears of the run, not of this loop alone.
             self._n_guarded = n_words
             self._guard.beat()
-        if link.phase != before or t_ns * 1e-9 - self._told_s > _TELL_S:
+        if link.phase != before or t_ns * 1e-9 - self._reported_s > _REPORT_S:
             self._flush(t_ns)
 
     def _stand_by(self) -> None:
@@ -188,19 +188,19 @@ class HandLoop:
             self._left_to = guard.leave_to_it()
             self._let_go = guard.confirmed
 
-    def _note(self, said: HandSpoken) -> None:
-        self._spoken.append(said if self.whole else said._replace(received=[]))
+    def _note(self, text: HandSpoken) -> None:
+        self._spoken.append(text if self.whole else text._replace(received=[]))
 
     def _flush(self, t_ns: int, *, ended: bool = False) -> None:
         """Report the exchanges since the last call, and the current state."""
         link, spoken = self._link, self._spoken
-        self._spoken, self._told_s = [], t_ns * 1e-9
+        self._spoken, self._reported_s = [], t_ns * 1e-9
         state = self._state
-        if state is None or state.phase != link.phase or self._told_s - self._state_s > _STATE_S or ended:
-            state, self._state_s = link.state(t_ns), self._told_s
+        if state is None or state.phase != link.phase or self._reported_s - self._state_s > _STATE_S or ended:
+            state, self._state_s = link.state(t_ns), self._reported_s
             self._state = state
         guard = self._guard
-        self._tell(
+        self._notify(
             spoken,
             HandNews(
                 state=state,

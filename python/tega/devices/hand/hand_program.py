@@ -19,55 +19,55 @@ from typing import Any
 from tega.devices.hand.hand_bus import load_can
 from tega.devices.hand.hand_ends import MAKES_READY, read_words
 from tega.devices.hand.hand_loop import HandLoop
-from tega.devices.hand.hand_told import WORD_S, HandNews, HandOrders, HandSpoken
+from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, HandSpoken
 from tega.runtime.object_pipe import receive_object, send_object
 from tega.runtime.threads import realtime, run_realtime, short_turns
 from tega.safety.sleep_lock import SleepLock
 
 _LEAVE_S = 2.0
 
-_Told = tuple[list[HandSpoken], HandNews]
+_Reported = tuple[list[HandSpoken], HandNews]
 
 
 @run_realtime("hand")
-def _pass_on(told: SimpleQueue[_Told | None], said: BufferedWriter) -> None:
+def _pass_on(reported: SimpleQueue[_Reported | None], text: BufferedWriter) -> None:
     """Report to the run, which may be slow, without delaying the hand; report being alive when idle."""
     while True:
-        what: _Told | tuple[()] | None = ()
+        subject: _Reported | tuple[()] | None = ()
         with suppress(Empty):
-            what = told.get(timeout=WORD_S)
-        if what is None:
+            subject = reported.get(timeout=WORD_S)
+        if subject is None:
             return
         with suppress(OSError):  # the run was killed
-            send_object(said, what)
+            send_object(text, subject)
 
 
-def _makes_ready(said: BufferedWriter) -> None:
+def _makes_ready(text: BufferedWriter) -> None:
     with suppress(OSError):  # the run has given up, which is seen where its word is waited for
-        send_object(said, MAKES_READY)
+        send_object(text, MAKES_READY)
 
 
-def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWriter) -> None:
+def _steer(options: Any, *, requested: FileIO, orders: HandOrders, text: BufferedWriter) -> None:
     """Make ready, wait until the run opens the hand, and steer it."""
-    told: SimpleQueue[_Told | None] = SimpleQueue()
-    loop = HandLoop(options, orders, lambda spoken, seen: told.put((spoken, seen)))
+    reported: SimpleQueue[_Reported | None] = SimpleQueue()
+    loop = HandLoop(options, orders, lambda spoken, seen: reported.put((spoken, seen)))
     lock = SleepLock("a robot hand's motors are on", lambda: orders.leave(" (the computer goes to sleep)"))
     try:
-        _makes_ready(said)
+        _makes_ready(text)
         loop.warm_up()
         lock.load()
-        _makes_ready(said)
-        loop.whole = receive_object(asked)
+        _makes_ready(text)
+        loop.whole = receive_object(requested)
         loop.open()
     except EOFError:  # the run has given up, or was killed, before it opened the hand
         loop.dismiss()
         return
     except Exception as error:  # the run tells it
-        send_object(said, error)
+        send_object(text, error)
         return
-    send_object(said, None)
+    send_object(text, None)
     threading.Thread(target=read_words, args=(sys.stdin.fileno(), orders), daemon=True).start()
-    telling = threading.Thread(target=_pass_on, args=(told, said), daemon=True)
+    telling = threading.Thread(target=_pass_on, args=(reported, text), daemon=True)
     telling.start()
     if options.torque:
         lock.take()
@@ -75,24 +75,24 @@ def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWri
     gc.freeze()
     loop.run()
     lock.release()
-    told.put(None)
+    reported.put(None)
     telling.join(_LEAVE_S)
 
 
 def main() -> None:
     """Steer until the run says that it is over, or is no more."""
     load_can()
-    orders = HandOrders(heard=True)
-    said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    orders = HandOrders(received=True)
+    text = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     try:
         # Not through a buffer, which would keep the words behind it.
-        asked = os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0)
-        options, allowed = receive_object(asked)
+        requested = os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0)
+        options, allowed = receive_object(requested)
     except EOFError:  # the run was killed as soon
         return
     with realtime(allowed=allowed), short_turns():
-        _steer(options, asked=asked, orders=orders, said=said)
+        _steer(options, requested=requested, orders=orders, text=text)
 
 
 if __name__ == "__main__":

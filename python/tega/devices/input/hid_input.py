@@ -21,7 +21,7 @@ AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The motion of a device that is not touched."""
 
 # A device is looked at this often when it says nothing: a tenth of the watchdogs that hang on it.
-_LOOK_MS = 10
+_POLL_MS = 10
 _REPORT_BYTES = 64
 _BACK_OFF_S = (0.25, 2.0)
 _LEAVE_S = 5.0
@@ -116,7 +116,7 @@ class HidInput(Opened):
         self._trouble = ""
         self._there = False
         self._is_stalled = False
-        self._heard_ns = 0
+        self._received_ns = 0
         self._buttons = Debounce(self._hold_ns)
         self._events: deque[InputEvent] = deque(maxlen=_MOST_EVENTS)
         self._n_events = 0
@@ -145,7 +145,7 @@ class HidInput(Opened):
         limit_ms = self._settings.silent_after_ms
         if limit_ms is None or self._is_stalled or not self._buttons.held:
             return
-        if t_ns - self._heard_ns > limit_ms * 1e6:
+        if t_ns - self._received_ns > limit_ms * 1e6:
             self._stall(t_ns)
 
     def _come_to_rest(self) -> None:
@@ -190,7 +190,7 @@ class HidInput(Opened):
         with self._lock:
             live = self._there and not self._is_stalled
             return InputReading(
-                self._heard_ns,
+                self._received_ns,
                 live,
                 self._motion() if live else AT_REST,
                 self._buttons.held if live else frozenset(),
@@ -269,7 +269,7 @@ class HidInput(Opened):
                 "another program may have it, or its udev rule is missing: see docs/device-inputs.md",
             ) from error
         with self._lock:
-            self._there, self._is_stalled, self._heard_ns = True, False, time.monotonic_ns()
+            self._there, self._is_stalled, self._received_ns = True, False, time.monotonic_ns()
         return device
 
     def _run(self, device: Any) -> None:
@@ -300,7 +300,7 @@ class HidInput(Opened):
         """Read reports until the device fails or the driver is asked to stop."""
         while not self._leaving.is_set():
             try:
-                report = bytes(device.read(_REPORT_BYTES, _LOOK_MS))
+                report = bytes(device.read(_REPORT_BYTES, _POLL_MS))
             except (OSError, ValueError):
                 with self._lock:
                     self.counts.lost += 1
@@ -312,7 +312,7 @@ class HidInput(Opened):
                 if report:
                     self.counts.reports += 1
                     if self._take(report, t_ns):
-                        self._heard_ns = t_ns
+                        self._received_ns = t_ns
                     else:
                         self.counts.odd += 1
                 self._pass_time(t_ns)

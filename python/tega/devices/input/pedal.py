@@ -92,13 +92,13 @@ class Pedal(HidInput):
         o = self._options
         there = ", ".join(sorted({f"{d['vendor_id']:04x}:{d['product_id']:04x}" for d in found})) or "none"
         if o.vendor_id is None and o.product_id is None and not o.serial:
-            what = (
+            subject = (
                 "no pedal that is known"
                 if o.report == "keyboard"
                 else "no vendor_id and product_id is set, so no joystick"
             )
             return DeviceUnavailableError(
-                f"pedal: {what} is there; input devices: {there}",
+                f"pedal: {subject} is there; input devices: {there}",
                 "set vendor_id and product_id, as lsusb shows them with 0x in front",
             )
         wanted = ":".join("any" if n is None else f"{n:04x}" for n in (o.vendor_id, o.product_id))

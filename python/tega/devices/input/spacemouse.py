@@ -113,13 +113,13 @@ class SpaceMouse(HidInput):
                 f"spacemouse: no SpaceMouse{numbered} is there",
                 "plug it in, and see docs/device-inputs.md for the udev rule",
             )
-        said = "; ".join(
+        text = "; ".join(
             f"{v:04x}:{p:04x}"
             + (" is a mouse or keyboard without six axes" if (v, p) in NOT_SIX_AXES else "")
             for v, p in sorted(set(others))
         )
         return DeviceUnavailableError(
-            f"spacemouse: no SpaceMouse that is known is there; found {said}",
+            f"spacemouse: no SpaceMouse that is known is there; found {text}",
             "for a newer model set product_id, as lsusb shows it",
         )
 

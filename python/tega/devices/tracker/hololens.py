@@ -33,11 +33,11 @@ _VALID: Final = {"left": 4, "right": 8}
 _WRIST_NUMBER: Final = 1
 _EXACT: Final = 0
 
-_LOOK_S: Final = 0.05
+_POLL_S: Final = 0.05
 _BACK_OFF_S: Final = (0.25, 2.0)
 # The origin is where the head was when the app began: after a reconnection the same numbers may be another place. So
 # long, together with the pause before, that whoever steers has been told "lost" and takes hold anew.
-_ANEW_NS: Final = 350_000_000
+_RESTART_NS: Final = 350_000_000
 # The app sends so many packets a second; a stream well below it is another one, or a bad network.
 _RATE_HZ: Final = 60.0
 _LEAST_SHARE: Final = 0.8
@@ -126,8 +126,8 @@ class HoloLens(ThreadedTracker):
         self._where = f"{o.host}:{o.port}"
         self._clock = DeviceClock()
         self._last: tuple[int, bytes] | None = None
-        self._anew_until_ns = 0
-        self._heard_ns = 0
+        self._restart_until_ns = 0
+        self._received_ns = 0
         self._arrivals_ns: deque[int] = deque(maxlen=1024)
         self.counts = HoloLensCounts()
 
@@ -159,7 +159,7 @@ class HoloLens(ThreadedTracker):
         with self._lock:
             if self._trouble:
                 return f"hololens: {self._trouble}"
-            away_s = (time.monotonic_ns() - self._heard_ns) / 1e9
+            away_s = (time.monotonic_ns() - self._received_ns) / 1e9
             arrivals = self._arrivals_ns
             spans_s = (arrivals[-1] - arrivals[0]) / 1e9 if arrivals else 0.0
             rate_hz = (len(arrivals) - 1) / spans_s if spans_s * 1e9 > 0.75 * _RATE_NS else _RATE_HZ
@@ -182,7 +182,7 @@ class HoloLens(ThreadedTracker):
             return
         self.counts = HoloLensCounts()
         self._poses.clear()
-        self._anew_until_ns = 0
+        self._restart_until_ns = 0
         self._leaving.clear()
         link: socket.socket | None = None
         try:
@@ -222,9 +222,9 @@ class HoloLens(ThreadedTracker):
             if not more:
                 raise OSError(f"it hung up after {len(data)} bytes")
             data += more
-            if len(data) >= _HEAD.size and (said := self._foreign(data)):
+            if len(data) >= _HEAD.size and (text := self._foreign(data)):
                 raise WrongDeviceError(
-                    f"hololens: {self._where} answers, but {said}",
+                    f"hololens: {self._where} answers, but {text}",
                     "3812 is the port of hl2ss's spatial input; is another program there?",
                 )
         return data
@@ -237,38 +237,38 @@ class HoloLens(ThreadedTracker):
     def _run(self, link: socket.socket | None) -> None:
         """Read packets until asked to stop; reconnect if the connection is lost."""
 
-        def anew() -> socket.socket:
+        def renewed() -> socket.socket:
             made = self._connect()
             self._clock.forget()
             self._arrivals_ns.clear()
             self._last = None
-            self._anew_until_ns = 0
+            self._restart_until_ns = 0
             return made
 
         def use(open_link: socket.socket) -> bool:
             before = self.counts.packets
-            said = self._drain(open_link)
-            self._say(f"{said}, connecting again")
+            text = self._drain(open_link)
+            self._say(f"{text}, connecting again")
             # One that takes connections and says nothing is not asked ever faster.
             return self.counts.packets > before
 
         def refused(error: Exception) -> None:
-            said = getattr(error, "strerror", None) or error
-            self._say(f"{self._where} cannot be reached: {said}")
+            text = getattr(error, "strerror", None) or error
+            self._say(f"{self._where} cannot be reached: {text}")
 
         Reopening(*_BACK_OFF_S).serve(
-            link, anew, use, lambda made: made.close(), self._leaving.wait, absent=OSError, refused=refused
+            link, renewed, use, lambda made: made.close(), self._leaving.wait, absent=OSError, refused=refused
         )
 
     def _drain(self, link: socket.socket) -> str:
         """Read packets until disconnected or asked to stop; return the reason."""
-        link.settimeout(_LOOK_S)
-        data, heard_s = bytearray(), time.monotonic()
+        link.settimeout(_POLL_S)
+        data, received_s = bytearray(), time.monotonic()
         while not self._leaving.is_set():
             try:
                 more = link.recv(1 << 16)
             except TimeoutError:
-                if time.monotonic() - heard_s > self._options.silent_s:
+                if time.monotonic() - received_s > self._options.silent_s:
                     self.counts.silent += 1
                     return f"nothing came for {self._options.silent_s:g} s"
                 continue
@@ -278,15 +278,15 @@ class HoloLens(ThreadedTracker):
             if not more:
                 self.counts.broken += bool(data)
                 return "the headset hung up"
-            heard_s, arrival_ns = time.monotonic(), time.monotonic_ns()
+            received_s, arrival_ns = time.monotonic(), time.monotonic_ns()
             data += more
             while len(data) >= _PACKET_BYTES:
                 packet = bytes(data[:_PACKET_BYTES])
                 del data[:_PACKET_BYTES]
-                if said := self._foreign(packet):
+                if text := self._foreign(packet):
                     # Without a mark to look for, a stream that is out of step stays so.
                     self.counts.broken += 1
-                    return said
+                    return text
                 self._take(packet, arrival_ns)
         return "left"
 
@@ -296,10 +296,10 @@ class HoloLens(ThreadedTracker):
         record = packet[self._offset : self._offset + _JOINT_BYTES]
         c, last = self.counts, self._last
         with self._lock:
-            if not self._anew_until_ns:
+            if not self._restart_until_ns:
                 c.connections += 1
-                self._anew_until_ns = arrival_ns + (_ANEW_NS if c.connections > 1 else 0)
-            self._heard_ns, self._trouble = arrival_ns, ""
+                self._restart_until_ns = arrival_ns + (_RESTART_NS if c.connections > 1 else 0)
+            self._received_ns, self._trouble = arrival_ns, ""
             self._arrivals_ns.append(arrival_ns)
             while arrival_ns - self._arrivals_ns[0] > _RATE_NS:
                 self._arrivals_ns.popleft()
@@ -311,12 +311,12 @@ class HoloLens(ThreadedTracker):
             n_leaps = self._clock.n_leaps
             t_ns = self._clock.to_host_ns(100 * device_100ns, arrival_ns)
             if self._clock.n_leaps > n_leaps:
-                self._anew_until_ns = arrival_ns + _ANEW_NS
+                self._restart_until_ns = arrival_ns + _RESTART_NS
             # A wrist that is lost keeps its bytes; when it is back they may be the same and are new all the same.
             self._last = device_100ns, record if there else b""
             qx, qy, qz, qw, x, y, z, _radius, accuracy = _WRIST.unpack(record)
             exact = accuracy == _EXACT
             c.lost += not there
             c.guessed += there and not exact
-            believed = there and (exact or self._options.guessed) and arrival_ns >= self._anew_until_ns
+            believed = there and (exact or self._options.guessed) and arrival_ns >= self._restart_until_ns
             self._poses.append(StampedPose(t_ns, (x, y, z), (qx, qy, qz, qw), valid=believed))

@@ -25,7 +25,7 @@ from tega.runtime.reopening import Reopening
 _BACK_OFF_S: Final = (0.25, 2.0)
 # After a reconnection, a recentring or a time out of focus the same numbers may be another place. So long, whoever
 # steers is told "lost" and takes hold anew.
-_ANEW_NS: Final = 350_000_000
+_RESTART_NS: Final = 350_000_000
 _SILENT_S: Final = 0.25
 _STATES: Final = {
     "unknown": "the runtime has not begun the session",
@@ -91,11 +91,11 @@ class OpenXr(ThreadedTracker):
     def __init__(self, options: OpenXrOptions) -> None:
         super().__init__()
         self._options = o = options
-        what = {"grip": "controller", "aim": "controller's aim", "wrist": "wrist"}
-        self._what = f"tracker {o.role}" if o.source == "tracker" else f"{o.hand} {what[o.source]}"
+        subject = {"grip": "controller", "aim": "controller's aim", "wrist": "wrist"}
+        self._subject = f"tracker {o.role}" if o.source == "tracker" else f"{o.hand} {subject[o.source]}"
         self._session: XrSession | None = None
         self._runtime, self._device, self._converts_times = "", "", True
-        self._heard_ns, self._anew_until_ns = 0, 0
+        self._received_ns, self._restart_until_ns = 0, 0
         self._last: Located | None = None
         self._lost = ""
         self.counts = OpenXrCounts()
@@ -113,7 +113,7 @@ class OpenXr(ThreadedTracker):
         if c.poses and c.guessed > c.poses / 10:
             notes.append(f"{c.guessed} of {c.poses} poses were only guessed")
         if c.poses and c.lost > c.poses / 10:
-            notes.append(f"{c.lost} of {c.poses} times the {self._what} was not seen")
+            notes.append(f"{c.lost} of {c.poses} times the {self._subject} was not seen")
         if c.recentred:
             notes.append(f"its origin was moved {c.recentred} times")
         if c.connections > 1:
@@ -121,7 +121,7 @@ class OpenXr(ThreadedTracker):
         return DeviceInfo(
             driver=self.driver,
             kind="tracker",
-            label=f"{self._what} through {self._runtime or 'OpenXR'}",
+            label=f"{self._subject} through {self._runtime or 'OpenXR'}",
             live=True,
             rate_hz=self._options.rate_hz,
             unit="m",
@@ -134,11 +134,11 @@ class OpenXr(ThreadedTracker):
         with self._lock:
             if self._trouble:
                 return f"openxr: {self._trouble}"
-            away_s, device = (time.monotonic_ns() - self._heard_ns) / 1e9, self._device
+            away_s, device = (time.monotonic_ns() - self._received_ns) / 1e9, self._device
         if self._thread and away_s > _SILENT_S:
             return f"openxr: {self._runtime} has not answered for {away_s:.1f} s"
         if self._thread and not device and self._options.source != "wrist":
-            return f"openxr: the runtime has no {self._what}: is it switched on?"
+            return f"openxr: the runtime has no {self._subject}: is it switched on?"
         return ""
 
     def open(self) -> None:
@@ -155,7 +155,7 @@ class OpenXr(ThreadedTracker):
         xr = require("xr", driver="openxr", extra=self.extra)
         self.counts = OpenXrCounts()
         self._poses.clear()
-        self._trouble, self._anew_until_ns, self._last = "", 0, None
+        self._trouble, self._restart_until_ns, self._last = "", 0, None
         # Of their own for each thread: one that a runtime never lets go finds that it has to leave.
         self._leaving, outcome = threading.Event(), _Outcome()
         thread = threading.Thread(
@@ -210,7 +210,7 @@ class OpenXr(ThreadedTracker):
             if session.state != state:
                 state = session.state
                 self._enter(state)
-            self._heard_ns, self._device = time.monotonic_ns(), session.device
+            self._received_ns, self._device = time.monotonic_ns(), session.device
             if session.is_begun and not is_counted:
                 is_counted = True
                 self.counts.connections += 1
@@ -224,16 +224,16 @@ class OpenXr(ThreadedTracker):
             self._trouble = "" if state == "focused" else _STATES.get(state, _OUT_OF_FOCUS)
             # Out of focus the origin may have been moved without a word.
             if state == "focused" and self.counts.poses:
-                self._anew_until_ns = time.monotonic_ns() + _ANEW_NS
+                self._restart_until_ns = time.monotonic_ns() + _RESTART_NS
 
     def _take(self, session: XrSession, found: Located | None, now_ns: int) -> None:
         """Take an answer."""
         c = self.counts
         with self._lock:
-            if session.anew_from_ns:
+            if session.restart_from_ns:
                 c.recentred += 1
-                self._anew_until_ns = max(self._anew_until_ns, session.anew_from_ns + _ANEW_NS)
-                session.anew_from_ns = 0
+                self._restart_until_ns = max(self._restart_until_ns, session.restart_from_ns + _RESTART_NS)
+                session.restart_from_ns = 0
             if found is None:
                 return
             c.poses += 1
@@ -249,5 +249,5 @@ class OpenXr(ThreadedTracker):
                 return
             self._last = found
             c.guessed += not found.tracked
-            believed = found.tracked and now_ns >= self._anew_until_ns
+            believed = found.tracked and now_ns >= self._restart_until_ns
             self._poses.append(StampedPose(now_ns, *found[:2], valid=believed))

@@ -68,13 +68,13 @@ def make_instance(xr: Any) -> Made:
             "openxr: this program uses OpenXR already, and can only once", "set one tracker of it"
         ) from error
     except xr.XrException as error:
-        raise DeviceUnavailableError(f"openxr: no OpenXR runtime: {said(error)}", _where()) from error
-    told = xr.get_instance_properties(instance)
-    name = f"{told.runtime_name.decode()} {xr.Version(told.runtime_version)}"
+        raise DeviceUnavailableError(f"openxr: no OpenXR runtime: {text(error)}", _where()) from error
+    reported = xr.get_instance_properties(instance)
+    name = f"{reported.runtime_name.decode()} {xr.Version(reported.runtime_version)}"
     return Made(instance, name, frozenset(names))
 
 
-def said(error: Exception) -> str:
+def text(error: Exception) -> str:
     """Return OpenXR's message for an error, with the name under which it can be looked up."""
     return f"{str(error).rstrip('.')} ({type(error).__name__})"
 

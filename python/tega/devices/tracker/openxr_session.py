@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from tega.devices.tracker.openxr_instance import TIMES, make_instance, said
+from tega.devices.tracker.openxr_instance import TIMES, make_instance, text
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class XrSession:
         state: State of the session, in OpenXR's terms and lower case.
         device: Held or worn device, as the runtime names it; ``""`` if there is none.
         converts_times: Whether the runtime can convert its times to the machine's clock.
-        anew_from_ns: From when on the origin is another one, on the monotonic clock; 0 for never.
+        restart_from_ns: From when on the origin is another one, on the monotonic clock; 0 for never.
 
     Raises:
         DeviceUnavailableError: There is no runtime, or it lacks a required feature.
@@ -74,7 +74,7 @@ class XrSession:
         self.is_begun = False
         self.state = "unknown"
         self.device = ""
-        self.anew_from_ns = 0
+        self.restart_from_ns = 0
         made = make_instance(xr)
         self._instance, self.runtime = made.handle, made.name
         self.converts_times = TIMES in made.extensions
@@ -84,7 +84,7 @@ class XrSession:
         except xr.XrException as error:
             self.close()
             raise DeviceUnavailableError(
-                f"openxr: {self.runtime} refuses: {said(error)}", "what does its own log say?"
+                f"openxr: {self.runtime} refuses: {text(error)}", "what does its own log say?"
             ) from error
         except DeviceUnavailableError:
             self.close()
@@ -149,8 +149,8 @@ class XrSession:
                 if profile == _PROFILES[0] or o.source == "tracker":
                     raise
 
-    def _path(self, text: str) -> Any:
-        return self._xr.string_to_path(self._instance, text)
+    def _path(self, path: str) -> Any:
+        return self._xr.string_to_path(self._instance, path)
 
     def poll(self) -> None:
         """Process the runtime's events, and follow its requests.
@@ -162,13 +162,13 @@ class XrSession:
         try:
             while True:
                 event = xr.poll_event(self._instance)
-                self._told(event)
+                self._reported(event)
         except xr.EventUnavailable:
             return
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {said(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {text(error)}") from error
 
-    def _told(self, event: Any) -> None:
+    def _reported(self, event: Any) -> None:
         xr, kind = self._xr, self._xr.StructureType(event.type)
         if kind == xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED:
             changed = _as(event, xr.EventDataSessionStateChanged)
@@ -182,9 +182,9 @@ class XrSession:
         elif kind == xr.StructureType.EVENT_DATA_REFERENCE_SPACE_CHANGE_PENDING:
             changed, now_ns = _as(event, xr.EventDataReferenceSpaceChangePending), time.monotonic_ns()
             ahead_s = (int(changed.change_time) - self._time(now_ns)) / 1e9
-            self.anew_from_ns = now_ns + round(min(max(ahead_s, 0.0), _CHANGE_S) * 1e9)
+            self.restart_from_ns = now_ns + round(min(max(ahead_s, 0.0), _CHANGE_S) * 1e9)
         elif kind == xr.StructureType.EVENT_DATA_INTERACTION_PROFILE_CHANGED:
-            self._look()
+            self._check()
 
     def _enter(self, state: str) -> None:
         xr, self.state = self._xr, state
@@ -196,12 +196,12 @@ class XrSession:
             xr.end_session(self._session)
             self.is_begun = False
         elif state == "focused":
-            self._look()
+            self._check()
         elif state in {"loss_pending", "exiting"}:
             why = "is gone" if state == "loss_pending" else "has ended the session"
             raise DeviceUnavailableError(f"openxr: {self.runtime} {why}")
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         """Query the held device."""
         if self._options.source == "wrist":
             return
@@ -240,7 +240,7 @@ class XrSession:
         except xr.SessionNotFocused:
             return None
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {said(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {text(error)}") from error
         flags, p, q = int(found.location_flags), found.pose.position, found.pose.orientation
         return Located(
             (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), flags & _VALID == _VALID, flags & _TRACKED == _TRACKED

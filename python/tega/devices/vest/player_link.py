@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.vest.player_settings import KEY_HINT, PlayerOptions, versions_to_ask
-from tega.devices.vest.player_versions import PlayerVersion, heard
+from tega.devices.vest.player_versions import PlayerVersion, received
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 _DRIVER: Final = "bhaptics-player"
 _GRACE_S = 2.0  # a Player that has just been asked may take this long to say which devices it has
 _OPENING: Final = 0.6  # of what opening may take, that making the connection may take
-_ON_THE_WAY: Final = 2  # frames that a slow Player may not have read yet
+_IN_FLIGHT: Final = 2  # frames that a slow Player may not have read yet
 _PROMPT_S: Final = 0.02  # one that answers within this is not slow: its own clips have 50 frames a second
-_MOST_ON_THE_WAY: Final = 8  # frames that it may not have read either
+_MOST_IN_FLIGHT: Final = 8  # frames that it may not have read either
 _BLIND_S = 0.04  # between frames for a Player that does not say whether it has read them
 _CALL_S: Final = 1.5  # no frame may take longer to leave
 _MOST_HEARD: Final = 64  # messages taken in at once, whatever else is waiting
@@ -66,7 +66,7 @@ class PlayerLink:
         self._acknowledges = True
         self._n_unasked = 0
         self._garbage = 0
-        self._probed_s = self._said_s = 0.0
+        self._probed_s = self._text_s = 0.0
         self._passed_over = ""
 
     @property
@@ -107,13 +107,13 @@ class PlayerLink:
 
     def connect(self) -> None:
         """Open a version of the websocket that the Player speaks; see :class:`VestLink`."""
-        asked = versions_to_ask(self._options)
-        for version in asked:
+        requested = versions_to_ask(self._options)
+        for version in requested:
             try:
-                self._connect(version, share=_OPENING / len(asked))
+                self._connect(version, share=_OPENING / len(requested))
                 break
             except DeviceUnavailableError as error:
-                if version is asked[-1]:
+                if version is requested[-1]:
                     if self._passed_over:
                         raise DeviceUnavailableError(
                             f"{error.message}; version 3: {self._passed_over}", error.hint
@@ -176,7 +176,7 @@ class PlayerLink:
         pong = self._ping()
         deadline = time.monotonic() + _GRACE_S
         while time.monotonic() < deadline and (version.has_vest is None or not pong.done()):
-            self._hear(0.05)
+            self._receive(0.05)
         self._acknowledges = pong.done()
         if not version.admitted:
             raise DeviceUnavailableError(
@@ -187,21 +187,21 @@ class PlayerLink:
     def ready(self, timeout_s: float) -> bool:
         """Wait until the Player has read the frames before, so that none queues up."""
         if not self._acknowledges:
-            rest_s = max(0.0, self._said_s + _BLIND_S - time.monotonic())
+            rest_s = max(0.0, self._text_s + _BLIND_S - time.monotonic())
             time.sleep(min(timeout_s, rest_s))
             return rest_s <= timeout_s
-        if timeout_s == 0 and self._n_unasked >= _ON_THE_WAY:  # asking takes a while
+        if timeout_s == 0 and self._n_unasked >= _IN_FLIGHT:  # asking takes a while
             return False
         pongs = self._pongs
-        if len(pongs) < _ON_THE_WAY:  # a frame has not to wait for a look at what has come
+        if len(pongs) < _IN_FLIGHT:  # a frame has not to wait for a look at what has come
             return True
         self._run(asyncio.sleep(0))  # takes in what has come
         self._forget_answered()
-        if len(pongs) < _ON_THE_WAY:
+        if len(pongs) < _IN_FLIGHT:
             return True
-        if len(pongs) < _MOST_ON_THE_WAY and time.monotonic() - pongs[0][1] < _PROMPT_S:
+        if len(pongs) < _MOST_IN_FLIGHT and time.monotonic() - pongs[0][1] < _PROMPT_S:
             return True
-        waited = pongs[-_ON_THE_WAY][0]
+        waited = pongs[-_IN_FLIGHT][0]
         self._run(asyncio.wait({waited}, timeout=timeout_s), timeout_s + _CALL_S)
         return waited.done()
 
@@ -214,7 +214,7 @@ class PlayerLink:
         """Say a frame, (40,) intensities, percent."""
         for message in self._version.frame(intensities):
             self._say(message)
-        self._said_s = time.monotonic()
+        self._text_s = time.monotonic()
         self._n_unasked += self._acknowledges
 
     def poll(self) -> None:
@@ -225,7 +225,7 @@ class PlayerLink:
         if time.monotonic() - self._probed_s > _PROBE_S and (probe := self._version.probe()):
             self._probed_s = time.monotonic()
             self._say(probe)
-        self._hear(0.0)
+        self._receive(0.0)
         self._forget_answered()
 
     def close(self) -> None:
@@ -299,10 +299,10 @@ class PlayerLink:
         pong: asyncio.Future[float] = self._call(self._ws.ping())
         return pong
 
-    def _hear(self, timeout_s: float) -> None:
+    def _receive(self, timeout_s: float) -> None:
         """Read the messages that have come; waits for the first one only."""
         for message in self._call(_come(self._ws, timeout_s)):
-            self._garbage += not heard(self._version, message)
+            self._garbage += not received(self._version, message)
 
     def _lost(self, error: Exception) -> DeviceUnavailableError:
         why = "it takes nothing any more" if isinstance(error, TimeoutError) else str(error)

@@ -92,11 +92,11 @@ def versions_to_ask(o: PlayerOptions) -> list[PlayerVersion]:
             f"the host {o.host!r} is not this machine, and the program that answers there is not checked",
             "set vest.options allow_remote = true if the Player there is yours",
         )
-    asked: list[PlayerVersion] = []
+    requested: list[PlayerVersion] = []
     if o.version == "3" or (o.version == "auto" and o.app_id):
         if not o.app_id:
             raise DeviceUnavailableError("version 3 of the Player needs app_id", KEY_HINT)
-        asked.append(PlayerVersion3(o.port_v3, o.app_id, _key(o.api_key_file), o.motor_values))
+        requested.append(PlayerVersion3(o.port_v3, o.app_id, _key(o.api_key_file), o.motor_values))
     if o.version != "3":
-        asked.append(PlayerVersion2(o.port, o.app_name))
-    return asked
+        requested.append(PlayerVersion2(o.port, o.app_name))
+    return requested

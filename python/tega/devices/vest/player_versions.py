@@ -78,7 +78,7 @@ class PlayerVersion(Protocol):
         """Return a message that provokes a status and is not felt; ``""`` where there is none."""
         ...
 
-    def hear(self, message: str) -> None:
+    def receive(self, message: str) -> None:
         """Take in a message of the Player.
 
         Raises:
@@ -130,7 +130,7 @@ class PlayerVersion2:
         """Return an empty frame for a foot: the status is not sent regularly."""
         return player_v2_ping()
 
-    def hear(self, message: str) -> None:
+    def receive(self, message: str) -> None:
         """Take in a status."""
         self.has_vest = "Vest" in player_v2_status(message).connected_positions
 
@@ -198,24 +198,24 @@ class PlayerVersion3:
         """Do nothing: the Player reports its devices unasked."""
         return ""
 
-    def hear(self, message: str) -> None:
+    def receive(self, message: str) -> None:
         """Process a message: a Player reports its devices only after it has admitted the program."""
-        said = sdk3_server_message(message)
-        self.admitted = self.admitted or said.kind in {"ServerReady", "ServerDevices"}
-        if said.kind != "ServerDevices":
+        text = sdk3_server_message(message)
+        self.admitted = self.admitted or text.kind in {"ServerReady", "ServerDevices"}
+        if text.kind != "ServerDevices":
             return
-        vests = sorted((d for d in said.devices if d.is_vest), key=lambda d: not d.connected)
+        vests = sorted((d for d in text.devices if d.is_vest), key=lambda d: not d.connected)
         self.has_vest = bool(vests) and vests[0].connected
         self.vest_name = vests[0].name if vests else ""
         self.battery_percent = vests[0].battery_percent if self.has_vest else None
 
 
-def heard(version: PlayerVersion, message: str | bytes) -> bool:
+def received(version: PlayerVersion, message: str | bytes) -> bool:
     """Give a message to a version; return whether it could be read."""
     if isinstance(message, bytes):
         return False
     try:
-        version.hear(message)
+        version.receive(message)
     except WireError:
         return False
     return True

@@ -75,7 +75,7 @@ class BleVest(StreamedVest):
         """
         bleak = require("bleak", driver=cls.name, extra=cls.extra)
         try:
-            heard = asyncio.run(
+            received = asyncio.run(
                 asyncio.wait_for(bleak.BleakScanner.discover(timeout=0.7 * timeout_s), timeout_s)
             )
         except (OSError, EOFError, TimeoutError, bleak.exc.BleakError) as error:
@@ -93,7 +93,7 @@ class BleVest(StreamedVest):
                 note="found, not connected",
                 may_open=False,
             )
-            for device in heard
+            for device in received
             if (device.name or "").startswith(_NAMES)
         ]
 
@@ -159,9 +159,9 @@ class _BleLink:
         o = self._options
         device = self._call(self._find(), o.scan_s + _CALL_S, "looking for the vest")
         if device is None:
-            what = f"no vest with the address {o.address}" if o.address else "no vest (TactSuit…, Tactot…)"
+            subject = f"no vest with the address {o.address}" if o.address else "no vest (TactSuit…, Tactot…)"
             raise DeviceUnavailableError(
-                f"{what} was found in {o.scan_s:g} s of Bluetooth scanning",
+                f"{subject} was found in {o.scan_s:g} s of Bluetooth scanning",
                 "switch it on and close the Player and the phone's app: a vest talks to one program at a time",
             )
         self._client = self._bleak.BleakClient(device, disconnected_callback=self._on_disconnected)
@@ -230,7 +230,7 @@ class _BleLink:
                 if wanted(device, device.name):
                     return device
         return await self._bleak.BleakScanner.find_device_by_filter(
-            lambda device, heard: wanted(device, heard.local_name or device.name),
+            lambda device, received: wanted(device, received.local_name or device.name),
             timeout=self._options.scan_s,
         )
 

@@ -91,7 +91,7 @@ class _HidLink:
         self._device: Any = None
         self._sequence = 0
         self._status: HidStatus | None = None
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._garbage = 0
         self._last_garbage = ""
 
@@ -145,9 +145,9 @@ class _HidLink:
         while self._status is None and time.monotonic() < deadline:
             self._read(10)
         if self._status is None:
-            said = f": {self._last_garbage}" if self._garbage else ""
+            text = f": {self._last_garbage}" if self._garbage else ""
             raise DeviceUnavailableError(
-                f"the USB board {wanted} sends no status in report format version 1{said}",
+                f"the USB board {wanted} sends no status in report format version 1{text}",
                 "its firmware has to speak the reports in docs/wire.md, version 1",
             )
         if o.require_vest and not self.present:
@@ -170,7 +170,7 @@ class _HidLink:
 
     def poll(self) -> None:
         self._read()
-        if time.monotonic() - self._heard_s > _ANSWER_S:
+        if time.monotonic() - self._received_s > _ANSWER_S:
             raise DeviceUnavailableError(f"the USB board has sent no status for {_ANSWER_S:g} s")
 
     def close(self) -> None:
@@ -216,4 +216,4 @@ class _HidLink:
                 self._garbage += 1
                 self._last_garbage = error.message
             else:
-                self._heard_s = time.monotonic()
+                self._received_s = time.monotonic()

@@ -84,6 +84,6 @@ class VestRecorder(Opened):
                 f"vest-recorder: a frame for {len(motors)} motors after frames for {len(self._motors)}",
                 "keep one layout for a whole recording",
             )
-        told = tuple(frame.intensities.tolist())
-        self._csv.write(*rows(records.VestFrame(t_ns=t_ns, layout=frame.layout, intensities=told)))
+        reported = tuple(frame.intensities.tolist())
+        self._csv.write(*rows(records.VestFrame(t_ns=t_ns, layout=frame.layout, intensities=reported)))
         return frame

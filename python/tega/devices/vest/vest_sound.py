@@ -72,22 +72,22 @@ class ColumnTones:
         self._ears = np.stack([np.cos(side_rad), np.sin(side_rad)], axis=1)
         self._amplitude = np.zeros(8)
         # What was told last, and how many samples were made since: one tuple, since two threads share it.
-        self._told: tuple[NDArray[np.float64], int] = (np.zeros(8), 0)
+        self._reported: tuple[NDArray[np.float64], int] = (np.zeros(8), 0)
         self._n_made = 0
 
-    def tell(self, intensities: NDArray[np.uint8]) -> None:
+    def notify(self, intensities: NDArray[np.uint8]) -> None:
         """Play the motors' intensities.
 
         Args:
             intensities: uint8 (40,), percent, rows from the top and columns from the wearer's left, front then back.
         """
         columns = intensities.reshape(2, 5, 4).max(axis=1).reshape(8)
-        self._told = columns / 100 * self._volume * _LOUDEST, self._n_made
+        self._reported = columns / 100 * self._volume * _LOUDEST, self._n_made
 
     @property
     def silent(self) -> bool:
         """Whether nothing sounds, and nothing is about to."""
-        return not (self._amplitude.any() or self._told[0].any())
+        return not (self._amplitude.any() or self._reported[0].any())
 
     def render(self, n: int) -> NDArray[np.float32]:
         """Make the next samples; without a word for 200 ms they fade to silence.
@@ -98,8 +98,8 @@ class ColumnTones:
         Returns:
             float32 (n, 2), left and right, -1 to 1.
         """
-        wanted, told_at = self._told
-        if self._n_made - told_at > HOLD_MS / 1000 * RATE_HZ:
+        wanted, reported_at = self._reported
+        if self._n_made - reported_at > HOLD_MS / 1000 * RATE_HZ:
             wanted = np.zeros(8)
         most = np.arange(1, n + 1)[:, None] * (self._volume * _LOUDEST / (_RAMP_S * RATE_HZ))
         missing = wanted - self._amplitude
@@ -175,7 +175,7 @@ class _Loudspeaker:
         return True
 
     def send(self, intensities: NDArray[np.uint8]) -> None:
-        self._tones.tell(intensities)
+        self._tones.notify(intensities)
 
     def poll(self) -> None:
         """Do nothing: a loudspeaker has nothing to say."""
@@ -184,7 +184,7 @@ class _Loudspeaker:
         stream, self._stream = self._stream, None
         if stream is None:
             return
-        self._tones.tell(np.zeros(40, np.uint8))
+        self._tones.notify(np.zeros(40, np.uint8))
         until_s = time.monotonic() + _FADE_S
         while stream.active and not self._tones.silent and time.monotonic() < until_s:
             time.sleep(_RAMP_S)

@@ -174,7 +174,7 @@ class StreamedVest(Opened):
         self._last: threading.Thread | None = None
         self._changed = threading.Condition()
         self._turn = threading.Lock()  # of whoever uses the link
-        self._shown, self._shown_s = _ZEROS, 0.0
+        self._displayed, self._displayed_s = _ZEROS, 0.0
         self._stopping = False
         self._slot = _ZEROS
         self._slot_is_new = False
@@ -228,12 +228,12 @@ class StreamedVest(Opened):
         if not link.present or not link.condition:
             return link.condition
         battery = link.battery_percent
-        said = (
+        text = (
             link.condition,
             f"battery {'unknown' if battery is None else f'{battery} %'}",
             "fit unknown",
         )
-        return ", ".join(filter(None, said))
+        return ", ".join(filter(None, text))
 
     @property
     def spared(self) -> int:
@@ -311,8 +311,8 @@ class StreamedVest(Opened):
         if is_new and not (self.sends_at_once and self._sent_here()):
             with self._changed:
                 self._changed.notify()
-        shown = allowed if self.reached else _ZEROS
-        return MotorLevels(frame.layout, shown[frame.motors])
+        displayed = allowed if self.reached else _ZEROS
+        return MotorLevels(frame.layout, displayed[frame.motors])
 
     def _sent_here(self) -> bool:
         """Send the newest frame in the calling thread; ``False`` leaves it to the writer's."""
@@ -320,7 +320,7 @@ class StreamedVest(Opened):
             return False
         try:
             link = self._link
-            if link is None or not self._up.is_set() or time.monotonic() - self._shown_s < self._gap_s:
+            if link is None or not self._up.is_set() or time.monotonic() - self._displayed_s < self._gap_s:
                 return False
             if not link.ready(0.0):
                 return False
@@ -360,7 +360,7 @@ class StreamedVest(Opened):
             try:
                 link.connect()
                 link.send(_ZEROS)
-                self._shown, self._shown_s = _ZEROS, time.monotonic()
+                self._displayed, self._displayed_s = _ZEROS, time.monotonic()
                 self._up.set()
                 connected.set()
                 again.works()
@@ -369,11 +369,11 @@ class StreamedVest(Opened):
                 BaseException
             ) as error:  # a panic of native code, too: the vest is silenced and tried again
                 if not connected.is_set():
-                    self._failure = _said(error)
+                    self._failure = _text(error)
                     self._stopping = True
                 elif self._up.is_set():
                     self.counters.lost += 1
-                    self.counters.problem = _said(error).message
+                    self.counters.problem = _text(error).message
             finally:
                 with self._turn:
                     self._up.clear()
@@ -391,11 +391,11 @@ class StreamedVest(Opened):
         while True:
             free_ns = 0
             with self._changed:
-                rest_s = self._shown_s + self._renew_s(self._slot) - time.monotonic()
+                rest_s = self._displayed_s + self._renew_s(self._slot) - time.monotonic()
                 self._changed.wait_for(
                     lambda: self._slot_is_new or self._stopping, min(_POLL_S, max(0.0, rest_s))
                 )
-                if self._slot_is_new and (held_s := self._shown_s + self._gap_s - time.monotonic()) > 0:
+                if self._slot_is_new and (held_s := self._displayed_s + self._gap_s - time.monotonic()) > 0:
                     self.counters.held += 1
                     self._changed.wait_for(lambda: self._stopping, held_s)
                     free_ns = time.monotonic_ns()
@@ -404,7 +404,7 @@ class StreamedVest(Opened):
             with self._turn:
                 if link.ready(_POLL_S):
                     self._put(link, free_ns)
-                elif time.monotonic() - self._shown_s > _STALLED_S:
+                elif time.monotonic() - self._displayed_s > _STALLED_S:
                     raise DeviceUnavailableError(f"{self.name}: takes no frames, for {_STALLED_S:g} s now")
                 link.poll()  # last, since it may take a while and nobody waits for it
 
@@ -418,9 +418,13 @@ class StreamedVest(Opened):
                 self.counters.silenced += bool(wanted.any())
                 wanted = self._slot = _ZEROS
         every = is_new and not self.keep_alive_s
-        if every or now - self._shown_s >= self._renew_s(wanted) or not self.shows_alike(wanted, self._shown):
+        if (
+            every
+            or now - self._displayed_s >= self._renew_s(wanted)
+            or not self.shows_alike(wanted, self._displayed)
+        ):
             link.send(wanted)
-            self._shown, self._shown_s = wanted, now
+            self._displayed, self._displayed_s = wanted, now
             self.counters.sent += 1
         if is_new:
             self._handed.append((t_ns, free_ns, time.monotonic_ns()))
@@ -430,7 +434,7 @@ class StreamedVest(Opened):
         return (self.keep_alive_s or KEEP_ALIVE_S) if frame.any() else REST_S
 
 
-def _said(error: BaseException) -> DeviceUnavailableError:
+def _text(error: BaseException) -> DeviceUnavailableError:
     if isinstance(error, DeviceUnavailableError):
         return error
     return DeviceUnavailableError(f"unexpected {type(error).__name__}: {error}", "report it")

@@ -153,8 +153,8 @@ def fed_contacts(
     *,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     prepare: Callable[[TactileFrame], None] = lambda _frame: None,
-    see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
-    tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+    observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
+    notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Callable[[TactileFrame], None]:
     """Return the function that a sensor's own thread calls with each picture; a bad one is dropped and counted.
 
@@ -165,9 +165,9 @@ def fed_contacts(
         fail: Called with an unexpected exception; the sensor's thread continues.
         stamp: Called with each measured frame's time and the monotonic time of its reception.
         prepare: Called with each frame before it is checked and measured.
-        see: Called with each frame and the monotonic time of its reception, after the measurement was passed on, so
+        observe: Called with each frame and the monotonic time of its reception, after the measurement was passed on, so
             that recording delays nothing.
-        tell: Called with each measured frame and its contact, in the thread that measures.
+        notify: Called with each measured frame and its contact, in the thread that measures.
     """
 
     def measure(frame: TactileFrame) -> None:
@@ -178,9 +178,9 @@ def fed_contacts(
                 if (contact := meter.take(frame)) is not None:
                     stamp(contact.t_ns, received_ns)
                     take(contact)
-                    tell(frame, contact)
+                    notify(frame, contact)
             finally:
-                see(frame, received_ns)
+                observe(frame, received_ns)
         except TegaError:
             report.drop()
         except BaseException as error:  # a panic of native code, too; the loop raises it
@@ -211,8 +211,8 @@ def measured_contacts(
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     prepare: Callable[[TactileFrame], None] = lambda _frame: None,
-    see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
-    tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+    observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
+    notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Generator[Contact, None, int]:
     """Measure the frames of a source.
 
@@ -232,8 +232,8 @@ def measured_contacts(
         stopped: Returns true to stop reading.
         stamp: Called with each measured frame's time and the monotonic time of its reception.
         prepare: Called with each frame before it is checked and measured.
-        see: Called with each frame and the monotonic time of its reception.
-        tell: Called with each measured frame and its contact, in the thread that measures.
+        observe: Called with each frame and the monotonic time of its reception.
+        notify: Called with each measured frame and its contact, in the thread that measures.
 
     Yields:
         The contact in each frame.
@@ -253,7 +253,7 @@ def measured_contacts(
                 continue
             received_ns = time.monotonic_ns()
             prepare(frame)
-            see(frame, received_ns)
+            observe(frame, received_ns)
             if live and frame.seq == meter.seq:
                 time.sleep(SEEN_REST_S)
             contact = meter.take(frame)
@@ -275,7 +275,7 @@ def measured_contacts(
         end_ns = frame.t_ns - start_ns if live else frame.t_ns
         if contact is not None:
             stamp(contact.t_ns, received_ns)
-            tell(frame, contact)
+            notify(frame, contact)
             yield contact
     rate_hz = source.info.rate_hz
     if not live and rate_hz:

@@ -63,17 +63,17 @@ class Inputs:
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:
         self._seats = dict(seats)
-        self._no_data_looks = dict.fromkeys(seats, 0)
-        self._n_looks = 0
+        self._no_data_polls = dict.fromkeys(seats, 0)
+        self._n_polls = 0
         self.seen: dict[str, SeatSeen] = {}
-        self._said: dict[str, tuple[Any, ...]] = {}
+        self._text: dict[str, tuple[Any, ...]] = {}
 
     @property
     def seats(self) -> Mapping[str, Seat]:
         """The devices, by seat."""
         return self._seats
 
-    def look(self, bus: Bus, pacer: Pacer) -> None:
+    def check(self, bus: Bus, pacer: Pacer) -> None:
         """Look at every device.
 
         Args:
@@ -83,7 +83,7 @@ class Inputs:
         if not self._seats:
             return
         events: dict[str, list[InputEvent]] = {}
-        self._n_looks += 1
+        self._n_polls += 1
         seen = {}
         for name, (source, button) in self._seats.items():
             state = source.state()
@@ -91,16 +91,16 @@ class Inputs:
             before = self.seen[name].n_presses if name in self.seen else 0
             held = bool(state.held) if button is None else button in state.held
             seen[name] = SeatSeen(state, held, before + sum(e.pressed for e in events[name]))
-            self._no_data_looks[name] += not state.live
+            self._no_data_polls[name] += not state.live
         self.seen = seen
-        self._tell(events, bus, pacer)
+        self._notify(events, bus, pacer)
 
-    def _tell(self, events: Mapping[str, list[InputEvent]], bus: Bus, pacer: Pacer) -> None:
+    def _notify(self, events: Mapping[str, list[InputEvent]], bus: Bus, pacer: Pacer) -> None:
         for seat, seen in self.seen.items():
             state = seen.state
-            said = state[1:]  # without the time at which the device was last heard
-            if self._said.get(seat) != said:
-                self._said[seat] = said
+            message = state[1:]  # without the time at which the device was last heard
+            if self._text.get(seat) != message:
+                self._text[seat] = message
                 held = tuple(sorted(state.held))
                 t_ns = pacer.elapsed_ns()
                 bus.publish(
@@ -124,7 +124,7 @@ class Inputs:
                 "driver": seat.source.info.driver,
                 "source": seat.source.info.label,
                 "presses": self.seen[name].n_presses if name in self.seen else 0,
-                "no_data_share": self._no_data_looks[name] / max(self._n_looks, 1),
+                "no_data_share": self._no_data_polls[name] / max(self._n_polls, 1),
             }
             for name, seat in self._seats.items()
         }

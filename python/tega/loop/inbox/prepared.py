@@ -65,8 +65,8 @@ class Prepared(NamedTuple):
         calibration_name: Base name of their file, or the person they belong to; ``""`` when they came from the
             recording.
         warnings: Warnings about the maxima.
-        look: Gives at a tick, by the level asked for, the look at hand and arm where those are known from somewhere
-            else; hand and arm of the run are then not looked at.
+        poll_hand: Returns at a tick, by the requested level, a reading of hand and arm from another source; those of
+            the run are then not read.
     """
 
     fingers: Mapping[str, Finger]
@@ -74,7 +74,7 @@ class Prepared(NamedTuple):
     calibration: Calibration
     calibration_name: str
     warnings: tuple[str, ...] = ()
-    look: Callable[[int, float], HandLook | None] | None = None
+    poll_hand: Callable[[int, float], HandLook | None] | None = None
 
     @property
     def sources(self) -> list[TactileSource | EmgSource]:

@@ -169,7 +169,7 @@ class BlockMeter:
         self._adaptation = adaptation
         self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
         # The faults that the report tells.
-        self._told = self._votes.faults
+        self._reported = self._votes.faults
         # Blocks that had a vote, with the number of samples at their end.
         self._sound: deque[tuple[int, Intent]] = deque(maxlen=_KEPT_BLOCKS)
         self._names = maxima.channels
@@ -221,9 +221,9 @@ class BlockMeter:
         report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
         self.end_ns = end_ns
-        if votes.faults is not self._told:
-            self._told = votes.faults
-            report.faults = tuple(f"{name}: {why}" for name, why in self._told.items())
+        if votes.faults is not self._reported:
+            self._reported = votes.faults
+            report.faults = tuple(f"{name}: {why}" for name, why in self._reported.items())
         return intents
 
     def _times_ns(self, n: int, end_ns: int, n_whole: int) -> NDArray[np.int64]:
@@ -292,7 +292,7 @@ def grasp_blocks(
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
-    see: Callable[[EmgChunk], None] = lambda _chunk: None,
+    observe: Callable[[EmgChunk], None] = lambda _chunk: None,
     adaptation: ChannelAdaptation | None = None,
 ) -> Generator[Intent, None, int]:
     """Turn the samples of a source into levels, one per block.
@@ -310,7 +310,7 @@ def grasp_blocks(
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Returns true to stop reading.
         stamp: Called with each block's time and the monotonic time at which its last samples were received.
-        see: Called with the samples that were read, before they are decoded.
+        observe: Called with the samples that were read, before they are decoded.
         adaptation: Adapts the decoder's input; ``None`` for unchanged samples.
 
     Yields:
@@ -327,7 +327,7 @@ def grasp_blocks(
             if chunk is None:
                 continue
             received_ns = time.monotonic_ns()
-            see(chunk)
+            observe(chunk)
             intents = meter.take(chunk)
         except DeviceUnavailableError as error:
             if not live:

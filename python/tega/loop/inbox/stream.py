@@ -90,13 +90,13 @@ class PulledStream(Generic[Item]):
             self._head, self.due_ns = None, 0
             if stop.value is not None:
                 self.end_ns = max(self.end_ns, stop.value)
-            self._look_for_the_end()
+            self._watch_for_end()
         else:
             self._head = head
             self.due_ns = head.t_ns if self._known is None else next(self._known)
             self.end_ns = max(self.end_ns, head.t_ns)
 
-    def _look_for_the_end(self) -> None:
+    def _watch_for_end(self) -> None:
         if self._over():
             self.ended, self.due_ns = True, NEVER_NS
 
@@ -113,7 +113,7 @@ class PulledStream(Generic[Item]):
             return None
         head = self._head
         if head is None:
-            self._look_for_the_end()
+            self._watch_for_end()
             return None
         self._advance()
         return head

@@ -98,8 +98,8 @@ class Comparing:
                 late = topic == records.Adaptation.topic
                 cut_ns = compared.last_recorded_ns + 1 if late else self._feed.last_tick_ns
             result = compared.result(cut_ns)
-            shown = rule.listed or result.recorded or (result.replayed and not rule.shared)
-            if shown and (not rule.shared or self._measurable(topic, result.replayed)):
+            displayed = rule.listed or result.recorded or (result.replayed and not rule.shared)
+            if displayed and (not rule.shared or self._measurable(topic, result.replayed)):
                 yield result
 
     def _stream(self, kind: type[Record], topic: str) -> Compared:

@@ -61,11 +61,11 @@ class Follower:
         """Go on at a time of the recording, to which the playhead has jumped, or which reading is behind."""
         self.since_ns = at_ns
 
-    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
+    def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:
         """Take the next message, which came at a time of the recording that the playhead has reached."""
         raise NotImplementedError
 
-    def settle(self, moment: PlayedMoment) -> None:
+    def settle(self, snapshot: PlayedMoment) -> None:
         """Publish pending content: there are no more messages before this position."""
 
     def skip(self, known_ns: int) -> None:
@@ -114,22 +114,22 @@ class FollowedFile:
         self._n_unusable: dict[str, int] = {}
         self.problems: dict[str, str] = {}  # by the follower's name
 
-    def follow(self, moment: PlayedMoment, closing: threading.Event) -> None:
+    def follow(self, snapshot: PlayedMoment, closing: threading.Event) -> None:
         """Pass on the messages up to a position, and have the followers publish them."""
-        jumped, self._n_jumps = moment.n_jumps != self._n_jumps, moment.n_jumps
-        until_ns = moment.at_ns + self._most_delay_ns
+        jumped, self._n_jumps = snapshot.n_jumps != self._n_jumps, snapshot.n_jumps
+        until_ns = snapshot.at_ns + self._most_delay_ns
         if jumped or until_ns - self._read_ns > self._behind_ns:
-            self._place(moment.at_ns, jumped=jumped)
+            self._place(snapshot.at_ns, jumped=jumped)
         for follower in self.followers:
-            self._pass_on(follower, moment)
+            self._pass_on(follower, snapshot)
         while self._read_ns <= until_ns and not closing.is_set():
             if (found := self._read()) is not None:
-                self._pass_on(found, moment)
+                self._pass_on(found, snapshot)
         for follower in self.followers:
             try:
-                follower.settle(moment)
+                follower.settle(snapshot)
             except Exception as error:  # whatever a file leads to that others may have made
-                self._pass_over(follower, error, moment.at_ns)
+                self._pass_over(follower, error, snapshot.at_ns)
 
     def _place(self, at_ns: int, *, jumped: bool) -> None:
         """Go to where the followers want to go on; to where reading is already, if that is not behind it."""
@@ -158,12 +158,12 @@ class FollowedFile:
         follower.waiting.append((self._read_ns - follower.delay_ns, found))
         return follower
 
-    def _pass_on(self, follower: Follower, moment: PlayedMoment) -> None:
-        while follower.waiting and follower.waiting[0][0] <= moment.at_ns:
+    def _pass_on(self, follower: Follower, snapshot: PlayedMoment) -> None:
+        while follower.waiting and follower.waiting[0][0] <= snapshot.at_ns:
             at_ns, message = follower.waiting.popleft()
             if at_ns >= follower.since_ns:
                 try:
-                    follower.take(message, at_ns, moment)
+                    follower.take(message, at_ns, snapshot)
                 except Exception as error:  # as above
                     self._pass_over(follower, error, at_ns)
 
@@ -182,15 +182,15 @@ class PlayedFinger(Follower):
         self._make, self._bus = partial(finger_meter, head, finger), bus
         self._meter: FrameMeter | None = None
         self._image: Message | None = None
-        self._shown_ns = 0
+        self._displayed_ns = 0
 
     def begin(self, at_ns: int, *, jumped: bool) -> None:
         """Begin a second before a position, or skip the pictures before it."""
-        self._image, self._shown_ns, self.since_ns = None, at_ns, at_ns
+        self._image, self._displayed_ns, self.since_ns = None, at_ns, at_ns
         if jumped:
             self._meter, self.since_ns = None, at_ns - _WARM_NS
 
-    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
+    def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:
         """Take an image, or the number and times that follow it."""
         if not message.topic.endswith("/frame"):
             self._image = message
@@ -201,8 +201,8 @@ class PlayedFinger(Follower):
         self._meter = self._make() if self._meter is None else self._meter
         picture = record_of(message, image=read_picture(image))
         contact = measure(self._meter, picture) if isinstance(picture, Picture) else None
-        if contact is not None and isinstance(picture, Picture) and known_ns >= self._shown_ns:
-            contact = replace(contact, t_ns=contact.t_ns + moment.shift_ns)
+        if contact is not None and isinstance(picture, Picture) and known_ns >= self._displayed_ns:
+            contact = replace(contact, t_ns=contact.t_ns + snapshot.shift_ns)
             metric = self._meter.metric
             self._bus.publish(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
             self.n_published += 1
@@ -225,7 +225,7 @@ class PlayedSamples(Follower):
         super().begin(at_ns, jumped=jumped)
         self._offset = None
 
-    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
+    def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:
         """Publish the next samples.
 
         Raises:
@@ -237,10 +237,10 @@ class PlayedSamples(Follower):
         n, more = divmod(given.samples.size, self._n_channels)
         if given.n_channels != self._n_channels or more:
             raise RecordingError(f"{given.n_channels} channels, and the maxima are of {self._n_channels}")
-        t_ns = given.t_ns + moment.shift_ns
+        t_ns = given.t_ns + snapshot.shift_ns
         if self._offset is None:
             self._offset = round(t_ns * 1e-9 * self._rate_hz) - given.first_index - n
-        number, received_ns = given.first_index + self._offset, known_ns + moment.shift_ns
+        number, received_ns = given.first_index + self._offset, known_ns + snapshot.shift_ns
         self._bus.publish(replace(given, t_ns=t_ns, received_ns=received_ns, first_index=number))
         self.n_published += 1
 

@@ -13,7 +13,7 @@ from tega.arm.settings import ArmSettings
 from tega.config import STAGE_GROUPS, SessionConfig, check_tree, load_config, override_recorded
 from tega.config.calibration import Calibration, load_calibration
 from tega.config.calibration.store import parse_calibration
-from tega.config.choose import chosen_stage, metric_told
+from tega.config.choose import chosen_stage, metric_choice
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader, Message
@@ -222,7 +222,7 @@ def with_changes(head: Head, other: Path | None = None, sets: Sequence[str] = ()
 def metric_change(head: Head) -> str:
     """Return in words that another version of the metric measured the recording's contacts; ``""`` if none did."""
     stages, preset = head.config.stages, head.config.session.preset
-    name, now = chosen_stage("metric", stages, preset).name, metric_told(stages, preset)
+    name, now = chosen_stage("metric", stages, preset).name, metric_choice(stages, preset)
     then = head.facts.get("metric", f"{name} 1")
     if then == now or then.partition(" ")[0] != name:
         return ""

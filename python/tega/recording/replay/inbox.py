@@ -16,7 +16,7 @@ from tega.haptics import MotorLevels
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
 from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
-from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.loop.reflex import ReflexArc, ReflexInputs
 from tega.recording.replay.feed import Newest
 from tega.records import Contact, HandLook, Imposed, Intent, ReflexGrip
 from tega.runtime.clock import ManualClock
@@ -64,7 +64,7 @@ class RecordedRun(Pacer):
         self._haptics = True
         self._newest: list[Newest[Any]] = []
         self._tried, self._sent = self.newest(records.TriedMotor), self.newest(records.ProgramFrame)
-        self._looks = self.newest(HandLook) if feed.holds(HandLook) else None
+        self._checks = self.newest(HandLook) if feed.holds(HandLook) else None
         self._settled_ns, self.tick_ns = 0, -1
         feed.bus.subscribe(records.Skip, lambda skip: self._skipped.add(skip.t_ns), vital=True)
         feed.bus.subscribe(
@@ -115,9 +115,9 @@ class RecordedRun(Pacer):
         self._put(NEVER_NS)
 
     @property
-    def look(self) -> Callable[[int, float], HandLook | None] | None:
+    def check(self) -> Callable[[int, float], HandLook | None] | None:
         """Gives the look at hand and arm of a tick; ``None`` where slips were detected by touch alone."""
-        looks = self._looks
+        looks = self._checks
         return None if looks is None else lambda t_ns, _level: looks.at(t_ns)
 
     def haptics(self) -> bool:
@@ -186,10 +186,10 @@ def recorded_arc(
         return None
     grips = newest(ReflexGrip)
 
-    def moment(t_ns: int) -> ReflexMoment:
+    def snapshot(t_ns: int) -> ReflexInputs:
         row = grips.at(t_ns)
         if row is None:
-            return ReflexMoment(0.0, allowed=True, measured=None)
-        return ReflexMoment(row.authority, row.allowed, row.measured)
+            return ReflexInputs(0.0, allowed=True, measured=None)
+        return ReflexInputs(row.authority, row.allowed, row.measured)
 
-    return ReflexArc(reflex, config.stages.reflex, moment=moment, tell=bus.publish)
+    return ReflexArc(reflex, config.stages.reflex, snapshot=snapshot, notify=bus.publish)

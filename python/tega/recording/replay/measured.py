@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from tega.config.attached import with_attached
 from tega.config.choose import chosen_stage, finger_metric, is_outside, muscle_decoder
 from tega.errors import TegaError
-from tega.loop.beside import look_on
+from tega.loop.beside import measure_beside_on
 from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
@@ -97,7 +97,7 @@ class Measured:
             feed.bus.subscribe(Picture, bus.publish, vital=True)
             feed.bus.subscribe(EmgSamples, bus.publish, vital=True)
             with ExitStack() as stack:  # nothing in it has a thread of its own
-                look_on(
+                measure_beside_on(
                     stack,
                     replace(config, stages=replace(config.stages, beside=beside)),
                     bus,
@@ -169,7 +169,9 @@ def _block_meter(head: Head, maxima: EmgMaxima, bus: Bus) -> BlockMeter:
     config, adaptation = head.config, None
     if config.stages.adaptation.on:
         switches = read_switches(head.switches)
-        adaptation = ChannelAdaptation(maxima, config.stages.adaptation, switches=switches, tell=bus.publish)
+        adaptation = ChannelAdaptation(
+            maxima, config.stages.adaptation, switches=switches, notify=bus.publish
+        )
     with with_attached(config.stages, head.files) as stages:
         decoder = muscle_decoder(stages, config.session.preset, maxima)
     return BlockMeter(

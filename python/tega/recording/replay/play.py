@@ -28,7 +28,7 @@ from tega.recording.replay.playhead import Playhead
 from tega.recording.run_tables import write_summary
 from tega.records.bus import Bus
 from tega.runtime.features import targets
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 
 LEAD_S = 2
 """Before the first item, in real time at least: the run arms, and a hand goes to where it was."""
@@ -37,7 +37,7 @@ SLOWEST, FASTEST = 0.05, 20.0
 
 _DRAWN = "on-screen-vest"
 # Nobody wears these.
-_SHOWN = (_DRAWN, "sound-vest")
+_DISPLAYED = (_DRAWN, "sound-vest")
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
@@ -70,7 +70,7 @@ def play_file(
     bus: Bus | None = None,
     controls: Controls | None = None,
     parts: Sequence[Part] = (),
-    progress: Progress = lambda _what, _done, _total: None,
+    progress: Progress = lambda _subject, _done, _total: None,
 ) -> dict[str, Any]:
     """Play a recorded run.
 
@@ -142,7 +142,7 @@ def play_file(
         "lead_s": lead_ns / 1e9,
         "from_s": playhead.from_ns / 1e9,
         "jumps": playhead.n_jumps,
-        "shown": played.n_shown(),
+        "shown": played.n_displayed(),
         "not_shown": list(played.problems),
     }
     if speed is not None:
@@ -153,7 +153,7 @@ def play_file(
     return summary
 
 
-@tells_damage
+@reports_damage
 def _read(
     path: Path, playhead: Playhead, players: Sequence[Player], controls: Controls
 ) -> tuple[RecordFeed, PlayedRun]:
@@ -181,7 +181,7 @@ def _live(to: SessionConfig) -> tuple[bool, list[str]]:
             live = live or info.live
             interface = getattr(options, "interface", None)
             on_a_bus = interface is None or may_have_hardware(interface, options.channel)
-            if info.live and section.driver not in _SHOWN and on_a_bus:
+            if info.live and section.driver not in _DISPLAYED and on_a_bus:
                 real.append(f"{kind}: {info.driver}, {info.label}")
     return live, real
 

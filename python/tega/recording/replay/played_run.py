@@ -19,7 +19,7 @@ from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError, RecordingError
 from tega.hand import joined_level, split_level
-from tega.loop.arm_view import recorded_look
+from tega.loop.arm_view import recorded_check
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.loop import FIRST_LEVEL
@@ -36,12 +36,12 @@ from tega.recording.replay.measured import Measured
 from tega.recording.replay.playhead import PlayedItems, Playhead, Track
 from tega.records import ArmTurn, Contact, EmgSamples, HandCommand, HandLook, Haptics, Imposed, Intent, Marker
 from tega.records.bus import Bus
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.threads import run_realtime
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.recording.replay.feed import RecordFeed
     from tega.recording.replay.followed_file import Player
 
@@ -50,7 +50,7 @@ PLAYED: Final = "recording"
 
 # Reading that is so late, in the machine's time, leaves out what lies between.
 _BEHIND_S: Final = 1.0
-_LOOK_S: Final = 0.01
+_POLL_S: Final = 0.01
 _LEAVE_S: Final = 5.0
 
 
@@ -73,13 +73,13 @@ class PlayedRun(Part):
         self._measured = Measured(feed, Bus(), compressed=False)
         self._contacts, self._intents = feed.collect(Contact), feed.collect(Intent)
         self._commands, self._imposed = feed.collect(HandCommand), feed.collect(Imposed)
-        self._looks, self._haptics = feed.collect(HandLook), feed.collect(Haptics)
+        self._checks, self._haptics = feed.collect(HandLook), feed.collect(Haptics)
         self._marked, self._turned = feed.collect(Marker), feed.collect(ArmTurn)
         self._bus, self._files, self._threads = Bus(), list[FollowedFile](), list[threading.Thread]()
         self._closing = threading.Event()
-        self._moment: PlayedMoment | None = None
+        self._snapshot: PlayedMoment | None = None
 
-    @tells_damage
+    @reports_damage
     def sources(self, note: str) -> Prepared:
         """Return the sources of the run, with a note for readers of its results."""
         head, muscles, emg = self._head, None, self._head.calibration.emg
@@ -107,9 +107,9 @@ class PlayedRun(Part):
             levels = self._levels(len(emg.channels))
             muscles = Muscles(source("emg"), emg, decoder, SourceReport(), stream=levels.stream)
         name = "" if head.facts["calibration"] == "self-calibrated" else head.facts["calibration"]
-        looks = {look.t_ns: look for look in self._looks}
-        look = played_looks(list(looks.values()), self._playhead) if looks else None
-        return Prepared(fingers, muscles, head.calibration, name, look=look)
+        looks = {check.t_ns: check for check in self._checks}
+        check = played_checks(list(looks.values()), self._playhead) if looks else None
+        return Prepared(fingers, muscles, head.calibration, name, poll_hand=check)
 
     def haptics(self, permitted: Callable[[], bool]) -> Callable[[], bool]:
         """Return the function that allows motors to vibrate if the run did then, and another function does."""
@@ -170,34 +170,34 @@ class PlayedRun(Part):
             self._bus.publish(Marker(t_ns=marker.t_ns + playhead.shift_ns, text=marker.text, source=PLAYED))
         if playhead.at_ns < playhead.from_ns and not playhead.n_jumps:
             return
-        self._moment = PlayedMoment(playhead.n_jumps, playhead.at_ns, playhead.shift_ns)
+        self._snapshot = PlayedMoment(playhead.n_jumps, playhead.at_ns, playhead.shift_ns)
         if self._inline:
             for file in self._files:
-                file.follow(self._moment, self._closing)
+                file.follow(self._snapshot, self._closing)
 
     @run_realtime("beside")
     def _work(self, file: FollowedFile) -> None:
-        while not self._closing.wait(_LOOK_S):
-            if (moment := self._moment) is not None:
-                file.follow(moment, self._closing)
+        while not self._closing.wait(_POLL_S):
+            if (snapshot := self._snapshot) is not None:
+                file.follow(snapshot, self._closing)
 
     @property
     def problems(self) -> tuple[str, ...]:
         """Parts of the recording that cannot be shown, a sentence each."""
         return tuple(problem for file in self._files for problem in tuple(file.problems.values()))
 
-    def shown(self, view: LoopView) -> LoopView:
+    def displayed(self, view: LoopView) -> LoopView:
         """Add the recorded state of the arm, and the parts that cannot be shown, to a view of the loop."""
         if problems := self.problems:
             view = view._replace(alerts=(*view.alerts, *problems))
         turn = self._turns.at_playhead()
         if turn is None:
             return view
-        arm, words = recorded_look(turn), f"as recorded: {turn.state}: {turn.reason}"
+        arm, words = recorded_check(turn), f"as recorded: {turn.state}: {turn.reason}"
         height_m = None if arm.hand_m is None else arm.hand_m[2]
         return view._replace(arm=words, seen_arm=arm, arm_height_m=height_m)
 
-    def n_shown(self) -> dict[str, int]:
+    def n_displayed(self) -> dict[str, int]:
         """Return the number of published frames and chunks of samples, by finger, camera and ``emg``."""
         return {one.name: one.n_published for one in self._followers}
 
@@ -240,13 +240,13 @@ def _imposed(intent: Intent, level: float) -> Intent:
     return replace(intent, level=whole, closure=closure)
 
 
-def played_looks(looks: list[HandLook], playhead: Playhead) -> Callable[[int, float], HandLook | None]:
+def played_checks(looks: list[HandLook], playhead: Playhead) -> Callable[[int, float], HandLook | None]:
     """Return the function that gives the recorded looks at hand and arm, each at the tick at which it came then."""
     track = Track(looks, playhead)
 
-    def look(t_ns: int, _level: float) -> HandLook | None:
+    def check(t_ns: int, _level: float) -> HandLook | None:
         if (found := next(track.due(), None)) is None:
             return None
         return replace(found, t_ns=t_ns, seen_ns=found.seen_ns + playhead.shift_ns)
 
-    return look
+    return check

@@ -26,7 +26,7 @@ from tega.loop.arm_records import with_command
 from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_output import HandOutput
 from tega.loop.loop import DualLoop
-from tega.loop.moment import Moment, Moments
+from tega.loop.snapshot import Moments, Snapshot
 from tega.loop.touch_loop import touch_loop
 from tega.loop.vest_output import VestOutput
 from tega.recording.mcap_reader import Progress
@@ -38,7 +38,7 @@ from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
 from tega.recording.replay.measured import Measured, PictureError
 from tega.records import ArmTurn, HandExchange, Imposed, PoseNumbers, bus_frames
 from tega.records.bus import Bus
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame
@@ -74,7 +74,7 @@ class Replay(msgspec.Struct, frozen=True):
     pose_base: int = 1
 
 
-@tells_damage
+@reports_damage
 def replay_file(
     path: Path,
     *,
@@ -128,7 +128,7 @@ def _run(feed: RecordFeed, recorded: RecordedRun, bus: Bus) -> int:
     """Run the loop on the recording; return when it ended."""
     head, config, end = feed.head, feed.head.config, feed.end
     if head.facts["observed"] == "true":
-        bus.subscribe(Moment, lambda _moment: None)
+        bus.subscribe(Snapshot, lambda _snapshot: None)
     # The frames of a real hand that closed its own loop are in its exchanges, not those of this model.
     hand = ModelledAllegro(device_id=config.hand.device_id)
     touch = touch_loop(config, head.calibration, head.baselines)
@@ -151,7 +151,7 @@ def _run(feed: RecordFeed, recorded: RecordedRun, bus: Bus) -> int:
         bus=bus,
         guard=RecordedGuard(recorded.newest(Imposed), lambda: recorded.tick_ns),
         moments=Moments(bus, None if recorded.levels is None else hand),
-        look=recorded.look,
+        poll_hand=recorded.check,
     )
     duration_ns = end.end_ns if end is not None and end.ended == "duration" else None
     feed.read_until(0)
@@ -178,7 +178,7 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
     )
 
 
-@tells_damage
+@reports_damage
 def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
     """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
 

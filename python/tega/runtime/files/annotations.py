@@ -69,9 +69,9 @@ def paired(edges: Iterable[tuple[Edge, CodedEvent]], *, name: str) -> list[Coded
             comment = "; ".join(text for text in (begun.comment, event.comment) if text)
             found[place] = begun._replace(duration_s=event.t_s - begun.t_s, comment=comment)
         elif edge == "STOP" or key in opened:
-            what = "ends without a beginning" if edge == "STOP" else "begins again before its end"
+            message = "ends without a beginning" if edge == "STOP" else "begins again before its end"
             raise RecordingError(
-                f"{name}: the state {event.code!r} {what} at {event.t_s:.3f} s",
+                f"{name}: the state {event.code!r} {message} at {event.t_s:.3f} s",
                 "add the missing event where it was coded",
             )
         else:

@@ -22,7 +22,7 @@ from tega.runtime.files.foreign_rows import read_rows, seconds
 
 _MOST_MIB: Final = 64
 _EXPORT: Final = "export tabular or aggregated events from BORIS as TSV or CSV"
-_NOBODY: Final = frozenset({"No focal subject", "NA"})
+_NO_PERSON: Final = frozenset({"No focal subject", "NA"})
 
 
 class BorisBehaviour(NamedTuple):
@@ -80,13 +80,13 @@ def boris_project(
                 "category": "",
                 "modifiers": {
                     str(k): {
-                        "name": what,
+                        "name": sentence,
                         "description": "",
                         "type": 0,
                         "ask at stop": False,
                         "values": list(values),
                     }
-                    for k, (what, values) in enumerate(one.modifiers.items())
+                    for k, (sentence, values) in enumerate(one.modifiers.items())
                 },
                 "excluded": "",
                 "coding map": "",
@@ -252,8 +252,8 @@ def _table(path: Path) -> dict[str, list[CodedEvent]]:
             observation = cells["Observation id"]
             edges.setdefault(observation, []).append(_row(cells, begins))
         except (KeyError, ValueError) as error:
-            said = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
-            raise RecordingError(f"{path.name}: row {number}: {said}", "export it again") from error
+            sentence = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
+            raise RecordingError(f"{path.name}: row {number}: {sentence}", "export it again") from error
     try:
         return {name: paired(found, name=name) for name, found in edges.items()}
     except RecordingError as error:
@@ -272,7 +272,9 @@ def _row(cells: Mapping[str, str], begins: str) -> tuple[Edge, CodedEvent]:
     comments = (cells.get(name, "") for name in ("Comment", "Comment start", "Comment stop"))
     comment = "; ".join(text for text in comments if text not in {"", "NA"})
     begin_s = seconds(cells[begins]) - offset_s
-    event = CodedEvent(begin_s, "" if subject in _NOBODY else subject, cells["Behavior"], modifiers, comment)
+    event = CodedEvent(
+        begin_s, "" if subject in _NO_PERSON else subject, cells["Behavior"], modifiers, comment
+    )
     if begins == "Start (s)":
         end_s = begin_s if kind == "POINT" else seconds(cells["Stop (s)"]) - offset_s
         if end_s < begin_s:

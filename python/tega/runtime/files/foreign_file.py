@@ -136,7 +136,7 @@ def _array(data: bytes) -> NDArray[Any]:
     return array.reshape(shape, order="F" if by_columns else "C").copy(order="K")
 
 
-def tells_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
+def reports_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
     """Make a function that reads a recording (its first argument) report all damage as one error.
 
     A file with a valid format can still hold anything: a topic of another type, a frame of another size, a number in
@@ -144,7 +144,7 @@ def tells_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
     """
 
     @functools.wraps(read)
-    def told(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+    def reported(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         try:
             return read(*args, **kwargs)
         except (TegaError, OSError):
@@ -157,4 +157,4 @@ def tells_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
                 "inspect says how far it can be read; --debug shows where it ended",
             ) from error
 
-    return told
+    return reported

@@ -23,21 +23,21 @@ _MOST_MIB = 256
 _RESTORE = "restore the file from a copy"
 
 
-def read_json_lines(path: Path, kind: type[Entry], what: str) -> list[Entry]:
+def read_json_lines(path: Path, kind: type[Entry], subject: str) -> list[Entry]:
     """Read a journal; a last line that was cut off is passed over, a missing file holds none.
 
     Args:
         path: The file.
         kind: Type of an entry; one with a field ``n`` counts the lines from 1.
-        what: An entry's name, such as ``event``.
+        subject: An entry's name, such as ``event``.
 
     Raises:
         RecordingError: Another line is no entry, or lines are missing.
     """
-    return _parse(read_foreign(path, most_mib=_MOST_MIB), path, kind, what)[0] if path.exists() else []
+    return _parse(read_foreign(path, most_mib=_MOST_MIB), path, kind, subject)[0] if path.exists() else []
 
 
-def _parse(content: bytes, path: Path, kind: type[Entry], what: str) -> tuple[list[Entry], int]:
+def _parse(content: bytes, path: Path, kind: type[Entry], subject: str) -> tuple[list[Entry], int]:
     """Return the entries, and how many bytes of the file they take, a missing last newline not counted."""
     entries: list[Entry] = []
     good = 0
@@ -48,11 +48,11 @@ def _parse(content: bytes, path: Path, kind: type[Entry], what: str) -> tuple[li
         except msgspec.DecodeError as error:
             if number > len(whole):  # no newline behind it: its program was stopped there
                 break
-            raise RecordingError(f"{path}: line {number} is no {what}: {error}", _RESTORE) from error
+            raise RecordingError(f"{path}: line {number} is no {subject}: {error}", _RESTORE) from error
         count = getattr(entry, "n", number)
         if count != number:
             raise RecordingError(
-                f"{path}: line {number} holds {what} {count}, so lines were taken out or put in", _RESTORE
+                f"{path}: line {number} holds {subject} {count}, so lines were taken out or put in", _RESTORE
             )
         entries.append(entry)
         good += len(line) + (number <= len(whole))
@@ -65,7 +65,7 @@ class JsonLines(Generic[Entry]):
     Args:
         path: The file; it and its folder are made where they are missing.
         kind: Type of an entry, as in :func:`read_json_lines`.
-        what: An entry's name.
+        subject: An entry's name.
         taken: Message and hint where another program has the file open.
 
     Attributes:
@@ -76,7 +76,7 @@ class JsonLines(Generic[Entry]):
         DeviceUnavailableError: Another program has it open.
     """
 
-    def __init__(self, path: Path, kind: type[Entry], what: str, *, taken: tuple[str, str]) -> None:
+    def __init__(self, path: Path, kind: type[Entry], subject: str, *, taken: tuple[str, str]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         new = not path.exists()
         if not new:
@@ -87,7 +87,7 @@ class JsonLines(Generic[Entry]):
             _lock(self._file, path, taken)
             self._file.seek(0)
             content = self._file.read()
-            self.entries, good = _parse(content, path, kind, what)
+            self.entries, good = _parse(content, path, kind, subject)
             if good < len(content):
                 self._file.truncate(good)
             if good and content[good - 1 : good] != b"\n":  # stopped between an entry and its newline

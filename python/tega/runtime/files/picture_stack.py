@@ -19,7 +19,7 @@ _MOST_MIB: Final = 64 * 1024
 _MOST_PIXELS: Final = 1 << 26
 _MOST_TIMES: Final = 100_000_000
 _UNITS: Final = {"t_s": 1.0, "t_ms": 1e-3, "t_us": 1e-6, "t_ns": 1e-9}
-_WAY: Final = "save it with numpy.save as uint8 (n, height, width, 3) in blue, green, red"
+_REMEDY: Final = "save it with numpy.save as uint8 (n, height, width, 3) in blue, green, red"
 
 
 class _Member(NamedTuple):
@@ -58,7 +58,7 @@ class PictureStack:
                 f"{path.name}: cannot be read: {error.strerror}", f"looked for {path}"
             ) from error
         except Exception as error:  # of a damaged file zipfile and NumPy raise what they like
-            raise RecordingError(f"{path.name}: no array of pictures: {error}", _WAY) from error
+            raise RecordingError(f"{path.name}: no array of pictures: {error}", _REMEDY) from error
         member = _chosen(members, variable, path)
         self.n_pictures, self._shape = member.shape[0], member.shape[1:]
         self.times_s = self._times_s(members)
@@ -156,8 +156,8 @@ def _chosen(members: list[_Member], variable: str, path: Path) -> _Member:
     fits = named if variable else [one for one in members if len(one.shape) >= 3]
     if len(fits) != 1:
         names = ", ".join(one.name.removesuffix(".npy") or path.name for one in members)
-        said = f"no array {variable!r}" if variable else f"{len(fits)} arrays that could be pictures"
-        raise RecordingError(f"{path.name}: {said} (it holds {names})"[:400], f"set variable; or {_WAY}")
+        text = f"no array {variable!r}" if variable else f"{len(fits)} arrays that could be pictures"
+        raise RecordingError(f"{path.name}: {text} (it holds {names})"[:400], f"set variable; or {_REMEDY}")
     one = fits[0]
     shape = one.shape
     is_stack = len(shape) == 3 or (len(shape) == 4 and shape[3] == 3)
@@ -170,7 +170,7 @@ def _chosen(members: list[_Member], variable: str, path: Path) -> _Member:
     elif one.by_columns:
         hint = "save it as numpy.ascontiguousarray(pictures)"
     else:
-        hint = _WAY
+        hint = _REMEDY
     n_pixels = int(np.prod(shape[1:3], dtype=object)) if len(shape) > 2 else 0
     if (
         not is_stack

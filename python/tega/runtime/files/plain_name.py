@@ -20,41 +20,41 @@ _PLAIN = re.compile(rf"[A-Za-z0-9_][A-Za-z0-9._+-]{{0,{LONGEST_NAME - 1}}}")
 _DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])(\..*)?", re.IGNORECASE)
 
 
-def plain_name(name: str, *, what: str, source: str) -> str:
+def plain_name(name: str, *, subject: str, source: str) -> str:
     """Return a name from outside, which can only name something inside the folder that it is joined to.
 
     Args:
         name: The name: 1 to 128 ASCII letters, digits, dots, dashes, underscores and pluses, not a dot or a dash in
             front, not a dot at the end, and none of Windows' device names.
-        what: Kind of thing that it names, such as ``attachment``.
+        subject: Kind of thing that it names, such as ``attachment``.
         source: The file or message that it stands in.
 
     Raises:
         UnsafeNameError: It is not such a name.
 
     Example:
-        >>> plain_name("baseline-thumb.npy", what="attachment", source="trial-001.mcap")
+        >>> plain_name("baseline-thumb.npy", subject="attachment", source="trial-001.mcap")
         'baseline-thumb.npy'
     """
     if not _PLAIN.fullmatch(name) or name.endswith(".") or _DEVICES.fullmatch(name):
-        shown = repr(name if len(name) <= LONGEST_NAME else name[:LONGEST_NAME] + "…")
+        displayed = repr(name if len(name) <= LONGEST_NAME else name[:LONGEST_NAME] + "…")
         raise UnsafeNameError(
-            f"{source}: {what} {shown} cannot be the name of a file",
+            f"{source}: {subject} {displayed} cannot be the name of a file",
             f"nothing was written there; a name has 1 to {LONGEST_NAME} letters a to z, digits, '.', '-', '_', '+'",
         )
     return name
 
 
-def path_below(folder: Path, name: str, *, what: str, source: str) -> Path:
+def path_below(folder: Path, name: str, *, subject: str, source: str) -> Path:
     """Return the path of something in a folder or a folder below it, from a name such as ``gels/D20982/before.png``.
 
     Args:
         folder: The folder.
         name: Plain names with ``/`` between them.
-        what: As in :func:`plain_name`, like ``source``.
+        subject: As in :func:`plain_name`, like ``source``.
         source: Where the name stands.
 
     Raises:
         UnsafeNameError: A part of it is not a plain name, so that it may lie outside of the folder.
     """
-    return folder.joinpath(*(plain_name(part, what=what, source=source) for part in name.split("/")))
+    return folder.joinpath(*(plain_name(part, subject=subject, source=source) for part in name.split("/")))

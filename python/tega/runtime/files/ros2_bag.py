@@ -74,10 +74,12 @@ class Ros2Bag:
         self.topic = topic or (fits[0] if len(fits) == 1 else "")
         if self.topic not in kinds or self.topic not in fits:
             listed = ", ".join(f"{name} {kind} ({counts[name]})" for name, kind in sorted(kinds.items()))
-            what = "pictures" if pictures else "arrays of numbers"
-            said = f"topic {topic!r} is none with {what}" if topic else f"{len(fits)} topics have {what}"
+            subject = "pictures" if pictures else "arrays of numbers"
+            text = (
+                f"topic {topic!r} is none with {subject}" if topic else f"{len(fits)} topics have {subject}"
+            )
             raise RecordingError(
-                f"{path.name}: {said}; its topics: {listed or 'none'}"[:2000], "name one with --topic"
+                f"{path.name}: {text}; its topics: {listed or 'none'}"[:2000], "name one with --topic"
             )
         self.kind, self.n_messages, self.begin_ns = (
             kinds[self.topic],

@@ -81,12 +81,12 @@ def read_signals(path: Path, reading: Reading | None = None) -> Signals:
     n = _length(table.file, samples, decision)
     samples, others = samples[:n], others[:n]
     counted = lost_by_counter(others[:, beside.index(decision.counter)]) if decision.counter else []
-    times_s, what = _times(table, decision, reading, others, n)
-    _stated(table, decision, reading, what if times_s is not None else "")
+    times_s, subject = _times(table, decision, reading, others, n)
+    _stated(table, decision, reading, subject if times_s is not None else "")
     timing = None
     if times_s is not None:
         rate_hz = decision.rate_hz
-        timing = compare(times_s, samples, rate_hz=rate_hz, counted=counted, what=what, file=table.file)
+        timing = compare(times_s, samples, rate_hz=rate_hz, counted=counted, subject=subject, file=table.file)
         decision.rate_hz = timing.rate_hz
         decision.faults += timing.faults
         counted = timing.lost
@@ -115,7 +115,7 @@ def _opened(path: Path, reading: Reading) -> Table:
     try:
         return format_of(path).open(path, reading)
     except Exception as error:
-        raise _said(path.name, error) from error
+        raise _text(path.name, error) from error
 
 
 def _loaded(
@@ -124,13 +124,13 @@ def _loaded(
     try:
         samples, others = table.load([c - 1 for c in channels], [c - 1 for c in beside])
     except Exception as error:
-        raise _said(table.file, error) from error
+        raise _text(table.file, error) from error
     if not len(samples):
         raise RecordingError(f"{table.file}: holds no sample", "one row of numbers per sample is expected")
     return samples, others
 
 
-def _said(name: str, error: Exception) -> Exception:
+def _text(name: str, error: Exception) -> Exception:
     """Return an error as it is, or as one of a damaged file: a library raises whatever the bytes lead it to."""
     if isinstance(error, TegaError) or (isinstance(error, OSError) and error.errno is not None):
         return error
@@ -197,9 +197,9 @@ def _times(
     return times_s, column.called
 
 
-def _stated(table: Table, decision: Decision, reading: Reading, what: str) -> None:
+def _stated(table: Table, decision: Decision, reading: Reading, subject: str) -> None:
     """Note the stated rate; refuse one that the file contradicts."""
-    if what and table.rate_hz and reading.rate_hz:
+    if subject and table.rate_hz and reading.rate_hz:
         pass  # the times decide
     elif reading.rate_hz and table.rate_hz and abs(table.rate_hz / reading.rate_hz - 1) > RATE_TOLERANCE:
         raise RecordingError(
@@ -207,7 +207,7 @@ def _stated(table: Table, decision: Decision, reading: Reading, what: str) -> No
             f"leave the rate out or set it to {table.rate_hz:g}",
         )
     decision.rate_hz = reading.rate_hz or table.rate_hz
-    decision.rate_from = "given" if reading.rate_hz else table.rate_from if table.rate_hz else what
+    decision.rate_from = "given" if reading.rate_hz else table.rate_from if table.rate_hz else subject
 
 
 def _check_cells(samples: NDArray[np.float64], decision: Decision) -> None:

@@ -30,10 +30,10 @@ def toml_hint(text: str, error: ValueError) -> str:
         text: The text.
         error: The parser's error.
     """
-    said = str(error)
-    if "twice" in said or "overwrite" in said:
+    message = str(error)
+    if "twice" in message or "overwrite" in message:
         return "a table or a key stands in the file twice: join them"
-    place = _PLACE.search(said)
+    place = _PLACE.search(message)
     lines = text.splitlines()
     line = lines[int(place[1]) - 1] if place and 0 < int(place[1]) <= len(lines) else ""
     return next((hint for rule, hint in _RULES if rule.search(line)), "see https://toml.io")

@@ -141,7 +141,7 @@ class VideoFrames:
             image = self._convert()
         except Exception as error:  # of a damaged file decoders raise what they like
             raise RecordingError(
-                f"{self._path.name} frame {self.n_decoded - 1}: cannot be converted: {_said(error)}",
+                f"{self._path.name} frame {self.n_decoded - 1}: cannot be converted: {_text(error)}",
                 "export the video again",
             ) from error
         self._pending_s = self._decode()
@@ -149,24 +149,24 @@ class VideoFrames:
 
     def fault(self) -> str:
         """Return the difference between the decodable frames and the header; ``""`` if there is none."""
-        facts, said = self.facts, f"{self._path.name}: {self.n_decoded} frames decode"
+        facts, text = self.facts, f"{self._path.name}: {self.n_decoded} frames decode"
         if self._damage:
             n = facts.n_stated or facts.n_frames
-            return f"{said}, its header says {n}: damaged there ({self._damage})"
+            return f"{text}, its header says {n}: damaged there ({self._damage})"
         slack_s = _SLACK_PERIODS * max(facts.longest_s, 1 / facts.rate_hz)
         short = facts.end_s is not None and self._end_s + slack_s < facts.end_s
         if facts.n_stated is not None and self.n_decoded > facts.n_stated:
-            return f"{said}, its header says {facts.n_stated}: the header is wrong"
+            return f"{text}, its header says {facts.n_stated}: the header is wrong"
         # A container of constant rate counts a frame that was left out, too; then the times reach the stated end.
         reached = facts.end_s is not None and self._end_s + 0.5 / facts.rate_hz >= facts.end_s
         whole = reached and self.n_decoded == facts.n_frames
         if facts.n_stated is not None and self.n_decoded < facts.n_stated and not whole:
-            return f"{said}, its header says {facts.n_stated}: the video was cut short"
+            return f"{text}, its header says {facts.n_stated}: the video was cut short"
         if facts.cut:
-            return f"{said}, the last of them in part: the video was cut short"
+            return f"{text}, the last of them in part: the video was cut short"
         if facts.n_stated is None and short:
             lengths = f"{self._end_s:.2f} s, its header says {facts.end_s:.2f} s"
-            return f"{said}, {lengths}: the video was cut short"
+            return f"{text}, {lengths}: the video was cut short"
         return ""
 
     def _decode(self) -> float | None:
@@ -174,7 +174,7 @@ class VideoFrames:
         try:
             frame = next(self._frames, None)
         except Exception as error:  # as above
-            self._damage = _said(error)
+            self._damage = _text(error)
             return None
         if frame is None:
             return None
@@ -278,7 +278,7 @@ def check_video(path: Path) -> None:
 
 def _packets(container: Any, stream: Any) -> tuple[list[float], int, int, bool]:
     """Return the times of packets that show a frame, in order, their number, that of hidden ones, and if one is cut."""
-    begin_s, n_shown, n_hidden, cut = _begin_s(container), 0, 0, False
+    begin_s, n_displayed, n_hidden, cut = _begin_s(container), 0, 0, False
     times_s: list[float] = []
     with contextlib.suppress(Exception):  # damage is reported where decoding reaches it
         for packet in container.demux(stream):
@@ -288,11 +288,11 @@ def _packets(container: Any, stream: Any) -> tuple[list[float], int, int, bool]:
                 n_hidden += 1
                 continue
             cut |= packet.is_corrupt
-            n_shown += 1
+            n_displayed += 1
             stamp = packet.dts if packet.pts is None or container.format.name == "avi" else packet.pts
             if stamp is not None:
                 times_s.append(float(stamp * packet.time_base) - begin_s)
-    return sorted(times_s), n_shown, n_hidden, cut
+    return sorted(times_s), n_displayed, n_hidden, cut
 
 
 def _begin_s(container: Any) -> float:
@@ -315,5 +315,5 @@ def _stated_end_s(container: Any, stream: Any) -> float | None:
     return float(container.duration) / 1_000_000
 
 
-def _said(error: Exception) -> str:
+def _text(error: Exception) -> str:
     return (str(getattr(error, "strerror", "") or error) or type(error).__name__)[:100]

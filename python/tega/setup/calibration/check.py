@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tega.devices.base import DeviceInfo
 
 
-class CalibrationLook(NamedTuple):
+class CalibrationCheck(NamedTuple):
     """State of one part of a person's calibration.
 
     Attributes:
@@ -41,7 +41,7 @@ class CalibrationLook(NamedTuple):
     status: Literal["warning", "error", "missing"] = "warning"
 
 
-def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationLook]:
+def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationCheck]:
     """Check a person's records for the live devices of some settings, as far as possible without opening these.
 
     Args:
@@ -50,36 +50,38 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
         now: Current time, for the age of the records.
     """
     person, folder = whose(config.calibration)
-    found: list[CalibrationLook] = []
+    found: list[CalibrationCheck] = []
 
-    def look(what: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
+    def check(subject: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
         if info is None or not info.live:
             return None
         part: Part = "touch" if wanted is TouchRecord else "emg"
         try:
-            return needed_record(folder, person, wanted, info, what=what, settings=settings)
+            return needed_record(folder, person, wanted, info, subject=subject, settings=settings)
         except CalibrationError as error:
             there = folder.file(person, part, device_name(info)).is_file()
-            found.append(CalibrationLook(what, error.message, error.hint, "error" if there else "missing"))
+            found.append(
+                CalibrationCheck(subject, error.message, error.hint, "error" if there else "missing")
+            )
             return None
 
-    def warned(what: str, warnings: list[str]) -> None:
+    def warned(subject: str, warnings: list[str]) -> None:
         for warning in warnings:
-            said, begins, rest = warning.partition(": tega-teleop ")
-            found.append(CalibrationLook(what, said, f"tega-teleop {rest}" if begins else ""))
+            text, begins, rest = warning.partition(": tega-teleop ")
+            found.append(CalibrationCheck(subject, text, f"tega-teleop {rest}" if begins else ""))
         if not warnings:
-            found.append(CalibrationLook(what))
+            found.append(CalibrationCheck(subject))
 
     for finger, section in config.tactile.in_use().items():
         info = closed_info(section.driver, "tactile", section.options)
-        if (record := look(finger, TouchRecord, info)) is not None:
+        if (record := check(finger, TouchRecord, info)) is not None:
             warned(finger, touch_warnings(config, folder, finger, record, settings=settings, now=now))
     if (emg := config.emg) is not None:
         info = closed_info(emg.driver, "emg", emg.options)
-        if (record := look("EMG", EmgRecord, info)) is not None:
-            if (said := _other_way(record, config)) is not None:
+        if (record := check("EMG", EmgRecord, info)) is not None:
+            if (text := _other_direction(record, config)) is not None:
                 found.append(
-                    CalibrationLook("EMG", said, calibrate_command(settings, person, "emg"), "error")
+                    CalibrationCheck("EMG", text, calibrate_command(settings, person, "emg"), "error")
                 )
             else:
                 warned("EMG", emg_warnings(record, config, settings=settings, now=now))
@@ -90,7 +92,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
             warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
         except CalibrationError as error:
             command = calibrate_command(settings, person, "vest")
-            found.append(CalibrationLook("vest", f"vest: {error.message}", command, "error"))
+            found.append(CalibrationCheck("vest", f"vest: {error.message}", command, "error"))
     return found
 
 
@@ -100,18 +102,18 @@ def people_with_calibrations(config: SessionConfig, settings: str) -> list[str]:
     return sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
 
 
-def _other_way(record: EmgRecord, config: SessionConfig) -> str | None:
+def _other_direction(record: EmgRecord, config: SessionConfig) -> str | None:
     """Return the first setting that differs from those at the time of the muscles' calibration."""
     from tega.config.person import driver_settings
 
     section = config.emg
     if section is None:
         return None
-    for what, then, today in (
+    for subject, then, today in (
         ("driver", record.driver, section.driver),
         ("kind", record.kind, section.kind),
         ("settings", record.settings, driver_settings(section)),
     ):
         if then != today:
-            return f"EMG: {record.person} was calibrated with {what} = {then}, the settings have {today}"
+            return f"EMG: {record.person} was calibrated with {subject} = {then}, the settings have {today}"
     return None

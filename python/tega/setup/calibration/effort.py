@@ -78,7 +78,7 @@ def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] 
     A problem is reported if it lasts for two half seconds and for half of the time since it was first detected: mains
     can be detected after two seconds only, and a jerk of the arm is no fault. Lost samples are reported above 5 %.
     """
-    health, seen, n_looks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), _Findings(), 0
+    health, seen, n_checks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), _Findings(), 0
     first_seen: dict[str, int] = {}
     step = max(1, round(0.5 * chain.rate_hz))
     samples = np.concatenate([c.samples for c in chunks]) if chunks else np.empty((0, len(chain.channels)))
@@ -87,11 +87,11 @@ def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] 
         part = chunks[0]._replace(first_index=first + at, samples=samples[at : at + step])
         health.take(part)
         seen.update(health.now)
-        for said in health.now:
-            first_seen.setdefault(said, n_looks)
-        n_looks += 1
-    least = min(2, n_looks)
-    words = [said for said, n in seen.items() if n >= least and 2 * n >= n_looks - first_seen[said]]
+        for text in health.now:
+            first_seen.setdefault(text, n_checks)
+        n_checks += 1
+    least = min(2, n_checks)
+    words = [text for text, n in seen.items() if n >= least and 2 * n >= n_checks - first_seen[text]]
     n_lost = sum(
         max(0, b.first_index - a.first_index - len(a.samples)) for a, b in itertools.pairwise(chunks)
     )
@@ -216,8 +216,8 @@ def judge_muscles(
     span = np.maximum(maxima - rest, 1e-12)
     drives = np.array([(chain.level(_samples(m)[_rise(m, chain) :], 50.0) - rest) / span for m in movements])
     problems = []
-    if said := swapped_channels(np.maximum(drives, 0.0), chain.channels):
-        problems.append(said)
+    if text := swapped_channels(np.maximum(drives, 0.0), chain.channels):
+        problems.append(text)
     for k, name in enumerate(chain.channels):
         if drives[k].max() < _ANSWER:
             problems.append(

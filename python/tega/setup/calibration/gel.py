@@ -103,8 +103,8 @@ def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
         problems.append(
             f"the picture is very noisy ({noise.max():.1f} counts, a DIGIT has about 3): look at its cable"
         )
-    if said := dark(mean, float(noise.max())):
-        problems.append(said)
+    if text := dark(mean, float(noise.max())):
+        problems.append(text)
     cell_noise = sensor_noise(pictures)
     n_touched = sum(read_contact(p, mean, noise=cell_noise).in_contact for p in pictures)
     if n_touched > _MOVED_SHARE * len(pictures):

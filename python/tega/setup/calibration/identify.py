@@ -43,7 +43,7 @@ def light_motor(
     duration_s: float,
     clock: Clock,
     stop: Callable[[], bool] = lambda: False,
-    told: Callable[[MotorLevels], None] = lambda _sent: None,
+    reported: Callable[[MotorLevels], None] = lambda _sent: None,
 ) -> None:
     """Drive one motor for a while, then none.
 
@@ -55,7 +55,7 @@ def light_motor(
         duration_s: Duration, seconds.
         clock: Time.
         stop: Asked all the time whether to end early.
-        told: Called with each frame that the vest reports as sent, except the silence at the end.
+        reported: Called with each frame that the vest reports as sent, except the silence at the end.
 
     Raises:
         InvalidValueError: The layout has no such motor.
@@ -68,9 +68,15 @@ def light_motor(
         raise InvalidValueError(
             f"motor {motor} is not one of layout {layout!r} (or percent is 0)", f"it has {known}"
         )
-    what = f"motor {motor}"
+    subject = f"motor {motor}"
     show_frame(
-        vest, MotorLevels(layout, lit), duration_s=duration_s, clock=clock, stop=stop, told=told, what=what
+        vest,
+        MotorLevels(layout, lit),
+        duration_s=duration_s,
+        clock=clock,
+        stop=stop,
+        reported=reported,
+        subject=subject,
     )
 
 
@@ -80,9 +86,9 @@ def show_frame(
     *,
     duration_s: float,
     clock: Clock,
-    what: str,
+    subject: str,
     stop: Callable[[], bool] = lambda: False,
-    told: Callable[[MotorLevels], None] = lambda _sent: None,
+    reported: Callable[[MotorLevels], None] = lambda _sent: None,
 ) -> None:
     """Show a frame for a while, then none, also when it is interrupted.
 
@@ -91,26 +97,26 @@ def show_frame(
         frame: Frame to show.
         duration_s: Duration, seconds.
         clock: Time.
-        what: Name of the frame, for the error message.
+        subject: Name of the frame, for the error message.
         stop: Asked all the time whether to end early.
-        told: Called with each frame that the vest reports as sent, except the silence at the end.
+        reported: Called with each frame that the vest reports as sent, except the silence at the end.
 
     Raises:
         DeviceUnavailableError: The vest did not show it all the time.
     """
     silent = MotorLevels(frame.layout, np.zeros_like(frame.intensities))
     start_ns = clock.now_ns()
-    shown = True
+    displayed = True
     try:
         for k in range(round(duration_s * 1e9) // _PERIOD_NS + 1):
             clock.sleep_until(start_ns + k * _PERIOD_NS)
             if stop():
                 break
             sent = vest.write(k * _PERIOD_NS, frame)
-            told(sent)
-            shown = bool(sent.intensities.any() or not frame.intensities.any()) and shown
+            reported(sent)
+            displayed = bool(sent.intensities.any() or not frame.intensities.any()) and displayed
     finally:
         vest.write(clock.now_ns() - start_ns, silent)
-    if not shown:
+    if not displayed:
         notes = "; ".join(vest.info.notes) or "its link was down"
-        raise DeviceUnavailableError(f"the vest did not show {what} all the time: {notes}")
+        raise DeviceUnavailableError(f"the vest did not show {subject} all the time: {notes}")

@@ -31,7 +31,7 @@ class MuscleLoop:
     Args:
         config: The settings, with ``calibration.person``.
         settings: Name of the settings file in suggested commands.
-        what: Name of the part that needs the muscles, for the error message.
+        subject: Name of the part that needs the muscles, for the error message.
 
     Attributes:
         chunks: The samples since :meth:`start`, as they came.
@@ -46,10 +46,10 @@ class MuscleLoop:
         DeviceUnavailableError: The source is not there, or went away.
     """
 
-    def __init__(self, config: SessionConfig, *, settings: str, what: str) -> None:
+    def __init__(self, config: SessionConfig, *, settings: str, subject: str) -> None:
         if config.emg is None:
             raise ConfigError(
-                f"{what} needs muscles: the settings have no [emg]", "add it; see docs/device-emg.md"
+                f"{subject} needs muscles: the settings have no [emg]", "add it; see docs/device-emg.md"
             )
         self._config = config
         self.chunks: list[EmgChunk] = []

@@ -108,8 +108,8 @@ class PressMeter:
         if self.touched:
             return ("the gel is still touched: let go, or take the baseline again",)
         weak = n - len(firm)
-        said = f"{len(firm)} of {PRESSES} firm presses"
-        return (f"{said}; {weak} were too weak" if weak else f"only {said} were seen",)
+        text = f"{len(firm)} of {PRESSES} firm presses"
+        return (f"{text}; {weak} were too weak" if weak else f"only {text} were seen",)
 
     def frames(self, preset: _Preset) -> list[Contact]:
         """Return the contacts of the firm presses."""

@@ -99,8 +99,8 @@ def recalibrate(
                 person=person,
             )
         guide.part("Recalibrate", "Five seconds of rest, then one fist of five seconds. Ten seconds.")
-        quiet = take_rest(source, chain, guide, times, heard=rested)
-        maxima = take_squeezes(source, chain, quiet, guide, times, n=1, heard=worked)
+        quiet = take_rest(source, chain, guide, times, received=rested)
+        maxima = take_squeezes(source, chain, quiet, guide, times, n=1, received=worked)
     new = to_todays_scale(record, quiet=quiet, maxima=maxima, limits=_LIMITS, guide=guide, now=now)
     if model is None:
         return Recalibrated(folder.keep(new), None)

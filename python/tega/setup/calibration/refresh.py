@@ -126,7 +126,7 @@ def kept_record(
     if record is None:
         raise _nothing(person, "EMG", device_name(source.info))
     chain = chain_of(source, section, block_s=block_s(config))
-    for what, then, now in (
+    for subject, then, now in (
         ("channels", ", ".join(record.channels), ", ".join(chain.channels)),
         ("kind", record.kind, chain.kind),
         ("blocks, samples,", record.tau_samples, chain.tau),
@@ -134,7 +134,7 @@ def kept_record(
     ):
         if then != now:
             raise CalibrationError(
-                f"EMG: {person} was calibrated with {what} {then}, now it is {now}",
+                f"EMG: {person} was calibrated with {subject} {then}, now it is {now}",
                 "set it back, or calibrate again: tega-teleop calibrate",
             )
     return record, chain
@@ -188,8 +188,8 @@ def _times(values: tuple[float, ...], ratios: np.ndarray) -> tuple[float, ...]:
     return tuple(float(f"{v * r:.6g}") for v, r in zip(values, ratios, strict=True))
 
 
-def _nothing(person: str, what: str, device: str) -> CalibrationError:
+def _nothing(person: str, subject: str, device: str) -> CalibrationError:
     return CalibrationError(
-        f"{what}: {person} has no calibration on {device} to refresh",
+        f"{subject}: {person} has no calibration on {device} to refresh",
         "calibrate first: tega-teleop calibrate, without --refresh",
     )

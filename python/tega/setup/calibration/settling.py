@@ -13,7 +13,7 @@ _Result = TypeVar("_Result")
 
 def until_good(
     guide: Guide,
-    what: str,
+    subject: str,
     attempt: Callable[[], _Result],
     problems: Callable[[_Result], Sequence[str]],
     *,
@@ -23,7 +23,7 @@ def until_good(
 
     Args:
         guide: Shows and asks.
-        what: Name of the step.
+        subject: Name of the step.
         attempt: Does it.
         problems: Returns the problems of a result.
         can_keep: Returns whether a result may be kept despite its problems.
@@ -40,19 +40,19 @@ def until_good(
         found = tuple(problems(result))
         if not found:
             return result, ()
-        for said in found:
-            guide.say(said, tone="bad")
+        for text in found:
+            guide.say(text, tone="bad")
         answers = {"a": "again"}
         if can_keep(result):
             answers["k"] = "keep it as it is"
         answers["q"] = "stop here"
         try:
-            answer = guide.ask(f"{what}: what now?", answers)
+            answer = guide.ask(f"{subject}: what now?", answers)
         except Undecided:
             raise CalibrationError(
-                f"{what}: {'; '.join(found)}", "see to it, then run the same command"
+                f"{subject}: {'; '.join(found)}", "see to it, then run the same command"
             ) from None
         if answer == "q":
             raise KeyboardInterrupt
         if answer == "k":
-            return result, tuple(f"{what}, kept in spite of: {said}" for said in found)
+            return result, tuple(f"{subject}, kept in spite of: {text}" for text in found)

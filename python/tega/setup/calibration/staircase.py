@@ -71,7 +71,7 @@ class Ladder:
         self._ceiling = ceiling
         self._crossings: list[float] = []
         self._series = 0
-        self._asked_nothing = True
+        self._requested_nothing = True
         self._n_false = self._n_trials = 0
         self._unfelt = False
         self.level: int | None = min(2, ceiling)
@@ -93,7 +93,7 @@ class Ladder:
         self._n_trials += 1
         if level == 0 and self._going_up:
             self._n_false += felt
-            self._asked_nothing = True
+            self._requested_nothing = True
             self.level = self._waiting
         elif self._going_up:
             self._up(level, felt=felt)
@@ -144,13 +144,13 @@ class Ladder:
         if self._series > _SERIES:
             self.level = None
         elif self._going_up:
-            self._asked_nothing = False
+            self._requested_nothing = False
             self._ask(max(1, level - _OVERLAP))
         else:
             self._ask(min(self._ceiling, level + _OVERLAP))
 
     def _ask(self, level: int) -> None:
-        if not self._asked_nothing and self._going_up:
+        if not self._requested_nothing and self._going_up:
             # Before the first question of a way up that could be answered by habit.
             self._waiting, self.level = level, 0
             return

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 WAIT_S: Final = 30.0
 """Time to wait for a movement."""
 
-_LOOK_S: Final = 0.02
+_POLL_S: Final = 0.02
 _FULL_M: Final = 0.2
 
 _BASE_POINTS: Final = {"a": 0.0, "l": math.pi / 2, "t": math.pi, "r": -math.pi / 2}
@@ -71,11 +71,11 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
                 "Hold the forearm still where you work, facing the way you will look; then move it straight forward "
                 "by 20 cm and stop"
             )
-            found = watch_sweep(tracker, wait_s, yaw_rad=None, shown=_shown(guide))
+            found = watch_sweep(tracker, wait_s, yaw_rad=None, displayed=_displayed(guide))
             yaw_rad = kept_yaw(yaw_from_sweep(found.places, frame=tracker.frame))
             guide.say(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
             guide.ready("Go back and hold still; then move it forward once more: this is the check")
-            again = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, shown=_shown(guide))
+            again = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, displayed=_displayed(guide))
         except CalibrationError as error:
             return TakenHeading(0.0, None, f"{error.message}: {error.hint}" if error.hint else error.message)
         return TakenHeading(yaw_rad, check_forward(again.places, frame=tracker.frame, yaw_rad=yaw_rad))
@@ -91,7 +91,7 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
 
 
 def take_base_yaw(
-    tracker: Tracker, guide: Guide, *, yaw_rad: float, told_rad: float, wait_s: float = WAIT_S
+    tracker: Tracker, guide: Guide, *, yaw_rad: float, reported_rad: float, wait_s: float = WAIT_S
 ) -> float:
     """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
 
@@ -99,7 +99,7 @@ def take_base_yaw(
         tracker: The open tracker.
         guide: Shows and asks.
         yaw_rad: The operator's forward, as :func:`take_heading` found it.
-        told_rad: Value of the settings, kept if there is no answer.
+        reported_rad: Value of the settings, kept if there is no answer.
         wait_s: Time to wait for the movement.
 
     Returns:
@@ -109,19 +109,19 @@ def take_base_yaw(
         CalibrationError: The movement is not conclusive, and there is no answer about another attempt.
     """
     try:
-        said = guide.ask(
+        text = guide.ask(
             "Seen from where you work, which way does the robot's base point, from its column to where its hand works?",
             _BASE_ANSWERS,
         )
     except Undecided:
-        return told_rad
-    if said in _BASE_POINTS:
-        return kept_yaw(_BASE_POINTS[said])
+        return reported_rad
+    if text in _BASE_POINTS:
+        return kept_yaw(_BASE_POINTS[text])
 
     def attempt() -> tuple[float, str]:
         guide.ready("Hold the forearm still; then move it by 20 cm the way the robot's base points, and stop")
         try:
-            found = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, shown=_shown(guide))
+            found = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, displayed=_displayed(guide))
             seen_rad = yaw_from_sweep(found.places, frame=tracker.frame) - yaw_rad
         except CalibrationError as error:
             return 0.0, f"{error.message}: {error.hint}" if error.hint else error.message
@@ -135,7 +135,11 @@ def take_base_yaw(
 
 
 def watch_sweep(
-    tracker: Tracker, seconds: float, *, yaw_rad: float | None, shown: Callable[[ForearmSweep, float], None]
+    tracker: Tracker,
+    seconds: float,
+    *,
+    yaw_rad: float | None,
+    displayed: Callable[[ForearmSweep, float], None],
 ) -> ForearmSweep:
     """Wait for a movement of the forearm that comes to rest.
 
@@ -143,7 +147,7 @@ def watch_sweep(
         tracker: The open tracker.
         seconds: Time to wait.
         yaw_rad: Direction of forward, rad; ``None`` if it is unknown.
-        shown: Called again and again with the movement so far and the seconds left.
+        displayed: Called again and again with the movement so far and the seconds left.
 
     Raises:
         CalibrationError: There was none.
@@ -154,8 +158,8 @@ def watch_sweep(
     while not sweep.done and (left_s := end_s - time.monotonic()) > 0:
         for pose in tracker.read(time.monotonic_ns()):
             sweep.take(pose)
-        shown(sweep, left_s)
-        time.sleep(_LOOK_S)
+        displayed(sweep, left_s)
+        time.sleep(_POLL_S)
     if sweep.done:
         return sweep
     if not sweep.places:
@@ -170,7 +174,7 @@ def watch_sweep(
     )
 
 
-def _shown(guide: Guide) -> Callable[[ForearmSweep, float], None]:
+def _displayed(guide: Guide) -> Callable[[ForearmSweep, float], None]:
     def show(sweep: ForearmSweep, left_s: float) -> None:
         gone_m = float(np.linalg.norm(sweep.gone_m))
         guide.show("FORWARD", [Bar("gone", min(1.0, gone_m / _FULL_M), f"{100 * gone_m:.0f} cm")], left_s)

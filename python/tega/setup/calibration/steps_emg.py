@@ -112,7 +112,7 @@ def collect(
         DeviceUnavailableError: The source went away.
     """
     chunks: list[EmgChunk] = []
-    began_s, shown_s, top = time.monotonic(), 0.0, np.full(len(names), 1e-9)
+    began_s, displayed_s, top = time.monotonic(), 0.0, np.full(len(names), 1e-9)
     n, expected = 0, seconds * (source.info.rate_hz or 0.0)
     # Samples that come late, on a busy machine or from a slow adapter, are waited for.
     while (gone_s := time.monotonic() - began_s) < seconds or (
@@ -122,8 +122,8 @@ def collect(
         if chunk is not None:
             chunks.append(chunk)
             n += len(chunk.samples)
-        if gone_s - shown_s > _SHOW_S and chunks:
-            shown_s = gone_s
+        if gone_s - displayed_s > _SHOW_S and chunks:
+            displayed_s = gone_s
             now = _swing(chunks[-20:])
             top = np.maximum(top, now)
             shares = now / (top if full is None else np.maximum(full, 1e-9))
@@ -154,7 +154,7 @@ def drain(source: EmgSource) -> None:
 
 
 def take_rest(
-    source: EmgSource, chain: Chain, guide: Guide, times: Times, *, heard: list[EmgChunk] | None = None
+    source: EmgSource, chain: Chain, guide: Guide, times: Times, *, received: list[EmgChunk] | None = None
 ) -> Quiet:
     """Measure the muscles at rest.
 
@@ -163,7 +163,7 @@ def take_rest(
         chain: The conditions.
         guide: Shows and asks.
         times: Durations of the steps.
-        heard: Filled with the samples that were judged.
+        received: Filled with the samples that were judged.
 
     Raises:
         CalibrationError: The muscles are not at rest, and there is no answer about it.
@@ -174,8 +174,8 @@ def take_rest(
         guide.ready("Let the arm lie, hand open, and do nothing")
         drain(source)
         chunks = collect(source, times.rest_s, guide, "Rest", names=chain.channels)
-        if heard is not None:
-            heard[:] = chunks
+        if received is not None:
+            received[:] = chunks
         found = judge_quiet(chunks, chain, limits=optional(source, "limits"))
         return Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=found.problems)
 
@@ -192,7 +192,7 @@ def take_squeezes(
     times: Times,
     *,
     n: int = SQUEEZES,
-    heard: list[EmgChunk] | None = None,
+    received: list[EmgChunk] | None = None,
 ) -> Maxima:
     """Take the maxima of strong squeezes, with pauses.
 
@@ -203,7 +203,7 @@ def take_squeezes(
         guide: Shows and asks.
         times: Durations of the steps.
         n: Number of squeezes.
-        heard: Filled with the samples that were judged, of all squeezes.
+        received: Filled with the samples that were judged, of all squeezes.
 
     Raises:
         CalibrationError: The squeezes cannot be used, and there is no answer about it.
@@ -221,8 +221,8 @@ def take_squeezes(
             drain(source)
             squeezes.append(collect(source, times.squeeze_s, guide, "SQUEEZE", names=chain.channels))
             guide.say(f"{which.lower().partition(' of ')[0]}: let go")
-        if heard is not None:
-            heard[:] = [chunk for chunks in squeezes for chunk in chunks]
+        if received is not None:
+            received[:] = [chunk for chunks in squeezes for chunk in chunks]
         found = judge_squeezes(squeezes, rest, chain, limits=optional(source, "limits"))
         return Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=found.problems)
 
@@ -257,10 +257,12 @@ def take_muscles(
     def attempt() -> tuple[NDArray[np.float64], tuple[str, ...]]:
         movements = []
         for name, muscle in zip(chain.channels, muscles, strict=True):
-            what = _MOVEMENTS.get(muscle, f"tense {muscle} alone")
-            guide.ready(f"{name} sits on {muscle}: {what}, about half as strong as you can")
+            subject = _MOVEMENTS.get(muscle, f"tense {muscle} alone")
+            guide.ready(f"{name} sits on {muscle}: {subject}, about half as strong as you can")
             drain(source)
-            movements.append(collect(source, times.movement_s, guide, what, names=chain.channels, full=full))
+            movements.append(
+                collect(source, times.movement_s, guide, subject, names=chain.channels, full=full)
+            )
         return judge_muscles(movements, rest, full, chain)
 
     (drives, _), notes = until_good(guide, "muscles", attempt, lambda found: found[1])

@@ -100,8 +100,8 @@ def take_baseline(
             guide.ready(f"{finger}: take everything off the fingertip")
         free = False
         rest = judge_rest(_pictures(finger, source, guide, times))
-        said = suspect_contact(rest.picture, last, noise=rest.cell_noise)
-        return rest._replace(problems=(*rest.problems, *([said] if said else [])))
+        text = suspect_contact(rest.picture, last, noise=rest.cell_noise)
+        return rest._replace(problems=(*rest.problems, *([text] if text else [])))
 
     rest, notes = until_good(guide, f"{finger}: baseline", attempt, lambda r: r.problems)
     height, width = rest.picture.shape[:2]
@@ -237,23 +237,25 @@ def take_presses(
     meters: dict[str, PressMeter] = {}
     known: list[list[Contact]] = []
     notes: tuple[str, ...] = ()
-    for name, asked in wanted.items():
+    for name, requested in wanted.items():
         meter = meters[name] = PressMeter(height * width)
         felt: list[Contact] = []
 
-        def attempt(meter: PressMeter = meter, asked: str = asked, felt: list[Contact] = felt) -> PressMeter:
-            guide.ready(f"{asked}, and let go; {PRESSES} times")
+        def attempt(
+            meter: PressMeter = meter, requested: str = requested, felt: list[Contact] = felt
+        ) -> PressMeter:
+            guide.ready(f"{requested}, and let go; {PRESSES} times")
             _follow(finger, source, metrics, meter, guide, times=times, felt=felt)
             return meter
 
-        _, said = until_good(
+        _, text = until_good(
             guide,
             f"{finger}: {name} presses",
             attempt,
             lambda m: m.problems(),
             can_keep=lambda m: bool(m.firm) and not m.touched,
         )
-        notes += said
+        notes += text
         if name == "known":
             known = [[c for c in felt if p.start_ns <= c.t_ns <= p.end_ns] for p in meter.firm]
     full = {
@@ -293,7 +295,7 @@ def _follow(
 ) -> None:
     """Measure frames until there are enough firm presses and the gel is free, or it takes too long."""
     began_s, seq, fullest = time.monotonic(), -1, 1
-    shown_s = 0.0
+    displayed_s = 0.0
     while (gone_s := time.monotonic() - began_s) < times.presses_s:
         frame = source.read(_READ_S)
         if frame is None or frame.seq == seq:
@@ -304,16 +306,16 @@ def _follow(
         felt.append(live)
         press = meter.take(found)
         if press is not None:
-            said = meter.judge(press)
+            text = meter.judge(press)
             guide.say(
-                f"{finger}: press {len(meter.presses)}: {said or f'good, {press.eda_px} pixels'}",
-                tone="warn" if said else "good",
+                f"{finger}: press {len(meter.presses)}: {text or f'good, {press.eda_px} pixels'}",
+                tone="warn" if text else "good",
             )
             if len(meter.firm) >= PRESSES:
                 return
         fullest = max(fullest, live.eda)
-        if gone_s - shown_s > _SHOW_S:
-            shown_s = gone_s
+        if gone_s - displayed_s > _SHOW_S:
+            displayed_s = gone_s
             guide.show(
                 f"{finger}: press and let go ({len(meter.firm)} of {PRESSES})",
                 [

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tega.devices.base import VestSink
 
 
-_SHOWN_STEPS = 5
+_DISPLAYED_STEPS = 5
 """Touches of different strength that are shown at the end."""
 
 
@@ -77,7 +77,7 @@ class Pulses:
         lit = np.isin(self._silent.motors, site_motors(site))
         frame = MotorLevels(self.layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
         show_frame(
-            self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, what=site_place(site)
+            self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=site_place(site)
         )
 
     def pair(self, site: str, first: int, second: int) -> None:
@@ -86,7 +86,7 @@ class Pulses:
         self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
         self.one(site, second)
 
-    def all(self, frame: MotorLevels, what: str) -> None:
+    def all(self, frame: MotorLevels, subject: str) -> None:
         """Show a frame as long as a vibration, nothing of it above the ceiling.
 
         Raises:
@@ -94,7 +94,7 @@ class Pulses:
         """
         limited = np.minimum(frame.intensities, np.uint8(LEVEL_PERCENT[self.ceiling]))
         frame = MotorLevels(frame.layout, limited)
-        show_frame(self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, what=what)
+        show_frame(self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=subject)
         self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
 
     @contextmanager
@@ -120,11 +120,11 @@ def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, t
             "Something will vibrate in one column at a time. Say where: f1 to f4 on the front, b1 to b4 on "
             "the back, 1 at your own left"
         )
-        said = {}
+        text = {}
         for site in random.Random(seed).sample(SITES, len(SITES)):
             with pulses.silence():
-                said[site] = _asked(guide, "Where?", answers, partial(pulses.one, site, pulses.ceiling))
-        return judge_wearing(said)
+                text[site] = _requested(guide, "Where?", answers, partial(pulses.one, site, pulses.ceiling))
+        return judge_wearing(text)
 
     wearing, notes = until_good(guide, "vest: places", attempt, lambda w: w.problems)
     guide.say(f"vest: {wearing.n_right} of {wearing.n_asked} places named right", tone="good")
@@ -199,8 +199,8 @@ def take_steps(
         second = chance.random() < 0.5
         pair = (middle(site), middle(site) + level) if second else (middle(site) + level, middle(site))
         answers = {"1": "the first", "2": "the second", "s": "the same", "r": "again"}
-        said = _asked(guide, "Which was stronger?", answers, lambda: pulses.pair(site, *pair))
-        return said != "s" if level == 0 else said == ("2" if second else "1")
+        text = _requested(guide, "Which was stronger?", answers, lambda: pulses.pair(site, *pair))
+        return text != "s" if level == 0 else text == ("2" if second else "1")
 
     sites = tuple(s for s in sites if thresholds[s].level and middle(s) < pulses.ceiling)
     _each(pulses, sites, done, guide, keep=keep, title="step", percent=lambda level: 100 * level / TOP_LEVEL,
@@ -224,18 +224,18 @@ def show_steps(pulses: Pulses, guide: Guide, felt: FeltMap) -> None:
         return
     options = EqualStepsOptions(full_percent=full_percent)
     loop = TouchLoop(
-        dict.fromkeys(FINGERS, TouchMaxima(cci_max=_SHOWN_STEPS, eda_max=_SHOWN_STEPS)),
+        dict.fromkeys(FINGERS, TouchMaxima(cci_max=_DISPLAYED_STEPS, eda_max=_DISPLAYED_STEPS)),
         layout=pulses.layout,
         felt=felt,
         mapping=lambda setup: EqualStepsMapping(setup, options),
     )
     guide.ready("Now five touches in equal steps, the lightest first: a run shows touch like this")
     with pulses.silence():
-        for k in range(1, _SHOWN_STEPS + 1):
-            title = f"touch {k} of {_SHOWN_STEPS}"
-            guide.show(title, [Bar("touch", k / _SHOWN_STEPS)], None)
+        for k in range(1, _DISPLAYED_STEPS + 1):
+            title = f"touch {k} of {_DISPLAYED_STEPS}"
+            guide.show(title, [Bar("touch", k / _DISPLAYED_STEPS)], None)
             touch = {f: Contact(finger=f, t_ns=0, in_contact=True, cci=k, eda=k) for f in FINGERS}
-            pulses.all(loop.shown(0, touch, ()), title)
+            pulses.all(loop.displayed(0, touch, ()), title)
 
 
 def _each(
@@ -261,18 +261,18 @@ def _each(
                 ladder.answer(felt=asking(pulses, guide, site, level))
         found = ladder.result()
         keep(site, FeltSite(level=found.level or 0, n_false=found.n_false))
-        said = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
-        guide.say(f"{site_place(site)}: {title} {said}", tone="warn" if found.level is None else "good")
+        text = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
+        guide.say(f"{site_place(site)}: {title} {text}", tone="warn" if found.level is None else "good")
 
 
 def _ask_felt(pulses: Pulses, guide: Guide, site: str, level: int) -> bool:
     answers = {"y": "yes", "n": "no", "r": "again"}
-    return _asked(guide, "Felt?", answers, lambda: pulses.one(site, level)) == "y"
+    return _requested(guide, "Felt?", answers, lambda: pulses.one(site, level)) == "y"
 
 
-def _asked(guide: Guide, question: str, answers: Mapping[str, str], vibrate: Callable[[], None]) -> str:
+def _requested(guide: Guide, question: str, answers: Mapping[str, str], vibrate: Callable[[], None]) -> str:
     """Vibrate and ask, again as often as that is the answer."""
     while True:
         vibrate()
-        if (said := guide.ask(question, answers)) != "r":
-            return said
+        if (text := guide.ask(question, answers)) != "r":
+            return text

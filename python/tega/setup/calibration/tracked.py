@@ -86,9 +86,9 @@ def read_tracked(record: Path) -> Tracked:
     """
     if not record.is_file():
         raise CalibrationError(f"{record.name}: no such practice record", f"looked for {record}")
-    told = read_record(record, PracticeRecord)
+    reported = read_record(record, PracticeRecord)
     path = record.with_suffix(".npy")
-    if told.kind is None or told.rate_hz is None or not path.exists():
+    if reported.kind is None or reported.rate_hz is None or not path.exists():
         raise CalibrationError(
             f"{record.name}: keeps no EMG", "track again: tega-teleop practice SETTINGS.toml --person ID"
         )
@@ -96,16 +96,16 @@ def read_tracked(record: Path) -> Tracked:
         data = load_npy(read_foreign(path, most_mib=_MOST_MIB, error=CalibrationError), path.name)
     except ValueError as error:
         raise CalibrationError(f"{path.name}: damaged: {error}", "track again") from error
-    if data.dtype != np.float64 or data.ndim != 2 or data.shape[1] != len(told.channels) + 1:
+    if data.dtype != np.float64 or data.ndim != 2 or data.shape[1] != len(reported.channels) + 1:
         raise CalibrationError(
-            f"{path.name}: {data.dtype} {data.shape}, expected float64 (n, {len(told.channels) + 1})",
+            f"{path.name}: {data.dtype} {data.shape}, expected float64 (n, {len(reported.channels) + 1})",
             "track again",
         )
     return Tracked(
         np.ascontiguousarray(data[:, :-1]),
         np.ascontiguousarray(data[:, -1]),
-        told.rate_hz,
-        told.kind,
-        told.channels,
-        told.person,
+        reported.rate_hz,
+        reported.kind,
+        reported.channels,
+        reported.person,
     )

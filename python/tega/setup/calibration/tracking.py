@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tega.config.calibration.records import PracticeRecord, utc_now
-from tega.config.choose import decoder_told
+from tega.config.choose import decoder_choice
 from tega.config.person import whose
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.muscle_loop import MuscleLoop
@@ -41,7 +41,7 @@ def track(
         DeviceUnavailableError: The source went away.
     """
     curve = Curve(duration_s, seed=seed)
-    with MuscleLoop(config, settings=settings, what="practice") as muscles:
+    with MuscleLoop(config, settings=settings, subject="practice") as muscles:
         guide.part("Practice", "Follow the upper bar with the lower one: squeeze as far as it is full.")
         guide.ready("Arm as in use. The curve begins at rest")
         muscles.start()
@@ -51,15 +51,15 @@ def track(
             for block in muscles.blocks():
                 times.append(block.t_ns * 1e-9)
                 levels.append(block.level)
-            now, asked = levels[-1] if levels else 1, curve.at(gone_s)
+            now, requested = levels[-1] if levels else 1, curve.at(gone_s)
             bars = [
-                Bar("target", asked / _TOP_LEVEL, f"{asked:.1f}"),
+                Bar("target", requested / _TOP_LEVEL, f"{requested:.1f}"),
                 Bar("you", now / _TOP_LEVEL, f"{now}"),
             ]
             guide.show("Follow", bars, duration_s - gone_s)
     found = score(times, levels, curve)
     person, folder = whose(config.calibration)
-    decoder, options = decoder_told(config)
+    decoder, options = decoder_choice(config)
     record = PracticeRecord(
         person=person,
         device=muscles.device,

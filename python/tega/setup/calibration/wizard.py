@@ -92,10 +92,10 @@ def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...
     have += ["emg"] if config.emg is not None else []
     have += ["vest"] if config.vest.driver is not None else []
     have += ["arm"] if config.arm is not None and config.arm.tracker is not None else []
-    for what in only:
-        if not any(part.startswith(what) for part in have):
+    for subject in only:
+        if not any(part.startswith(subject) for part in have):
             raise ConfigError(
-                f"--only {what}: the settings have no [{'arm.tracker' if what == 'arm' else what}] device",
+                f"--only {subject}: the settings have no [{'arm.tracker' if subject == 'arm' else subject}] device",
                 f"they have {', '.join(have)}",
             )
     wanted = tuple(part for part in have if not only or part.split(".")[0] in only)
@@ -257,7 +257,7 @@ class Calibrating:
         kept = self._kept(step, _KeptBaseline)
         if kept is None:
             return None
-        path = path_below(self._folder.path, kept.file, what="picture", source="unfinished.json")
+        path = path_below(self._folder.path, kept.file, subject="picture", source="unfinished.json")
         if not path.is_file():
             return None
         picture = read_image(path, driver="calibrate")
@@ -294,11 +294,11 @@ class Calibrating:
                 now=self._now(),
             )
 
-    def _drawing(self, what: str) -> str:
+    def _drawing(self, subject: str) -> str:
         """Return the drawing of the placement, for a person with a known hand."""
         hand = self._folder.hand(self._person)
         left = "-left" if hand == "left" else ""
-        return f" For a {hand} hand: docs/images/placement-{what}{left}.svg." if hand else ""
+        return f" For a {hand} hand: docs/images/placement-{subject}{left}.svg." if hand else ""
 
     # Vest.
 
@@ -340,12 +340,12 @@ class Calibrating:
                     )
                 steps = self._felt("vest.step")
                 guide.ready("Now two vibrations each time: say which is the stronger one")
-                asked = sites
+                requested = sites
                 if not self._each_step:
-                    asked = middle_sites({site: felt.level for site, felt in thresholds.items()})
+                    requested = middle_sites({site: felt.level for site, felt in thresholds.items()})
                 take_steps(
                     pulses,
-                    asked,
+                    requested,
                     thresholds,
                     steps,
                     guide,
@@ -409,8 +409,10 @@ class Calibrating:
             taken = take_heading(tracker, self._guide)
             assert taken.check is not None
             arm = self._config.arm
-            told_rad = 0.0 if arm is None else arm.mapping.base_yaw_rad
-            base_yaw_rad = take_base_yaw(tracker, self._guide, yaw_rad=taken.yaw_rad, told_rad=told_rad)
+            reported_rad = 0.0 if arm is None else arm.mapping.base_yaw_rad
+            base_yaw_rad = take_base_yaw(
+                tracker, self._guide, yaw_rad=taken.yaw_rad, reported_rad=reported_rad
+            )
             return ArmRecord(
                 person=self._person,
                 device=device_name(tracker.info),

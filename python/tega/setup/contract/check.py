@@ -43,7 +43,7 @@ _PROTOCOLS: dict[str, tuple[type, ...]] = {
     "tracker": (Tracker,),
     "arm": (ArmDriver,),
 }
-_LOOK_S = 1.0
+_POLL_S = 1.0
 
 
 def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
@@ -90,7 +90,7 @@ def _check_discover(driver: type[Device], options: Options) -> None:
     if not isinstance(driver, DiscoveringDevice):
         return
     try:
-        found = driver.discover(_LOOK_S)
+        found = driver.discover(_POLL_S)
     except DeviceUnavailableError as error:
         rule(bool(error.message), "discover says why it could not look")
         return

@@ -51,11 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"no driver or stage is called {unknown[0]!r}; {hint}")
     for name in given.names or everything:
         if name in everything and name not in driver_names():
-            verdict, said = _try_stages(name, given.sets)
+            verdict, text = _try_stages(name, given.sets)
         else:
-            verdict, said = _try_driver(name, given.sets, real=given.real)
+            verdict, text = _try_driver(name, given.sets, real=given.real)
         worst = max(worst, {"ok": 0, "not tried": 0 if not given.names else 2, "broken": 1}[verdict])
-        sys.stdout.write(f"{verdict:<10} {name:<18} {said}\n")
+        sys.stdout.write(f"{verdict:<10} {name:<18} {text}\n")
         sys.stdout.flush()
     return worst
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 
-def rule(holds: bool, said: str) -> None:  # noqa: FBT001  # an assertion that survives python -O
+def rule(holds: bool, text: str) -> None:  # noqa: FBT001  # an assertion that survives python -O
     """Break off where a rule does not hold.
 
     Raises:
         AssertionError: The check fails; the message is the rule.
     """
     if not holds:
-        raise AssertionError(said)
+        raise AssertionError(text)
 
 
-def refuses(call: Callable[[], object], error: type[Exception], said: str) -> None:
+def refuses(call: Callable[[], object], error: type[Exception], text: str) -> None:
     """Break off where a call does not raise this error.
 
     Raises:
@@ -25,4 +25,4 @@ def refuses(call: Callable[[], object], error: type[Exception], said: str) -> No
         call()
     except error:
         return
-    raise AssertionError(said)
+    raise AssertionError(text)

@@ -156,11 +156,14 @@ def check_mapping(mapping: type[Mapping], options: Any) -> None:
             share = step % 10 / 9
             contacts = {finger: _touching(finger, t_ns, share) for finger in FINGERS}
             kinds = ("contact", "slip", "release")
-            told = ("index", "") if made.wants_events else ()
-            events = tuple(Event(t_ns=t_ns, kind=kinds[step % 3], finger=finger) for finger in told)
+            reported = ("index", "") if made.wants_events else ()
+            events = tuple(Event(t_ns=t_ns, kind=kinds[step % 3], finger=finger) for finger in reported)
             for finger, contact in contacts.items():
-                shown = made.columns(finger, contact)
-                rule(len(shown) == 2 and all(0 <= s <= 1000 for s in shown), "columns gives two percents")
+                displayed = made.columns(finger, contact)
+                rule(
+                    len(displayed) == 2 and all(0 <= s <= 1000 for s in displayed),
+                    "columns gives two percents",
+                )
             _percents(made.levels(t_ns, contacts, events), n)
         rule(
             _percents(made.levels(10**11, {}, ()), n).max() == 0,

@@ -6,7 +6,7 @@ through the drivers, read for a moment and closed. Nothing here moves a hand or 
 
 from __future__ import annotations
 
-from tega.setup.doctor.bench import look_around, look_for
+from tega.setup.doctor.bench import probe_all, probe_drivers
 from tega.setup.doctor.findings import Examination, Finding, Status
 from tega.setup.doctor.lab_file import lab_settings
 from tega.setup.doctor.settings import examine
@@ -18,7 +18,7 @@ __all__ = [
     "Status",
     "examine",
     "lab_settings",
-    "look_around",
-    "look_for",
+    "probe_all",
+    "probe_drivers",
     "udev_rules",
 ]

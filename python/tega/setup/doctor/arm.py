@@ -12,7 +12,7 @@ from tega.errors import TegaError
 from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding
 
-_LOOK_S = 1.5
+_POLL_S = 1.5
 _STEP_S = 0.01
 
 
@@ -23,28 +23,30 @@ def try_arm(case: DriverCase) -> list[Finding]:
         return _preflight(case, driver)
     options = driver.harmless(case.options) if isinstance(driver, HarmlessDevice) else None
     if options is None:
-        said = f"{case.driver} was not opened: its driver does not say how to without moving the arm"
+        text = f"{case.driver} was not opened: its driver does not say how to without moving the arm"
         return [
-            case.told("", "warning", said, todo=("try it in tega-teleop run, with the stop within reach",))
+            case.reported(
+                "", "warning", text, todo=("try it in tega-teleop run, with the stop within reach",)
+            )
         ]
     arm = driver(options)
     try:
         with arm:
-            until_s = time.monotonic() + _LOOK_S
+            until_s = time.monotonic() + _POLL_S
             while (seen := arm.measured()) is None and time.monotonic() < until_s:
                 time.sleep(_STEP_S)
-            time.sleep(_LOOK_S / 3)  # so that its loop has a rate to tell
+            time.sleep(_POLL_S / 3)  # so that its loop has a rate to tell
             arm.measured()
             health = arm.health
     except TegaError as error:
         return [failed(case, error, device=arm.info.label)]
     label = arm.info.label
     if seen is None:
-        return [case.told(label, "error", f"{case.driver} opened, and did not say where its hand is")]
+        return [case.reported(label, "error", f"{case.driver} opened, and did not say where its hand is")]
     x, y, z = map(float, seen.position_m)
-    said = f"{case.driver} is open; its hand is at {x:.3f} {y:.3f} {z:.3f} m"
+    text = f"{case.driver} is open; its hand is at {x:.3f} {y:.3f} {z:.3f} m"
     measured = {"loop_hz": health.rate_hz, "worst_ms": health.worst_ms}
-    return [case.told(label, "ok", said, why="; ".join(arm.info.notes), measured=measured)]
+    return [case.reported(label, "ok", text, why="; ".join(arm.info.notes), measured=measured)]
 
 
 def _preflight(case: DriverCase, driver: PreflightedArm) -> list[Finding]:
@@ -53,9 +55,11 @@ def _preflight(case: DriverCase, driver: PreflightedArm) -> list[Finding]:
     except TegaError as error:
         return [failed(case, error, device=getattr(case.options, "host", ""))]
     device = getattr(case.options, "host", "")
-    good = "; ".join(what for ok, what, _ in findings if ok)
-    told = [case.told(device, "ok", good, why="asked without moving it")] if good else []
-    return told + [case.told(device, "error", what, todo=(fix,)) for ok, what, fix in findings if not ok]
+    good = "; ".join(subject for ok, subject, _ in findings if ok)
+    reported = [case.reported(device, "ok", good, why="asked without moving it")] if good else []
+    return reported + [
+        case.reported(device, "error", subject, todo=(fix,)) for ok, subject, fix in findings if not ok
+    ]
 
 
 def try_tracker(case: DriverCase) -> list[Finding]:
@@ -64,7 +68,7 @@ def try_tracker(case: DriverCase) -> list[Finding]:
     poses: list[Any] = []
     try:
         with tracker:
-            until_s = time.monotonic() + _LOOK_S
+            until_s = time.monotonic() + _POLL_S
             while time.monotonic() < until_s:
                 poses += tracker.read(time.monotonic_ns())
                 time.sleep(_STEP_S)
@@ -73,18 +77,18 @@ def try_tracker(case: DriverCase) -> list[Finding]:
         return [failed(case, error, device=tracker.info.label)]
     seen = sum(pose.valid for pose in poses)
     name = f"{case.driver} {info.label}"
-    measured = {"poses_hz": len(poses) / _LOOK_S, "seen_hz": seen / _LOOK_S}
+    measured = {"poses_hz": len(poses) / _POLL_S, "seen_hz": seen / _POLL_S}
     if not poses:
         why = problem or "; ".join(info.notes)
         return [
-            case.told(info.label, "error", f"{name} opened, and gave no pose", why=why, measured=measured)
+            case.reported(info.label, "error", f"{name} opened, and gave no pose", why=why, measured=measured)
         ]
     if not seen:
-        said = f"{name} sends poses, and calls all of them lost"
+        text = f"{name} sends poses, and calls all of them lost"
         todo = ("hold the tracked forearm where the tracker sees it, and look again",)
-        return [case.told(info.label, "warning", said, why=problem, todo=todo, measured=measured)]
-    said = f"{name} sees the forearm, {seen / _LOOK_S:.0f} poses a second"
-    return [case.told(info.label, "ok", said, why=problem, measured=measured)]
+        return [case.reported(info.label, "warning", text, why=problem, todo=todo, measured=measured)]
+    text = f"{name} sees the forearm, {seen / _POLL_S:.0f} poses a second"
+    return [case.reported(info.label, "ok", text, why=problem, measured=measured)]
 
 
 def check_arm(config: SessionConfig) -> list[Finding]:
@@ -94,8 +98,8 @@ def check_arm(config: SessionConfig) -> list[Finding]:
         return []
     seats, findings = config.input.in_use(), []
 
-    def wrong(said: str, todo: str) -> None:
-        findings.append(Finding(check="arm", status="error", finding=said, todo=(todo,), driver=arm.driver))
+    def wrong(text: str, todo: str) -> None:
+        findings.append(Finding(check="arm", status="error", finding=text, todo=(todo,), driver=arm.driver))
 
     if "dead_man" not in seats:
         wrong(

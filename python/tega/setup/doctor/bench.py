@@ -22,7 +22,7 @@ from tega.setup.doctor.tactile import FoundCamera, crowded, try_camera
 from tega.setup.doctor.timeouts import in_time
 from tega.setup.doctor.vest import try_vest
 
-LOOK_S: Final = 3.5
+POLL_S: Final = 3.5
 """Deadline of looking for devices, all drivers side by side."""
 TRY_S: Final = 5.5
 """Deadline of trying those that were found, all side by side."""
@@ -85,7 +85,7 @@ _ABSENT: Final = {
 }
 
 
-class DriverLook(NamedTuple):
+class DriverProbe(NamedTuple):
     """Result of looking for one driver's devices.
 
     Attributes:
@@ -103,7 +103,7 @@ class DriverLook(NamedTuple):
     lacks_package: bool = False
 
 
-def look_for(deadline_s: float = LOOK_S) -> dict[str, DriverLook]:
+def probe_drivers(deadline_s: float = POLL_S) -> dict[str, DriverProbe]:
     """Search for devices with every driver that can; opens nothing.
 
     Args:
@@ -112,36 +112,36 @@ def look_for(deadline_s: float = LOOK_S) -> dict[str, DriverLook]:
     Returns:
         The results by the driver's name, in the order of ``tega-teleop devices``, without drivers that cannot search.
     """
-    jobs: dict[str, Callable[[], DriverLook]] = {}
+    jobs: dict[str, Callable[[], DriverProbe]] = {}
     kinds: dict[str, str] = {}
     for record in list_drivers():
         if record.kind and isinstance(driver := driver_class(record.name), DiscoveringDevice):
             kinds[record.name] = record.kind
-            jobs[record.name] = lambda kind=record.kind, driver=driver: _look(kind, driver, 0.8 * deadline_s)
+            jobs[record.name] = lambda kind=record.kind, driver=driver: _check(kind, driver, 0.8 * deadline_s)
     return in_time(
         jobs,
         deadline_s,
-        lambda name, s: DriverLook(kinds[name], could_not=f"{name} did not answer within {s:g} s"),
+        lambda name, s: DriverProbe(kinds[name], could_not=f"{name} did not answer within {s:g} s"),
     )
 
 
-def _look(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverLook:
+def _check(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverProbe:
     try:
-        return DriverLook(kind, driver.discover(timeout_s))
+        return DriverProbe(kind, driver.discover(timeout_s))
     except MissingExtraError as error:
-        return DriverLook(kind, could_not=error.message, hint=error.hint, lacks_package=True)
+        return DriverProbe(kind, could_not=error.message, hint=error.hint, lacks_package=True)
     except DeviceUnavailableError as error:
-        return DriverLook(kind, could_not=error.message, hint=error.hint)
+        return DriverProbe(kind, could_not=error.message, hint=error.hint)
     except Exception as error:  # somebody's driver: the others are still looked for
-        return DriverLook(kind, could_not=f"unexpected {type(error).__name__}: {error}")
+        return DriverProbe(kind, could_not=f"unexpected {type(error).__name__}: {error}")
 
 
-def look_around() -> Examination:
+def probe_all() -> Examination:
     """Look for a DIGIT, an EMG amplifier, a vest and an Allegro Hand, and try those that may be opened.
 
-    Takes at most :data:`LOOK_S` and :data:`TRY_S` seconds, whatever hangs.
+    Takes at most :data:`POLL_S` and :data:`TRY_S` seconds, whatever hangs.
     """
-    looked = {name: there for name, there in look_for().items() if there.kind in ROLES.values()}
+    looked = {name: there for name, there in probe_drivers().items() if there.kind in ROLES.values()}
     cases: list[DriverCase] = []
     findings = _packages(looked)
     for check, kind in ROLES.items():
@@ -240,7 +240,7 @@ def _seen(check: str, found: Found) -> Finding:
     )
 
 
-def _packages(looked: Mapping[str, DriverLook]) -> list[Finding]:
+def _packages(looked: Mapping[str, DriverProbe]) -> list[Finding]:
     """Return one finding for all packages without which some drivers cannot search."""
     lacking = {name: there for name, there in looked.items() if there.lacks_package}
     if not lacking:
@@ -256,9 +256,9 @@ def _packages(looked: Mapping[str, DriverLook]) -> list[Finding]:
     ]
 
 
-def _absent(check: str, looked: Mapping[str, DriverLook]) -> Finding:
-    said, unseen, todo = _ABSENT[check]
-    reasons = [what for name, what in unseen.items() if name in looked and not looked[name].could_not]
+def _absent(check: str, looked: Mapping[str, DriverProbe]) -> Finding:
+    text, unseen, todo = _ABSENT[check]
+    reasons = [subject for name, subject in unseen.items() if name in looked and not looked[name].could_not]
     if check == "digit" and (others := ", ".join(f"{c.device} ({c.name})" for c in video_nodes())):
         reasons.append(f"other cameras there are: {others}")
     could_not = [there for there in looked.values() if there.could_not and not there.lacks_package]
@@ -266,4 +266,4 @@ def _absent(check: str, looked: Mapping[str, DriverLook]) -> Finding:
     if blind := ", ".join(name for name, there in looked.items() if there.lacks_package):
         reasons.append(f"{blind} could not look")
     hints = dict.fromkeys(there.hint for there in could_not if there.hint)
-    return Finding(check=check, status="missing", finding=said, why="; ".join(reasons), todo=(*todo, *hints))
+    return Finding(check=check, status="missing", finding=text, why="; ".join(reasons), todo=(*todo, *hints))

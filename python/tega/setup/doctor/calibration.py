@@ -14,7 +14,7 @@ from tega.config.calibration.records import utc_now
 from tega.config.calibration.store import load_calibration, refused_law
 from tega.config.person import calibrate_command, closed_info
 from tega.errors import CalibrationError
-from tega.setup.calibration.check import CalibrationLook, look_at, people_with_calibrations
+from tega.setup.calibration.check import CalibrationCheck, look_at, people_with_calibrations
 from tega.setup.doctor.findings import Finding, Status
 
 if TYPE_CHECKING:
@@ -41,13 +41,13 @@ def check_calibration(config: SessionConfig, *, settings: str, now: datetime | N
     if not _live(config):
         return []
     if person is None:
-        return [_nobody(config, settings)]
+        return [_no_person(config, settings)]
     looked = look_at(config, settings=settings, now=now or utc_now())
     findings = [_finding(one) for one in looked if one.problem]
     fine = [one.what for one in looked if not one.problem]
     if fine:
-        said = f"{person}'s calibration is there and fresh: {', '.join(fine)}"
-        findings.insert(0, Finding(check=CHECK, status="ok", finding=said))
+        text = f"{person}'s calibration is there and fresh: {', '.join(fine)}"
+        findings.insert(0, Finding(check=CHECK, status="ok", finding=text))
     return findings
 
 
@@ -65,7 +65,7 @@ def _live(config: SessionConfig) -> list[str]:
     return found
 
 
-def _nobody(config: SessionConfig, settings: str) -> Finding:
+def _no_person(config: SessionConfig, settings: str) -> Finding:
     people = people_with_calibrations(config, settings)
     if people:
         them = ", ".join(people[:6]) + (" …" if len(people) > 6 else "")
@@ -110,15 +110,15 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
         return Finding(check=CHECK, status="error", finding=wrong, todo=(again,))
     command = calibrate_command(settings, "ID", "touch")
     refused = [
-        said for one in config.tactile.in_use() for said in refused_law(one, calibration.touch(one), command)
+        text for one in config.tactile.in_use() for text in refused_law(one, calibration.touch(one), command)
     ]
     if refused:
         return Finding(check=CHECK, status="warning", finding=f"{file.name}: {'; '.join(refused)}")
-    said = f"the file {file.name} matches these settings, but names no participant, device or date"
-    return Finding(check=CHECK, status="ok", finding=said)
+    text = f"the file {file.name} matches these settings, but names no participant, device or date"
+    return Finding(check=CHECK, status="ok", finding=text)
 
 
-def _finding(looked: CalibrationLook) -> Finding:
+def _finding(looked: CalibrationCheck) -> Finding:
     return Finding(
         check=CHECK,
         status=looked.status,

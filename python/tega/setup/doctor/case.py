@@ -29,11 +29,11 @@ class DriverCase(NamedTuple):
     options: Any
     baseline: Path | None = None
 
-    def told(
+    def reported(
         self,
         device: str,
         status: Status,
-        said: str,
+        text: str,
         *,
         why: str = "",
         todo: tuple[str, ...] = (),
@@ -43,7 +43,7 @@ class DriverCase(NamedTuple):
         return Finding(
             check=self.check,
             status=status,
-            finding=said,
+            finding=text,
             why=why,
             todo=todo,
             driver=self.driver,
@@ -76,12 +76,12 @@ def failed(
         wrong = isinstance(error, WrongDeviceError | SampleRateError | StreamContradictionError)
         status = "error" if wrong or isinstance(error.__cause__, PermissionError) else "missing"
     steps = tuple(step for step in (error.hint, *todo) if step)
-    return case.told(device, status, error.message, why=why, todo=steps)
+    return case.reported(device, status, error.message, why=why, todo=steps)
 
 
 def late(case: DriverCase, deadline_s: float) -> Finding:
     """Return the finding for a device that did not answer in time."""
-    return case.told(
+    return case.reported(
         "",
         "error",
         f"{case.driver} was not done within {deadline_s:g} s",

@@ -12,7 +12,7 @@ from tega.runtime.evidence import Contradiction
 from tega.setup.doctor.case import DriverCase, failed, holders
 from tega.setup.doctor.findings import Finding
 
-_LOOK_S = 2.2
+_POLL_S = 2.2
 """The spectrum of the mains takes two seconds."""
 _TOO_SLOW = (
     "a sketch with delay() or too many characters on a line is the usual reason: print faster, raise the baud rate",
@@ -30,8 +30,8 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
             info = source.info
             measured_hz = optional(source, "measured_hz")
             contradictions: tuple[Contradiction, ...] = optional(source, "contradictions")
-            told = {str(one) for one in contradictions}
-            faults = [fault for fault in optional(source, "faults") if fault not in told]
+            reported = {str(one) for one in contradictions}
+            faults = [fault for fault in optional(source, "faults") if fault not in reported]
     except SampleRateError as error:
         return [failed(case, error, device=label, todo=_TOO_SLOW)]
     except TegaError as error:
@@ -42,17 +42,17 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
         return [failed(case, error, device=label, why=why, status="error" if busy else None)]
     channels = f"{len(info.channels)} channels"
     if not info.live:
-        said = f"{case.driver} {label}: a recording, {channels} at {info.rate_hz or 0:g} samples a second"
-        return [case.told(label, "ok", said)]
+        text = f"{case.driver} {label}: a recording, {channels} at {info.rate_hz or 0:g} samples a second"
+        return [case.reported(label, "ok", text)]
     rate_hz = measured_hz or info.rate_hz or 0.0
     measured = {"rate_hz": round(rate_hz, 1), "n_samples": float(n_samples)}
     if not n_samples:
-        said = f"{case.driver} {label} opened, and then sent nothing for {_LOOK_S:g} s"
-        return [case.told(label, "error", said, todo=("check its power and its cable",))]
-    said = f"{case.driver} {label} sends {rate_hz:.0f} samples a second, {channels}"
-    about = [note for note in info.notes if not any(fault in note for fault in (*faults, *told))]
+        text = f"{case.driver} {label} opened, and then sent nothing for {_POLL_S:g} s"
+        return [case.reported(label, "error", text, todo=("check its power and its cable",))]
+    text = f"{case.driver} {label} sends {rate_hz:.0f} samples a second, {channels}"
+    about = [note for note in info.notes if not any(fault in note for fault in (*faults, *reported))]
     findings = [
-        case.told(
+        case.reported(
             label,
             "warning",
             f"{case.driver} {label}: {fault}",
@@ -63,7 +63,7 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
         for fault in faults
     ]
     findings += [
-        case.told(
+        case.reported(
             label,
             "error",
             f"{case.driver} {label}: {one}",
@@ -72,7 +72,7 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
         )
         for one in contradictions
     ]
-    return [case.told(label, "ok", said, why="; ".join(about), measured=measured), *findings]
+    return [case.reported(label, "ok", text, why="; ".join(about), measured=measured), *findings]
 
 
 def _read(source: Any) -> int:
@@ -80,7 +80,7 @@ def _read(source: Any) -> int:
     if not source.info.live:
         chunk = source.read(0.0)
         return 0 if chunk is None else len(chunk.samples)
-    n, until_s = 0, time.monotonic() + _LOOK_S
+    n, until_s = 0, time.monotonic() + _POLL_S
     while (left_s := until_s - time.monotonic()) > 0:
         chunk = source.read(min(left_s, 0.2))
         n += 0 if chunk is None else len(chunk.samples)

@@ -32,7 +32,7 @@ MOST_BANDING = 0.005
 """Bands of mains light from which areas are off by more than 5 %, as a share of the light."""
 
 
-def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
+def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
     """Judge the gel by pictures that were taken while nothing should have touched it.
 
     Args:
@@ -52,9 +52,9 @@ def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint
     sent = pictures[-1].shape
     if baseline.shape != sent:
         height, width = baseline.shape[:2]
-        said = f"the baseline {case.baseline.name} is {width}×{height}, {label} sends {sent[1]}×{sent[0]}"
+        text = f"the baseline {case.baseline.name} is {width}×{height}, {label} sends {sent[1]}×{sent[0]}"
         why = "size or orientation was another when it was taken"
-        return [case.told(label, "error", said, why=why, todo=("take the baseline again",))]
+        return [case.reported(label, "error", text, why=why, todo=("take the baseline again",))]
     return [
         *_is_dark(case, label, pictures),
         *_has_bands(case, label, pictures),
@@ -66,12 +66,14 @@ def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]
     if len(pictures) < LEAST_PICTURES:
         return []
     noise = max(_noise(pictures))
-    said = dark(_mean(pictures), noise)
-    if not said:
+    text = dark(_mean(pictures), noise)
+    if not text:
         return []
     why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
     return [
-        case.told(label, "error", f"{case.driver} {label}: {said}", why=why, measured={"noise_counts": noise})
+        case.reported(
+            label, "error", f"{case.driver} {label}: {text}", why=why, measured={"noise_counts": noise}
+        )
     ]
 
 
@@ -84,7 +86,7 @@ def _has_bands(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8
     if tracker.banding < MOST_BANDING:
         return []
     return [
-        case.told(
+        case.reported(
             label,
             "warning",
             f"{case.driver} {label}: bands of {100 * tracker.banding:.1f} % of the light move over the picture",
@@ -115,7 +117,7 @@ def _compared(
         noise_then, when = max(record.noise_counts), f"{record.made:%Y-%m-%d}"
     change = compare_gels(now, baseline, noise_now=noise, noise_then=noise_then, when=when)
     findings = [
-        case.told(
+        case.reported(
             label,
             "warning",
             f"{case.driver} {label}: {words}",
@@ -131,7 +133,7 @@ def _compared(
     contact = tracker.update(now)
     if contact.difference > contact.threshold:
         findings.append(
-            case.told(
+            case.reported(
                 label,
                 "warning",
                 f"{case.driver} {label}: the gel differs from its baseline ({contact.difference:.1f} times its "

@@ -12,7 +12,7 @@ from tega.errors import TegaError
 from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding
 
-_LOOK_S = 1.2
+_POLL_S = 1.2
 """Temperatures come twice a second."""
 _WARM_C = 60
 
@@ -21,44 +21,44 @@ def try_hand(case: DriverCase) -> list[Finding]:
     """Open a hand with its motors off, receive its reports for a moment, close it."""
     driver = driver_class(case.driver, "hand")
     if not isinstance(driver, HarmlessDevice):
-        said = f"{case.driver} was not opened: it does not say how to without force"
-        return [case.told("", "warning", said)]
+        text = f"{case.driver} was not opened: it does not say how to without force"
+        return [case.reported("", "warning", text)]
     options = driver.harmless(case.options)
     hand: Any = driver(case.options if options is None else options)
     label = hand.info.label
     if options is None:
-        return [case.told(label, "ok", f"{case.driver} needs no device; it was not opened")]
+        return [case.reported(label, "ok", f"{case.driver} needs no device; it was not opened")]
     why, step = _bus(case)
     if why:
-        return [case.told(label, "error", f"the hand cannot be reached: {why}", todo=(step,))]
+        return [case.reported(label, "error", f"the hand cannot be reached: {why}", todo=(step,))]
     try:
         with hand:
-            measured = _look(hand)
+            measured = _check(hand)
             info, joints_c = hand.info, hand.state().joints_c if isinstance(hand, ReportingHand) else []
     except TegaError as error:
         return [failed(case, error, device=label)]
-    said = (
+    text = (
         f"the hand on {label} reports {measured.get('rate_hz', 0):.0f} times a second; its motors stayed off"
     )
     if not measured:
-        said = f"the bus {label} opens; this driver only sends, so no device on it was detected"
-    findings = [case.told(label, "ok", said, why="; ".join(info.notes), measured=measured)]
+        text = f"the bus {label} opens; this driver only sends, so no device on it was detected"
+    findings = [case.reported(label, "ok", text, why="; ".join(info.notes), measured=measured)]
     known = [c for c in joints_c if c is not None]
     if joints_c and len(known) < len(joints_c):
-        said = f"{len(joints_c) - len(known)} of {len(joints_c)} joints report no temperature"
-        findings.append(case.told(label, "warning", said))
+        text = f"{len(joints_c) - len(known)} of {len(joints_c)} joints report no temperature"
+        findings.append(case.reported(label, "warning", text))
     if known and max(known) > _WARM_C:
-        said = f"a joint is at {max(known)} °C; its torque is reduced above {_WARM_C}, at 80 it is let go"
-        findings.append(case.told(label, "warning", said, todo=("let it cool down",)))
+        text = f"a joint is at {max(known)} °C; its torque is reduced above {_WARM_C}, at 80 it is let go"
+        findings.append(case.reported(label, "warning", text, todo=("let it cool down",)))
     return findings
 
 
-def _look(hand: Any) -> dict[str, float]:
+def _check(hand: Any) -> dict[str, float]:
     """Count a hand's reports for a moment; a driver without a state has none."""
     if not isinstance(hand, ReportingHand):
         return {}
     started_s, before = time.monotonic(), hand.state().counts
-    time.sleep(_LOOK_S)
+    time.sleep(_POLL_S)
     # What went wrong meanwhile is raised here.
     hand.step(1)
     state = hand.state()

@@ -10,7 +10,7 @@ from tega.errors import TegaError
 from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding
 
-_LOOK_S = 1.0
+_POLL_S = 1.0
 _STEP_S = 0.02
 
 
@@ -27,31 +27,31 @@ def try_input(case: DriverCase) -> list[Finding]:
     name = f"{case.driver} {info.label}"
     if not state.live:
         why = "; ".join(info.notes)
-        said = f"{name} opened, and then had no data"
+        text = f"{name} opened, and then had no data"
         return [
-            case.told(
+            case.reported(
                 info.label,
                 "error",
-                said,
+                text,
                 why=why,
                 todo=("let it go, check its cable or battery, look again",),
             )
         ]
-    doubts = [case.told(info.label, "warning", f"{name}: {note}") for note in info.notes]
+    doubts = [case.reported(info.label, "warning", f"{name}: {note}") for note in info.notes]
     if touched := _touched(state):
         why = "harmless if you touch it just now; else it would move or release something by itself"
-        said = f"{name} says that it is touched: {touched}"
+        text = f"{name} says that it is touched: {touched}"
         return [
-            case.told(info.label, "warning", said, why=why, todo=("let it go and look again",)),
+            case.reported(info.label, "warning", text, why=why, todo=("let it go and look again",)),
             *doubts,
         ]
     why = "it reports nothing at rest: move it in tega-teleop run, which shows its values"
-    return [case.told(info.label, "ok", f"{name} is open and at rest", why=why), *doubts]
+    return [case.reported(info.label, "ok", f"{name} is open and at rest", why=why), *doubts]
 
 
 def _listen(source: InputSource) -> InputReading:
     """Return the state of a device after a moment, or when it is lost."""
-    until_s = time.monotonic() + _LOOK_S
+    until_s = time.monotonic() + _POLL_S
     while (state := source.state()).live and time.monotonic() < until_s:
         time.sleep(_STEP_S)
     return state

@@ -11,7 +11,7 @@ import tomlkit
 from tega.config import FINGERS
 from tega.devices import Found
 from tega.runtime.files.toml_text import toml_item, toml_value, tree_text
-from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.bench import DriverProbe
 
 _HEAD = """\
 # A session on real devices. Lines that begin with # are switched off; take the # away to switch one on.
@@ -127,7 +127,7 @@ _PREFERRED = ("lsl-emg", "cyton", "bhaptics-player", "bhaptics-ble")
 
 
 def lab_settings(
-    looked: Mapping[str, DriverLook],
+    looked: Mapping[str, DriverProbe],
     *,
     name: str,
     emulated: bool = False,
@@ -138,7 +138,7 @@ def lab_settings(
     """Return the text of a settings file.
 
     Args:
-        looked: Results of :func:`tega.setup.doctor.look_for`.
+        looked: Results of :func:`tega.setup.doctor.probe_drivers`.
         name: Name of the file, for the commands in it.
         emulated: The devices are emulators, which the settings then say.
         calibration: A calibration to name, relative to the file.
@@ -195,7 +195,7 @@ def _arm(driver: str | dict[str, Any] | None) -> str:
     return _ARM.format(off=off, driver=name, gap=gap, options=options)
 
 
-def _found(looked: Mapping[str, DriverLook], kind: str, driver: str | None = None) -> list[Found]:
+def _found(looked: Mapping[str, DriverProbe], kind: str, driver: str | None = None) -> list[Found]:
     """Return the devices found of a kind, for one driver or any; the likelier and usable ones first."""
     found = [one for there in looked.values() if there.kind == kind for one in there.found]
     found = [one for one in found if driver in {None, one.driver}]
@@ -212,18 +212,20 @@ def _section(table: str, found: Found, more: str) -> str:
     if found.problem:
         text += _comment(f"Not usable yet: {found.problem}. {found.hint}")
     text += f"[{table}]\n{_line('driver', found.driver)}{more}"
-    extra = {key: told for key, told in _MORE.get(found.driver, {}).items() if key not in found.options}
+    extra = {
+        key: reported for key, reported in _MORE.get(found.driver, {}).items() if key not in found.options
+    }
     if found.options or extra:
         text += f"\n[{table}.options]\n" + "".join(_line(key, value) for key, value in found.options.items())
-        text += "".join(_line(key, value, told) for key, (value, told) in extra.items())
+        text += "".join(_line(key, value, reported) for key, (value, reported) in extra.items())
     return text
 
 
-def _line(key: str, value: Any, told: str = "") -> str:
+def _line(key: str, value: Any, reported: str = "") -> str:
     """Return a key's line with its comment, in a column of its own."""
     item = toml_item(value)
-    if told:
-        item.comment(told).trivia.comment_ws = " " * max(2, 27 - len(key) - len(item.as_string()))
+    if reported:
+        item.comment(reported).trivia.comment_ws = " " * max(2, 27 - len(key) - len(item.as_string()))
     return tomlkit.dumps({key: item})
 
 

@@ -15,9 +15,9 @@ from tega.errors import TegaError
 from tega.runtime.device_items import CameraCounts
 from tega.setup.doctor.case import DriverCase, failed, holders
 from tega.setup.doctor.findings import Finding
-from tega.setup.doctor.gel import look_at_gel
+from tega.setup.doctor.gel import check_gel
 
-_LOOK_S = 1.5
+_POLL_S = 1.5
 _SLOW = 0.9
 """Share of the agreed rate below which pictures are missing."""
 _USB2_MB_S = 35.0
@@ -53,24 +53,24 @@ def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
     except TegaError as error:
         return [_unusable(case, error, source)], None
     if not frames:
-        return [case.told(label, "error", f"{name} opened, and sent no picture")], None
+        return [case.reported(label, "error", f"{name} opened, and sent no picture")], None
     height, width = frames[-1].image.shape[:2]
     seen = {f.seq: f.image for f in frames if f.image.shape == frames[-1].image.shape}
-    gel = look_at_gel(case, label, list(seen.values()))
+    gel = check_gel(case, label, list(seen.values()))
     if not info.live:
         length = f"{info.n_items} pictures" if info.n_items else "pictures"
-        said = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
-        return gel or [case.told(label, "ok", said)], None
+        text = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
+        return gel or [case.reported(label, "ok", text)], None
     findings = [
         *_pictures(
             case, label, rate_hz, info.rate_hz, source.counts if isinstance(source, CountingSource) else None
         ),
-        *(case.told(label, "warning", f"{name}: {note}") for note in info.notes),
+        *(case.reported(label, "warning", f"{name}: {note}") for note in info.notes),
         *gel,
     ]
     if not findings:
-        said = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
-        findings = [case.told(label, "ok", said, measured={"rate_hz": round(rate_hz, 1)})]
+        text = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
+        findings = [case.reported(label, "ok", text, measured={"rate_hz": round(rate_hz, 1)})]
     return findings, FoundCamera(case.check, label, info.rate_hz or 0.0, height * width)
 
 
@@ -82,7 +82,7 @@ def _pictures(
     measured = {"rate_hz": round(rate_hz, 1)}
     if agreed_hz and rate_hz < _SLOW * agreed_hz:
         findings.append(
-            case.told(
+            case.reported(
                 label,
                 "warning",
                 f"{case.driver} {label} sends {rate_hz:.0f} pictures a second where {agreed_hz:g} were agreed",
@@ -96,17 +96,17 @@ def _pictures(
         )
     if counts is None:
         return findings
-    bad = {what: getattr(counts, what) for what in ("torn", "duplicate", "black", "odd_size")}
+    bad = {subject: getattr(counts, subject) for subject in ("torn", "duplicate", "black", "odd_size")}
     if any(bad.values()):
-        kinds = ", ".join(f"{n} {what.replace('_', ' ')}" for what, n in bad.items() if n)
+        kinds = ", ".join(f"{n} {subject.replace('_', ' ')}" for subject, n in bad.items() if n)
         findings.append(
-            case.told(
+            case.reported(
                 label,
                 "warning",
                 f"{case.driver} {label}: of {counts.received} pictures some could not be used: {kinds}",
                 why="pictures arrive damaged: cable, hub, or too much on one USB bus",
                 todo=("use a short cable and another port; the driver withholds such pictures by itself",),
-                measured=measured | {f"{what}_pictures": float(n) for what, n in bad.items()},
+                measured=measured | {f"{subject}_pictures": float(n) for subject, n in bad.items()},
             )
         )
     return findings
@@ -153,7 +153,7 @@ def _read(source: TactileSource) -> tuple[list[TactileFrame], float]:
     if first is None or not source.info.live:
         return [] if first is None else [first], source.info.rate_hz or 0.0
     frames = [first]
-    until_s = time.monotonic() + _LOOK_S
+    until_s = time.monotonic() + _POLL_S
     while time.monotonic() < until_s:
         if (frame := source.read(0.1)) is not None:
             frames.append(frame)
@@ -170,7 +170,7 @@ def _unusable(case: DriverCase, error: TegaError, source: Any) -> Finding:
     if not place.startswith("/dev/") or not os.path.exists(place):  # noqa: PTH110  # a device's name, not a path of ours
         return failed(case, error, device=label)
     if not os.access(place, os.R_OK | os.W_OK):
-        return case.told(
+        return case.reported(
             label,
             "error",
             f"{label} is there, but your user may not open {place}",

@@ -26,7 +26,7 @@ def try_vest(case: DriverCase) -> list[Finding]:
     vest: Any = driver(case.options if options is None else options)
     label = vest.info.label
     if options is None:
-        return [case.told(label, "ok", f"{case.driver} needs no device; it was not opened")]
+        return [case.reported(label, "ok", f"{case.driver} needs no device; it was not opened")]
     try:
         with vest:
             info, condition, battery = (
@@ -39,9 +39,9 @@ def try_vest(case: DriverCase) -> list[Finding]:
         if isinstance(error, MissingExtraError):
             why, hint = "", ""
         return [failed(case, error, device=label, why=why, todo=(hint,))]
-    said = f"{case.driver}, {label}: the vest answers{f' ({condition})' if condition else ''}; it was sent zeros only"
+    text = f"{case.driver}, {label}: the vest answers{f' ({condition})' if condition else ''}; it was sent zeros only"
     measured = {} if battery is None else {"battery_percent": float(battery)}
     return [
-        case.told(label, "ok", said, measured=measured, todo=(_ASK,) if condition else ()),
-        *(case.told(label, "warning", note) for note in info.notes),
+        case.reported(label, "ok", text, measured=measured, todo=(_ASK,) if condition else ()),
+        *(case.reported(label, "warning", note) for note in info.notes),
     ]

@@ -61,20 +61,20 @@ class Rise:
 
     def add(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
         """Add the current share; ``void`` cancels an event that is not reported yet."""
-        told = self._waited(t_s, share, void=void)
+        reported = self._waited(t_s, share, void=void)
         if share < self._rule.enter or void:
             self._since_s = None
-            return told
+            return reported
         self._since_s = t_s if self._since_s is None else self._since_s
         began_s = self._since_s
         if t_s - began_s < self._rule.least_s - 1e-9:
-            return told
+            return reported
         fresh, self._free_s = t_s >= self._free_s, t_s + self._rest_s
         if fresh and not self._ahead_s:
             return DetectedEvent(self._kind, began_s, share, t_s)
         if fresh:
             self._open = began_s, share
-        return told
+        return reported
 
     def _waited(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
         """Return the event that has waited long enough for later data."""
@@ -104,7 +104,7 @@ class Detector:
         self._quick: dict[str, FingerTrack] = {}
         self._trend: dict[str, FingerTrack] = {}
         self._sinking: dict[str, SinkTrack] = {}
-        self._told: dict[str, bool] = {}
+        self._reported: dict[str, bool] = {}
         self._grasp_s: float | None = None
         self._lost_s = self._gained_s = -math.inf
         self._next_s = -math.inf
@@ -131,10 +131,10 @@ class Detector:
         if finger not in self._quick:
             self._quick[finger] = FingerTrack(s.quick_s, s.slow_s)
             self._trend[finger] = FingerTrack(*s.trend_s)
-            self._told[finger] = touch.in_contact
+            self._reported[finger] = touch.in_contact
         track = self._quick[finger]
         if t_s - track.seen_s > s.stale_s and math.isfinite(track.seen_s):  # what was missed is no event
-            self._told[finger] = touch.in_contact
+            self._reported[finger] = touch.in_contact
         was = track.touching
         track.add(t_s, touch)
         self._trend[finger].add(t_s, touch)
@@ -293,9 +293,9 @@ class Detector:
 
     def _contact(self, t_s: float, finger: str, track: FingerTrack) -> list[DetectedEvent]:
         least_s = self._s.touch_s if track.touching else self._s.release_s
-        if track.touching == self._told[finger] or t_s - track.since_s < least_s - 1e-9:
+        if track.touching == self._reported[finger] or t_s - track.since_s < least_s - 1e-9:
             return []
-        self._told[finger] = track.touching
+        self._reported[finger] = track.touching
         # Certain as far as the fingertip's own noise goes: the reading calls contact what stands out of it.
         return [DetectedEvent("contact" if track.touching else "release", track.since_s, 1.0, t_s, finger)]
 

@@ -76,9 +76,9 @@ class LiftRule:
             self.since_s = None
         elif self.since_s is None:
             self.since_s = t_s
-        self.look(t_s)
+        self.check(t_s)
 
-    def look(self, t_s: float) -> None:
+    def check(self, t_s: float) -> None:
         """Advance the time; the height is unchanged."""
         if self.held_s is None and self.since_s is not None and t_s >= self.since_s + STABLE_S - _EPS:
             self.held_s = self.since_s, self.since_s + STABLE_S

@@ -64,7 +64,7 @@ class Log(NamedTuple):
         return self._replace(samples=self.samples[:, list(channels)])
 
 
-class DecoderTold(NamedTuple):
+class DecoderReport(NamedTuple):
     """Closures and levels that a decoder returned for a log.
 
     Attributes:
@@ -126,7 +126,7 @@ def compare(
     *,
     features: Sequence[str] = (),
     recalibrate_s: float = 0.0,
-) -> list[DecoderTold]:
+) -> list[DecoderReport]:
     """Calibrate decoders on one log and judge them on another.
 
     Args:
@@ -176,7 +176,7 @@ def compare(
     for name in decoders:
         closure, level, confidence, held = _run(name, train, today, judged, tuple(features))
         figures = judge(closure, level, wanted, block_s, paper=paper, confidence=confidence, held=held)
-        found.append(DecoderTold(name, closure, level, confidence, held, wanted, figures))
+        found.append(DecoderReport(name, closure, level, confidence, held, wanted, figures))
     return found
 
 
@@ -233,7 +233,7 @@ def _run(
     return closure, level, sure, np.array([i.confidence == 0 for i in newest])
 
 
-def as_json(told: DecoderTold) -> dict[str, Any]:
+def as_json(reported: DecoderReport) -> dict[str, Any]:
     """Return a decoder's figures by name; an undefined figure is ``None``."""
-    figures = msgspec.to_builtins(told.figures)
-    return {"decoder": told.decoder} | {k: None if math.isnan(v) else v for k, v in figures.items()}
+    figures = msgspec.to_builtins(reported.figures)
+    return {"decoder": reported.decoder} | {k: None if math.isnan(v) else v for k, v in figures.items()}

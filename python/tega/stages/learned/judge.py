@@ -86,32 +86,32 @@ def judge(
         >>> judge([0, 0, 1, 1], [1, 1, 5, 5], [0, 0, 1, 1], 0.1).balanced_accuracy
         1.0
     """
-    told, steps, wanted = (np.asarray(a, np.float64) for a in (closure, level, target))
-    if not told.shape == steps.shape == wanted.shape or told.ndim != 1 or len(told) < 3:
+    reported, steps, wanted = (np.asarray(a, np.float64) for a in (closure, level, target))
+    if not reported.shape == steps.shape == wanted.shape or reported.ndim != 1 or len(reported) < 3:
         raise ShapeError(
-            f"series have shapes {told.shape}, {steps.shape}, {wanted.shape}: three blocks are needed"
+            f"series have shapes {reported.shape}, {steps.shape}, {wanted.shape}: three blocks are needed"
         )
     rest, effort = wanted < 0.25, wanted > 0.5
     balanced = float("nan")
     if rest.any() and effort.any():
-        balanced = float((told[rest] < 0.25).mean() + (told[effort] >= 0.25).mean()) / 2
+        balanced = float((reported[rest] < 0.25).mean() + (reported[effort] >= 0.25).mean()) / 2
     return DecoderFigures(
-        rank_correlation=rank_correlation(told, wanted),
+        rank_correlation=rank_correlation(reported, wanted),
         level_rank_correlation=rank_correlation(steps, wanted),
-        correlation=_pearson(told, wanted),
-        rmse=float(np.sqrt(((told - wanted) ** 2).mean())),
+        correlation=_pearson(reported, wanted),
+        rmse=float(np.sqrt(((reported - wanted) ** 2).mean())),
         changes_per_s=changes_per_second(steps, block_s),
-        delay_s=float("nan") if paper is None else delay_s(told, np.asarray(paper, np.float64), block_s),
+        delay_s=float("nan") if paper is None else delay_s(reported, np.asarray(paper, np.float64), block_s),
         level_delay_s=float("nan")
         if paper is None
         else delay_s(steps, np.asarray(paper, np.float64), block_s),
-        target_delay_s=delay_s(told, wanted, block_s),
+        target_delay_s=delay_s(reported, wanted, block_s),
         at_level=float((steps == np.floor(4 * wanted + 1.5)).mean()),
         balanced_accuracy=balanced,
-        false_closings_per_min=_false_closings(told, wanted, block_s),
-        calibration_error=_calibration_error(told, wanted, confidence),
+        false_closings_per_min=_false_closings(reported, wanted, block_s),
+        calibration_error=_calibration_error(reported, wanted, confidence),
         held=0.0 if held is None else float(np.asarray(held, bool).mean()),
-        duration_s=len(told) * block_s,
+        duration_s=len(reported) * block_s,
     )
 
 
@@ -121,28 +121,28 @@ def _pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(da @ db) / scale if scale > 0 else float("nan")
 
 
-def _false_closings(told: NDArray[np.float64], wanted: NDArray[np.float64], block_s: float) -> float:
+def _false_closings(reported: NDArray[np.float64], wanted: NDArray[np.float64], block_s: float) -> float:
     """Count closings in rest that has lasted half a second and goes on for as long: muscles lead a force."""
     margin = max(1, round(_SETTLED_S / block_s))
     at_rest = wanted < REST_CLOSURE
     padded = np.pad(at_rest, margin, constant_values=True)
     settled = np.all([padded[n : n + len(at_rest)] for n in range(2 * margin + 1)], axis=0)
-    begins = np.diff(told >= CLOSING, prepend=False) & (told >= CLOSING)
+    begins = np.diff(reported >= CLOSING, prepend=False) & (reported >= CLOSING)
     rest_min = float(settled.sum()) * block_s / 60
     return float((begins & settled).sum()) / rest_min if rest_min > 0 else float("nan")
 
 
 def _calibration_error(
-    told: NDArray[np.float64], wanted: NDArray[np.float64], confidence: ArrayLike | None
+    reported: NDArray[np.float64], wanted: NDArray[np.float64], confidence: ArrayLike | None
 ) -> float:
     if confidence is None:
         return float("nan")
     sure = np.asarray(confidence, np.float64)
-    said = np.isfinite(sure)
-    if not said.any():
+    text = np.isfinite(sure)
+    if not text.any():
         return float("nan")
-    right = (np.abs(told - wanted) <= 0.25)[said]
-    sure = sure[said]
+    right = (np.abs(reported - wanted) <= 0.25)[text]
+    sure = sure[text]
     bins = np.minimum((_CONFIDENCE_BINS * sure).astype(int), _CONFIDENCE_BINS - 1)
     gaps = [
         abs(sure[bins == n].mean() - right[bins == n].mean()) * (bins == n).mean()

@@ -46,7 +46,7 @@ class Latch:
         self._up = self._down = 0.0
         self._since_s = math.inf
         self._n_of_late = 0.0
-        self._last_way = 0
+        self._last_direction = 0
         self.level = 0
 
     def take(self, closure: float, smoothed: float) -> None:
@@ -60,12 +60,12 @@ class Latch:
         away = 1.0 + 4.0 * closure - self.level
         self._up = self._added(self._up, away)
         self._down = self._added(self._down, -away)
-        way = 1 if self._up >= self._down else -1
-        asked = AREA * (1.0 + BUSY * self._n_of_late**2)
-        if way == -self._last_way:
-            asked *= 1.0 + BACK * math.exp(-self._since_s / BACK_S)
-        if max(self._up, self._down) >= asked and (nearest - self.level) * way > 0:
-            self.level, self._last_way = nearest, way
+        route = 1 if self._up >= self._down else -1
+        requested = AREA * (1.0 + BUSY * self._n_of_late**2)
+        if route == -self._last_direction:
+            requested *= 1.0 + BACK * math.exp(-self._since_s / BACK_S)
+        if max(self._up, self._down) >= requested and (nearest - self.level) * route > 0:
+            self.level, self._last_direction = nearest, route
             self._up = self._down = self._since_s = 0.0
             self._n_of_late += 1.0
 

@@ -12,7 +12,7 @@ from tega.records.html import rows_html
 from tega.stages.learned.features import Blocks, as_samples
 from tega.stages.learned.latch import Latch
 from tega.stages.learned.model import Model, load_model, save_model
-from tega.stages.learned.refit import fitted_anew
+from tega.stages.learned.refit import refitted
 from tega.stages.learned.scorer import BlockScorer
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ class LearnedDecoder:
         Raises:
             CalibrationError: The data is too short or lacks rest or effort, or the model is a kernel.
         """
-        return LearnedDecoder(fitted_anew(self.model, as_samples(emg, len(self.model.channels)), target))
+        return LearnedDecoder(refitted(self.model, as_samples(emg, len(self.model.channels)), target))
 
     @property
     def levels(self) -> NDArray[np.int64]:

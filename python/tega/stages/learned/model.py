@@ -119,9 +119,9 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         }
         lengths |= {f: (len(getattr(self, f)), values) for f in ("mean", "scale", "lowest", "highest")}
         lengths |= {f"support[{i}]": (len(row), values) for i, row in enumerate(self.support)}
-        for what, (found, wanted) in lengths.items():
+        for subject, (found, wanted) in lengths.items():
             if found != wanted or not wanted:
-                raise CalibrationError(f"{name}: {what} has {found} numbers, {wanted} are needed", _AGAIN)
+                raise CalibrationError(f"{name}: {subject} has {found} numbers, {wanted} are needed", _AGAIN)
         if (np.diff(self.knots_effort) <= 0).any() or (np.diff(self.knots_closure) < 0).any():
             raise CalibrationError(f"{name}: its monotone stage does not rise", _AGAIN)
 
@@ -144,13 +144,13 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         Raises:
             CalibrationError: Kind, rate, channels or person differ; the message says which.
         """
-        for what, made, found in (
+        for subject, made, found in (
             ("kind", self.kind, kind),
             ("channels", ", ".join(self.channels), ", ".join(channels)),
             ("person", self.person or person, person or self.person),
         ):
             if made != found:
-                raise CalibrationError(f"{name}: made for {what} {made!r}, the run has {found!r}", _AGAIN)
+                raise CalibrationError(f"{name}: made for {subject} {made!r}, the run has {found!r}", _AGAIN)
         if abs(rate_hz / self.rate_hz - 1) > _RATE_SHARE:
             raise CalibrationError(
                 f"{name}: made for {self.rate_hz:g} samples/s, the source gives {rate_hz:g}", _AGAIN

@@ -84,7 +84,7 @@ class OutsideDecoder(Decoder):
         self._waiting = values[n_blocks * self._tau :]
         if not n_blocks:
             return []
-        self._hear()
+        self._receive()
         fresh = self.age_s <= self._options.age_ms / 1000
         return [
             self._intent(
@@ -128,7 +128,7 @@ class OutsideDecoder(Decoder):
             channels=channels,
         )
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         """Take the received closures; one that is no number, or not from 0 to 1, is ignored."""
         if self._inlet is None:
             return
@@ -156,8 +156,8 @@ class OutsideDecoder(Decoder):
                 "start the other program first, or set stages.decoder.options.stream to its stream",
             )
         if len(found) > 1:
-            said = f"{len(found)} streams have the name {o.stream!r}, from {hosts_of(found)}"
-            refuse("decoder 'lsl'", o.stream, Contradiction("banner", said, "end the one that is not meant"))
+            text = f"{len(found)} streams have the name {o.stream!r}, from {hosts_of(found)}"
+            refuse("decoder 'lsl'", o.stream, Contradiction("banner", text, "end the one that is not meant"))
         if found[0].channel_format() == lsl.cf_string:
             raise DeviceUnavailableError(
                 f"decoder 'lsl': {o.stream!r} is a stream of texts", "send the closure as a number"

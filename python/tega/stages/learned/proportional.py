@@ -56,7 +56,7 @@ class ProportionalDecoder:
         full: float = 0.8,
         smoothing_s: float = 0.15,
     ) -> None:
-        self._told = f"{kind}, {rate_hz:g} Hz, closes by channel {', '.join(map(str, channels[:1]))}"
+        self._reported = f"{kind}, {rate_hz:g} Hz, closes by channel {', '.join(map(str, channels[:1]))}"
         self._maxima = np.atleast_1d(np.asarray(maxima, np.float64))
         if self._maxima.ndim != 1 or not (self._maxima > 0).all():
             raise ShapeError(f"maxima = {self._maxima}", "give a number above 0 for each channel")
@@ -81,7 +81,7 @@ class ProportionalDecoder:
 
     def __repr__(self) -> str:
         """Samples, rate and closing channel."""
-        return f"<ProportionalDecoder: {self._told}>"
+        return f"<ProportionalDecoder: {self._reported}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.float64]:
         """Take the next samples; return the closure of each block completed, 0 to 1, ``(k,)``, float64."""
@@ -102,7 +102,7 @@ class ProportionalDecoder:
                 self._confidence = math.erf(_LEVEL / deviation / math.sqrt(2.0)) if deviation > 0 else 1.0
             now = np.zeros(len(self._maxima)) if self._state is None else self._state
             levels = np.where(block.bad, 0, 1 + np.minimum(4 * now, 4).astype(int))
-            told = (0,) * len(levels) if bad else tuple(levels.tolist())
+            reported = (0,) * len(levels) if bad else tuple(levels.tolist())
             level = nearest_level(self._last)
             self.decoded.append(
                 Decoded(
@@ -110,7 +110,7 @@ class ProportionalDecoder:
                     level,
                     0.0 if bad else self._confidence,
                     bool(bad),
-                    told,
+                    reported,
                     block.end,
                     self._last,
                 )

@@ -22,7 +22,7 @@ STRENGTH: Final = 0.1
 """Ridge towards the old weights, for each block."""
 
 
-def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -> Model:
+def refitted(model: Model, samples: NDArray[np.float64], target: ArrayLike) -> Model:
     """Return the model with weights and bias moved to new samples.
 
     Weights and bias move from the old ones by a ridge that penalises change. A gain is an offset of a logarithm,

@@ -225,11 +225,11 @@ def _checked_target(
             "record rest and effort; 0 is open",
         )
     closure = np.clip(goal / scale, 0.0, 1.0)
-    for what, share in (("rest", (closure < 0.25).mean()), ("effort", (closure > 0.5).mean())):
+    for subject, share in (("rest", (closure < 0.25).mean()), ("effort", (closure > 0.5).mean())):
         if share < LEAST_SHARE:
             raise CalibrationError(
-                f"target has one class: {100 * share:.0f} % of the time is {what}",
-                f"record at least {100 * LEAST_SHARE:.0f} % of the time at {what}",
+                f"target has one class: {100 * share:.0f} % of the time is {subject}",
+                f"record at least {100 * LEAST_SHARE:.0f} % of the time at {subject}",
             )
     return closure, scale
 

@@ -46,13 +46,13 @@ def check(*, host: str, as_json: bool) -> None:
 
     server, library, findings = preflight(host)
     if as_json:
-        named = [{"ok": ok, "what": what, "fix": "" if ok else said} for ok, what, said in findings]
+        named = [{"ok": ok, "what": subject, "fix": "" if ok else text} for ok, subject, text in findings]
         about = None if library is None else library._asdict()
         echo_json({"host": host, "server": server, "library": about, "findings": named})
     else:
-        for ok, what, said in findings:
-            click.echo(f"{'ok ' if ok else 'no '} {what}")
+        for ok, subject, text in findings:
+            click.echo(f"{'ok ' if ok else 'no '} {subject}")
             if not ok:
-                click.echo(f"    {said}")
+                click.echo(f"    {text}")
     if not all(ok for ok, _, _ in findings):
         sys.exit(1)

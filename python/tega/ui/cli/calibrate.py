@@ -111,7 +111,7 @@ def calibrate(
     guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
     home = CalibrationFolder(kept)
     home.person(person)
-    told: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
+    reported: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
     work = Calibrating(
         config,
         person,
@@ -145,11 +145,11 @@ def calibrate(
         if as_json:
             echo_json(
                 {
-                    **told,
+                    **reported,
                     "finished": False,
                     "done": list(work.done),
                     "left": work.left,
-                    "files": _told(work.files),
+                    "files": _reported(work.files),
                 }
             )
         raise
@@ -157,7 +157,9 @@ def calibrate(
     then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
     guide.say(f"Finished. {then}", tone="good")
     if as_json:
-        echo_json({**told, "finished": True, "done": list(work.done), "left": [], "files": _told(files)})
+        echo_json(
+            {**reported, "finished": True, "done": list(work.done), "left": [], "files": _reported(files)}
+        )
 
 
 def _settings(
@@ -176,16 +178,16 @@ def _close(guide: Any) -> None:
         guide.close()
 
 
-def _told(files: list[Path]) -> list[dict[str, Any]]:
+def _reported(files: list[Path]) -> list[dict[str, Any]]:
     import tomllib
 
-    told = []
+    reported = []
     for file in files:
         if file.suffix == ".json":
-            told.append({"file": str(file), "record": json.loads(file.read_text(encoding="utf-8"))})
+            reported.append({"file": str(file), "record": json.loads(file.read_text(encoding="utf-8"))})
             continue
         record = file if file.suffix == ".toml" else file.with_suffix(".toml")
         tree = tomllib.loads(record.read_text(encoding="utf-8"))
         plain = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in tree.items()}
-        told.append({"file": str(record), "record": plain})
-    return told
+        reported.append({"file": str(record), "record": plain})
+    return reported

@@ -10,11 +10,11 @@ import click
 from tega.ui.cli.options import json_option
 
 if TYPE_CHECKING:
-    from tega.setup.doctor.bench import DriverLook
+    from tega.setup.doctor.bench import DriverProbe
 
 
 # Long enough for a look at the ports and the network; a Bluetooth vest may take longer to be heard.
-_LOOK_S = 2.0
+_POLL_S = 2.0
 
 
 @click.command(epilog="Example: tega-teleop devices --json")
@@ -29,13 +29,13 @@ def devices(*, as_json: bool) -> None:
     import msgspec
 
     from tega.devices import list_drivers
-    from tega.setup.doctor import look_for
+    from tega.setup.doctor import probe_drivers
     from tega.ui.cli.install_line import with_origin
     from tega.ui.cli.options import echo_json
 
-    drivers, looked = list_drivers(), look_for(_LOOK_S)
+    drivers, looked = list_drivers(), probe_drivers(_POLL_S)
     if as_json:
-        told = []
+        reported = []
         for d in drivers:
             there = looked.get(d.name)
             found = [
@@ -43,8 +43,8 @@ def devices(*, as_json: bool) -> None:
                 for one in (there.found if there is not None else ())
             ]
             could_not = there.could_not if there is not None else ""
-            told.append({**msgspec.structs.asdict(d), "found": found, "could_not": could_not})
-        echo_json(told)
+            reported.append({**msgspec.structs.asdict(d), "found": found, "could_not": could_not})
+        echo_json(reported)
         return
     width = max((len(d.name) for d in drivers), default=0)
     for d in drivers:
@@ -61,7 +61,7 @@ def devices(*, as_json: bool) -> None:
     click.echo(f"{n_seen or 'No'} device{'s' if n_seen != 1 else ''} seen. Look closer: tega-teleop doctor")
 
 
-def could_not_look(looked: Mapping[str, DriverLook]) -> list[str]:
+def could_not_look(looked: Mapping[str, DriverProbe]) -> list[str]:
     """Return the lines that say which drivers could not look for their devices, and why."""
     from tega.ui.cli.install_line import with_origin
 

@@ -70,21 +70,21 @@ def doctor(
     if as_json:
         echo_json(as_table(examination))
     else:
-        for line in told(examination):
+        for line in reported(examination):
             click.echo(line)
     click.get_current_context().exit(examination.exit_code)
 
 
 def _examine(config: Path | None, sets: tuple[str, ...], *, talk: bool) -> Examination:
     if config is None and not sets:
-        from tega.setup.doctor import look_around
+        from tega.setup.doctor import probe_all
 
         if talk:
             click.echo(
                 "Looking for fingertip cameras, EMG amplifiers, vests and hands; this takes up to 10 s.\n",
                 err=True,
             )
-        return look_around()
+        return probe_all()
     from tega.config import load_config
     from tega.setup.doctor import examine
 
@@ -112,7 +112,7 @@ def as_table(examination: Examination) -> dict[str, object]:
     }
 
 
-def told(examination: Examination) -> list[str]:
+def reported(examination: Examination) -> list[str]:
     """Return the lines for a person."""
     width = max(len(f.check) for f in examination.findings)
     lines: list[str] = []
@@ -132,8 +132,8 @@ def _paragraph(finding: Finding, width: int) -> list[str]:
     sentence = finding.finding
     if not (finding.driver and sentence.startswith(finding.driver)):
         sentence = sentence[:1].upper() + sentence[1:]
-    said = _wrapped(sentence, margin)
-    lines = [head + said[0].removeprefix(margin), *said[1:]]
+    message = _wrapped(sentence, margin)
+    lines = [head + message[0].removeprefix(margin), *message[1:]]
     if finding.why:
         label = "" if finding.status == "ok" else "why: "
         lines += _wrapped(label + finding.why, margin)
@@ -159,15 +159,15 @@ def _wrapped(text: str, margin: str, hang: str = "") -> list[str]:
 def _summary(examination: Examination) -> list[str]:
     n_bad, n_warnings = examination.count(("error", "missing")), examination.count(("warning",))
     if n_bad:
-        what = f"Fix {n_bad} problem{'' if n_bad == 1 else 's'} before you start a session."
+        subject = f"Fix {n_bad} problem{'' if n_bad == 1 else 's'} before you start a session."
         if not examination.settings:
             return [
-                what,
+                subject,
                 "Meanwhile, without any device: `tega-teleop demo` runs on a simulated bench, and",
                 "`tega-teleop init --emulated` starts emulated devices to try `doctor` and `run` with.",
                 "Once something is plugged in, `tega-teleop init` writes settings for it.",
             ]
-        return [what]
+        return [subject]
     ready = f"Ready, with {n_warnings} warning{'' if n_warnings == 1 else 's'}" if n_warnings else "Ready"
     if examination.settings.endswith(".toml"):
         return [f"{ready}: tega-teleop run {examination.settings}"]

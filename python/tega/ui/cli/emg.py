@@ -15,7 +15,7 @@ from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import ChannelList, NameList, PngPath, echo_json, json_option
 
 if TYPE_CHECKING:
-    from tega.stages.learned.compare import DecoderTold, Log
+    from tega.stages.learned.compare import DecoderReport, Log
 
 
 _KINDS = click.Choice(["raw", "rectified", "envelope"])
@@ -135,12 +135,12 @@ def fit(
     wanted = (given.target[: len(closure) * tau].reshape(-1, tau).mean(axis=1) / made.full).clip(0, 1)
     figures = judge(closure, decoder.levels, wanted, tau / given.rate_hz, confidence=decoder.confidence)
     if as_json:
-        told = {
+        reported = {
             f: getattr(made, f)
             for f in ("lag_s", "duration_s", "data_sha256", "person", "channels", "rate_hz")
         }
         builtin = {k: None if isnan(v) else v for k, v in msgspec.to_builtins(figures).items()}
-        echo_json({"file": str(out), **told, "in_sample": builtin})
+        echo_json({"file": str(out), **reported, "in_sample": builtin})
         return
     click.echo(
         f"{out.name}: {made.model} on {', '.join(made.features)} of {len(made.channels)} channels, "
@@ -248,7 +248,7 @@ def compare(
         return read_log(log, target, rate_hz, kind, channels, variable, read)
 
     rows: list[dict[str, Any]] = []
-    drawn: list[tuple[str, float, list[DecoderTold]]] = []
+    drawn: list[tuple[str, float, list[DecoderReport]]] = []
     for name in logs:
         log = taken(name)
         pairs = [("first half", "second half", *two_halves(log))]
@@ -266,10 +266,10 @@ def compare(
                 judged_on += ", electrodes shifted (simulated)"  # noqa: PLW2901
             if recalibrate_s:
                 judged_on += f", recalibrated by its first {recalibrate_s:g} s"  # noqa: PLW2901
-            told = compared(learn, judged, decoders, recalibrate_s=recalibrate_s)
+            reported = compared(learn, judged, decoders, recalibrate_s=recalibrate_s)
             where = {"log": log.name, "trained_on": trained_on, "judged_on": judged_on}
-            rows += [where | figures_of(one) for one in told]
-            drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, told))
+            rows += [where | figures_of(one) for one in reported]
+            drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, reported))
     if picture is not None:
         from tega.ui.cli.emg_picture import draw
 

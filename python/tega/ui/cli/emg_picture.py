@@ -10,10 +10,10 @@ import numpy as np
 from tega.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from tega.stages.learned.compare import DecoderTold
+    from tega.stages.learned.compare import DecoderReport
 
 
-def draw(parts: list[tuple[str, float, list[DecoderTold]]], file: Path) -> None:
+def draw(parts: list[tuple[str, float, list[DecoderReport]]], file: Path) -> None:
     """Draw a row a decoder and a column a part.
 
     Args:
@@ -27,11 +27,11 @@ def draw(parts: list[tuple[str, float, list[DecoderTold]]], file: Path) -> None:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingExtraError("a picture needs matplotlib", "pip install 'tega[pictures]'") from error
-    rows = max(len(told) for _, _, told in parts)
+    rows = max(len(reported) for _, _, reported in parts)
     figure = Figure(figsize=(5.5 * len(parts), 1.5 * rows + 0.6), layout="constrained")
     panels = figure.subplots(rows, len(parts), sharex="col", sharey=True, squeeze=False)
-    for column, (title, block_s, told) in enumerate(parts):
-        for row, one in enumerate(told):
+    for column, (title, block_s, reported) in enumerate(parts):
+        for row, one in enumerate(reported):
             panel = panels[row, column]
             t_s = np.arange(1, len(one.closure) + 1) * block_s
             panel.fill_between(t_s, one.target, color="0.85", linewidth=0)

@@ -39,7 +39,7 @@ class Findings:
                     raise
                 self._note = f"no picture: {error}"
 
-    def tell(self, title: str, *, pose_base: int, words: bool) -> None:
+    def notify(self, title: str, *, pose_base: int, words: bool) -> None:
         """Draw the picture and print the words.
 
         Args:

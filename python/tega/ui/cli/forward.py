@@ -52,12 +52,12 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
             click.echo(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
         _ask("Go back and hold still; now the check.", as_json=as_json)
         again = _watch(tracker, seconds, yaw_rad=None if as_json else yaw_rad)
-        said = check_forward(again.places, frame=frame, yaw_rad=yaw_rad)
+        text = check_forward(again.places, frame=frame, yaw_rad=yaw_rad)
     if as_json:
-        echo_json({"yaw_rad": yaw_rad, "ok": said.ok, "off_rad": round(said.off_rad, 4), "words": said.words})
+        echo_json({"yaw_rad": yaw_rad, "ok": text.ok, "off_rad": round(text.off_rad, 4), "words": text.words})
     else:
-        click.echo(said.words)
-        if said.ok:
+        click.echo(text.words)
+        if text.ok:
             click.echo("Put this into the settings, in the robot's file where there are two machines:")
             click.echo(f"  [arm.mapping]\n  yaw_rad = {yaw_rad}")
             click.echo(
@@ -65,7 +65,7 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
                 "to your left, 3.1415 towards you."
             )
             click.echo("tega-teleop calibrate keeps both for a person instead, as one of its steps.")
-    if not said.ok:
+    if not text.ok:
         sys.exit(1)
 
 
@@ -96,16 +96,16 @@ def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Forear
     """Wait for a movement; with a yaw show how it looks from the robot while it lasts."""
     from tega.setup.calibration.steps_arm import watch_sweep
 
-    said = ""
+    text = ""
 
-    def shown(sweep: ForearmSweep, _left_s: float) -> None:
-        nonlocal said
-        if yaw_rad is not None and (line := _seen(sweep)) != said:
-            said = line
+    def displayed(sweep: ForearmSweep, _left_s: float) -> None:
+        nonlocal text
+        if yaw_rad is not None and (line := _seen(sweep)) != text:
+            text = line
             click.echo(f"\r{line}", nl=False)
 
     try:
-        return watch_sweep(tracker, seconds, yaw_rad=yaw_rad, shown=shown)
+        return watch_sweep(tracker, seconds, yaw_rad=yaw_rad, displayed=displayed)
     finally:
         if yaw_rad is not None:
             click.echo()

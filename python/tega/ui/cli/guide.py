@@ -34,7 +34,7 @@ class LineGuide:
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
         self._yes = yes
         self._get_ready_s = get_ready_s
-        self._shown_s = 0.0
+        self._displayed_s = 0.0
 
     def part(self, title: str, why: str) -> None:
         """Begin a part."""
@@ -50,7 +50,7 @@ class LineGuide:
         if self._yes:
             time.sleep(self._get_ready_s)
         else:
-            _heard()
+            _received()
 
     def ask(self, question: str, answers: Mapping[str, str]) -> str:
         """Ask until one of the answers comes."""
@@ -58,16 +58,16 @@ class LineGuide:
             raise Undecided
         choices = ", ".join(f"{key} {meaning}".rstrip() for key, meaning in answers.items())
         _line(f"? {question} ({choices})")
-        while (said := _heard().strip().lower()) not in answers:
+        while (message := _received().strip().lower()) not in answers:
             _line(f"? one of: {choices}")
-        return said
+        return message
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
         """Show the state once a second."""
         now_s = time.monotonic()
-        if now_s - self._shown_s < _LINE_EVERY_S:
+        if now_s - self._displayed_s < _LINE_EVERY_S:
             return
-        self._shown_s = now_s
+        self._displayed_s = now_s
         left = "" if left_s is None else f" {left_s:3.0f} s "
         _line(f"   {prompt}{left} " + "  ".join(f"{b.name} {_bar(b, 8)} {b.text}" for b in bars))
 
@@ -87,7 +87,7 @@ class TerminalGuide:
         self._get_ready_s = get_ready_s
         self._console: Console = Console(stderr=True, highlight=False)
         self._live: Live | None = None
-        self._shown: tuple[str, Sequence[Bar]] = ("", ())
+        self._displayed: tuple[str, Sequence[Bar]] = ("", ())
 
     def part(self, title: str, why: str) -> None:
         """Begin a part."""
@@ -108,7 +108,7 @@ class TerminalGuide:
             return
         self._still()
         self._console.print(self._panel(prompt, "press Enter when ready"))
-        _heard()
+        _received()
 
     def ask(self, question: str, answers: Mapping[str, str]) -> str:
         """Ask until one of the answers comes; a single letter needs no Enter."""
@@ -118,22 +118,22 @@ class TerminalGuide:
         if any(len(key) > 1 for key in answers):
             self._still()
             self._console.print(f"[bold cyan]{question}[/]   {choices}")
-            while (said := _heard().strip().lower()) not in answers:
+            while (message := _received().strip().lower()) not in answers:
                 self._console.print(f"one of: {', '.join(answers)}", style="yellow")
-            return said
-        prompt, bars = self._shown if self._live is not None else ("", ())
+            return message
+        prompt, bars = self._displayed if self._live is not None else ("", ())
 
         def draw() -> None:
             self._update(self._panel(f"{prompt}\n\n{question}".strip(), choices, bars), at_once=True)
 
-        said = _key(draw, answers)
+        message = _key(draw, answers)
         # A question that still stands while the next vibration comes would be answered again, for nothing.
-        self._update(self._panel(prompt or f"{question} {answers[said]}", "", bars), at_once=True)
-        return said
+        self._update(self._panel(prompt or f"{question} {answers[message]}", "", bars), at_once=True)
+        return message
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
         """Redraw prompt and bars."""
-        self._shown = (prompt, bars)
+        self._displayed = (prompt, bars)
         self._update(self._panel(prompt, "" if left_s is None else f"{left_s:.0f} s left", bars))
 
     def _update(self, panel: RenderableType, *, at_once: bool = False) -> None:
@@ -190,7 +190,7 @@ def _line(text: str) -> None:
     click.echo(text, err=True)
 
 
-def _heard() -> str:
+def _received() -> str:
     line = sys.stdin.readline()
     if not line:
         raise KeyboardInterrupt  # whoever answered has gone

@@ -22,7 +22,7 @@ __all__ = ["PageGuide"]
 _WIDTH = 900
 _PAINT_S: Final = 1 / 20
 _LAST_S = 0.1
-_MOST_SAID = 6
+_MOST_LINES = 6
 _COLOURS: Final = {"plain": "#343a40", "good": "#2b8a3e", "warn": "#e67700", "bad": "#c92a2a"}
 _TARGET, _FILLED = "#fd8d3c", "#1f5fbf"
 
@@ -62,7 +62,7 @@ class PageGuide(LineGuide):
         super().__init__(yes=yes, get_ready_s=get_ready_s)
         self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
         self._server: LocalServer
-        self._told: list[str] = []
+        self._reported: list[str] = []
         self._painted_s = 0.0
         self.buttons: dict[str, Any] = {}
 
@@ -101,13 +101,13 @@ class PageGuide(LineGuide):
     def part(self, title: str, why: str) -> None:
         """Begin a part."""
         super().part(title, why)
-        self._told = []
-        self._tell(f"<b>{escape(title)}</b>: {escape(why)}")
+        self._reported = []
+        self._notify(f"<b>{escape(title)}</b>: {escape(why)}")
 
     def say(self, text: str, *, tone: str = "plain") -> None:
         """Show a message."""
         super().say(text, tone=tone)
-        self._tell(f'<span style="color:{_COLOURS[tone]}">{escape(text)}</span>')
+        self._notify(f'<span style="color:{_COLOURS[tone]}">{escape(text)}</span>')
 
     def ready(self, prompt: str) -> None:
         """Wait for the button."""
@@ -157,10 +157,10 @@ class PageGuide(LineGuide):
             f'{"".join(map(_bar_html, bars))}<div style="font-size:14px;color:#6c757d">{escape(below)}</div></div>'
         )
 
-    def _tell(self, line: str) -> None:
-        self._told = [*self._told, line][-_MOST_SAID:]
+    def _notify(self, line: str) -> None:
+        self._reported = [*self._reported, line][-_MOST_LINES:]
         style = "font-family:system-ui,sans-serif;font-size:14px;padding:4px 18px;line-height:1.6"
-        self.said.content = f'<div style="{style}">{"<br>".join(self._told)}</div>'
+        self.said.content = f'<div style="{style}">{"<br>".join(self._reported)}</div>'
 
 
 def _bar_html(bar: Bar) -> str:

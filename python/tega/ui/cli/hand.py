@@ -97,9 +97,9 @@ def show(*, as_json: bool, **where: Any) -> None:
             name: {"angle_rad": round(float(angle), 5), "temperature_c": joint_c}
             for name, angle, joint_c in zip(JOINT_NAMES, angles, state.joints_c, strict=True)
         }
-        told = {**state._asdict(), "counts": msgspec.structs.asdict(state.counts), "joints": joints}
-        del told["joints_c"]
-        echo_json(told)
+        reported = {**state._asdict(), "counts": msgspec.structs.asdict(state.counts), "joints": joints}
+        del reported["joints_c"]
+        echo_json(reported)
         return
     click.echo(
         f"version {state.hardware}, firmware {state.firmware}, serial SAH040{state.serial}, palm {state.palm_c} °C"

@@ -77,7 +77,7 @@ def init(
     from tega.config import load_config
     from tega.devices.registry import driver_class
     from tega.errors import ConfigError
-    from tega.setup.doctor import lab_settings, look_for
+    from tega.setup.doctor import lab_settings, probe_drivers
     from tega.ui.cli.options import echo_json
 
     if out.exists() and not force:
@@ -99,7 +99,7 @@ def init(
     if emulated:
         _emulate(out, stations=stations, arm=arm, play=play, as_json=as_json)
         return
-    looked = look_for()
+    looked = probe_drivers()
     out.write_text(lab_settings(looked, name=out.name, arm=arm), encoding="utf-8")
     load_config(out, environ={})  # what is written can be read
     found = {name: [one.label for one in there.found] for name, there in looked.items() if there.found}

@@ -51,11 +51,11 @@ def _show(found: Inspection) -> None:
     kind = "lossless" if found.lossless else "pictures as JPEG"
     console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
     for step in found.origin:
-        what = f"{step['session']}/{step['file']}"
+        subject = f"{step['session']}/{step['file']}"
         if step["from_ns"] != "0" or step["to_ns"]:
             end = f"{int(step['to_ns']) / 1e9:g} s" if step["to_ns"] else "its end"
-            what += f", {int(step['from_ns']) / 1e9:g} s to {end}"
-        console.print(f"  made by {step['made_by']} from {what}", markup=False)
+            subject += f", {int(step['from_ns']) / 1e9:g} s to {end}"
+        console.print(f"  made by {step['made_by']} from {subject}", markup=False)
     for source in (*(f"{name}: {label}" for name, label in found.sources.items()), *found.absent):
         console.print(f"  {source}", markup=False)
     table = Table(box=None, pad_edge=True)

@@ -23,8 +23,8 @@ def with_origin(text: str, installed: Distribution | None = None) -> str:
     if "pip install 'tega[" not in text and "'./tools/" not in text:
         return text
     try:
-        said = (installed or distribution("tega")).read_text("direct_url.json")
-        address = urlsplit(json.loads(said or "{}").get("url", ""))
+        message = (installed or distribution("tega")).read_text("direct_url.json")
+        address = urlsplit(json.loads(message or "{}").get("url", ""))
     except (PackageNotFoundError, ValueError):
         return text
     if address.scheme != "file":

@@ -213,19 +213,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _usage(error)
         sys.exit(EXIT_USAGE)
     except click.ClickException as error:
-        _tell(error.format_message(), "", debug=debug)
+        _notify(error.format_message(), "", debug=debug)
         sys.exit(EXIT_FAILED)
     except (KeyboardInterrupt, click.Abort):
         click.echo("stopped", err=True)
         sys.exit(EXIT_STOPPED)
     except MissingToolError as error:
-        _tell(error.message, error.hint, debug=debug)
+        _notify(error.message, error.hint, debug=debug)
         sys.exit(EXIT_USAGE)
     except DeviceUnavailableError as error:
-        _tell(error.message, error.hint, debug=debug)
+        _notify(error.message, error.hint, debug=debug)
         sys.exit(EXIT_DEVICE)
     except TegaError as error:
-        _tell(error.message, error.hint, debug=debug)
+        _notify(error.message, error.hint, debug=debug)
         sys.exit(EXIT_FAILED)
     except BrokenPipeError:
         # The reader of our output went away; nothing of ours is wrong, and nothing can be told to it.
@@ -233,10 +233,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(EXIT_FAILED)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        _tell(f"{where}{error.strerror or error}", "", debug=debug)
+        _notify(f"{where}{error.strerror or error}", "", debug=debug)
         sys.exit(EXIT_FAILED)
     except Exception as error:  # the last resort: no traceback unless asked for
-        _tell(
+        _notify(
             f"unexpected {type(error).__name__}: {error}", "run again with --debug and report it", debug=debug
         )
         sys.exit(EXIT_FAILED)
@@ -249,7 +249,7 @@ def _usage(error: click.UsageError) -> None:
     click.echo(f"hint: {path} --help", err=True)
 
 
-def _tell(message: str, hint: str, *, debug: bool) -> None:
+def _notify(message: str, hint: str, *, debug: bool) -> None:
     if debug:
         traceback.print_exc()
     click.echo(f"error: {message}", err=True)

@@ -135,7 +135,7 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
         A function to call with the current task, the amount done and the total.
     """
     if not enabled or not sys.stderr.isatty():
-        yield lambda _what, _done, _total: None
+        yield lambda _subject, _done, _total: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -144,17 +144,19 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("preparing", total=None)
 
-        shown: list[tuple[str, int]] = []
+        displayed: list[tuple[str, int]] = []
 
-        def show(what: str, done: int, total: int) -> None:
-            if shown and shown[-1][0] != what and shown[-1][1]:  # full before the next work takes its place
-                bar.update(task, completed=shown[-1][1], refresh=True)
-            shown[:] = [(what, total)]
+        def show(subject: str, done: int, total: int) -> None:
+            if (
+                displayed and displayed[-1][0] != subject and displayed[-1][1]
+            ):  # full before the next work takes its place
+                bar.update(task, completed=displayed[-1][1], refresh=True)
+            displayed[:] = [(subject, total)]
             if total == 0:
-                bar.reset(task, description=what, total=None)
+                bar.reset(task, description=subject, total=None)
             elif total <= 1000 or done % 16 == 0 or done == total:
-                bar.update(task, description=what, completed=done, total=total, refresh=done == total)
+                bar.update(task, description=subject, completed=done, total=total, refresh=done == total)
 
         yield show
-        if shown and shown[0][1]:
-            bar.update(task, completed=shown[0][1], refresh=True)
+        if displayed and displayed[0][1]:
+            bar.update(task, completed=displayed[0][1], refresh=True)

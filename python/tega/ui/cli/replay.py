@@ -145,7 +145,7 @@ def replay(
     from tega.ui.cli.findings import Findings
     from tega.ui.cli.options import progress_bar
     from tega.ui.cli.page import run_viewed
-    from tega.ui.cli.report import tell_summary
+    from tega.ui.cli.report import echo_summary
     from tega.ui.cli.verify import check_flags, replay_session
 
     if session is not None:
@@ -177,10 +177,10 @@ def replay(
         else:
             summary = run_session(settings, progress=progress, controls=Controls(stop=stop), bus=bus)
     wall_s = time.perf_counter() - started
-    findings.tell(
+    findings.notify(
         f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json
     )
-    tell_summary(summary, wall_s=wall_s, as_json=as_json)
+    echo_summary(summary, wall_s=wall_s, as_json=as_json)
     return None
 
 

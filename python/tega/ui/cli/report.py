@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-def tell_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
+def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
     """Report the summary of a run as text or JSON, and end with the run's error, if any.
 
     Args:
@@ -43,9 +43,9 @@ def _print_link(out: Console, net: dict[str, Any] | None) -> None:
     words = [f"led robot {net['robot']!r}" if operator else f"led by {n_led}"]
     if operator and net["lost"]:
         words.append(f"lost it {net['lost']} time{'' if net['lost'] == 1 else 's'}")
-    if (way := net["way_ms"]) is not None:
-        what = "touch" if operator else "commands"
-        words.append(f"{what} on the way {way['p50']:.1f} ms (p99 {way['p99']:.1f})")
+    if (route := net["way_ms"]) is not None:
+        subject = "touch" if operator else "commands"
+        words.append(f"{subject} on the way {route['p50']:.1f} ms (p99 {route['p99']:.1f})")
     if (clock := net["clock"]) is not None:
         words.append(f"clock {clock['offset_ms']:+.1f} ms ± {clock['round_trip_ms'] / 2:.1f}")
     refused = net["refused_features" if operator else "refused_commands"]
@@ -110,9 +110,9 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {vest['frames']} vest frames "
         f"({vest['layout']}{sent}), {4 * summary['hand']['ticks']} torque frames"
     )
-    for name, said in summary.get("inputs", {}).items():
-        away = f", no data {100 * said['no_data_share']:.0f} % of the time" if said["no_data_share"] else ""
-        out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
+    for name, text in summary.get("inputs", {}).items():
+        away = f", no data {100 * text['no_data_share']:.0f} % of the time" if text["no_data_share"] else ""
+        out.print(f"{name.replace('_', ' ')}: {text['source']}, {text['presses']} presses{away}")
     _print_arm(out, summary.get("arm"))
     _print_link(out, summary.get("net"))
     _print_safety(out, summary)
@@ -133,10 +133,10 @@ def _recorded(recording: dict[str, Any]) -> str:
     """Report the result of a recording."""
     n_dropped = sum(recording["dropped"].values())
     lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
-    said = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
+    text = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
     if recording["state"] == "complete":
-        return said
-    return f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}; {said}"
+        return text
+    return f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}; {text}"
 
 
 def _print_safety(out: Console, summary: dict[str, Any]) -> None:

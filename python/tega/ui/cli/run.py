@@ -109,7 +109,7 @@ def run_settings(
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.options import stop_keys
     from tega.ui.cli.page import open_page, run_viewed
-    from tega.ui.cli.report import tell_summary
+    from tega.ui.cli.report import echo_summary
     from tega.ui.cli.run_view import stage
     from tega.ui.cli.streams import streamed
 
@@ -133,15 +133,15 @@ def run_settings(
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json, others=others),
         stage(heading, enabled=not as_json) as (progress, display),
-        ExitStack() as shown,
+        ExitStack() as displayed,
     ):
 
-        def tell(said: str) -> None:
+        def notify(message: str) -> None:
             if display is None:  # the live view shows it
-                click.echo(said, err=True)
+                click.echo(message, err=True)
 
-        bus.subscribe(Notice, lambda notice: tell(notice.text), name="notices")
-        shown.enter_context(streamed(bus, streams))
+        bus.subscribe(Notice, lambda notice: notify(notice.text), name="notices")
+        displayed.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)
         if view:
@@ -160,4 +160,4 @@ def run_settings(
             summary = run_session(
                 settings, progress=progress, controls=Controls(stop=stop), settings=name, bus=bus
             )
-    tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
+    echo_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)

@@ -13,8 +13,8 @@ from tega.records.display import DisplayRows
 from tega.ui.cli.options import progress_bar
 
 if TYPE_CHECKING:
-    from tega.loop.moment import LoopView
     from tega.loop.prepare import Progress
+    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
 
 
@@ -41,11 +41,14 @@ class TerminalDisplay:
 
     def watch(self, bus: Bus) -> None:
         """Show the moments of a run from now on."""
-        from tega.loop.moment import Moment  # not before a run opens its devices
+        from tega.loop.snapshot import Snapshot  # not before a run opens its devices
 
         rows = DisplayRows(bus, "terminal")
         bus.subscribe(
-            Moment, lambda moment: self._take((moment.view, rows())), name="display", backlog=self._waiting
+            Snapshot,
+            lambda snapshot: self._take((snapshot.view, rows())),
+            name="display",
+            backlog=self._waiting,
         )
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
@@ -85,18 +88,18 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisp
         The ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.
     """
     if not enabled or not sys.stderr.isatty():
-        yield lambda _what, _done, _total: None, None
+        yield lambda _subject, _done, _total: None, None
         return
     display = TerminalDisplay(title)
     with ExitStack() as ending, ExitStack() as stack:
         bar = stack.enter_context(progress_bar())
 
-        def progress(what: str, done: int, total: int) -> None:
-            if what == "running":
+        def progress(subject: str, done: int, total: int) -> None:
+            if subject == "running":
                 stack.close()
                 display.open()
                 ending.callback(display.close)
             else:
-                bar(what, done, total)
+                bar(subject, done, total)
 
         yield progress, display

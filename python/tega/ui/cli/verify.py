@@ -83,7 +83,7 @@ def replay_session(
             _show(replays[-1])
             for sentence in absent_in(path):
                 click.echo(f"  {sentence}")
-        findings.tell(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
+        findings.notify(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
     if as_json:
         echo_json(msgspec.to_builtins(replays))
     return all(replay.same for replay in replays)
@@ -113,17 +113,17 @@ def _show(replay: Replay) -> None:
         right = column in {"recorded", "replayed", "differ"}
         table.add_column(column, justify="right" if right else "left", no_wrap=column == "stream")
     for s in replay.streams:
-        where = what = ""
+        where = subject = ""
         if s.first and s.last_t_s is not None:
             where = f"{s.first[0].t_s:.3f} to {s.last_t_s:.3f} s"
-            what = ", ".join(f"{field} {count}" for field, count in list(s.fields.items())[:4])
-            what += f" and {len(s.fields) - 4} more" if len(s.fields) > 4 else ""
-        table.add_row(s.stream, str(s.recorded), str(s.replayed), str(s.differ), where, what)
+            subject = ", ".join(f"{field} {count}" for field, count in list(s.fields.items())[:4])
+            subject += f" and {len(s.fields) - 4} more" if len(s.fields) > 4 else ""
+        table.add_row(s.stream, str(s.recorded), str(s.replayed), str(s.differ), where, subject)
     console.print(table)
     for s in replay.streams:
         for d in s.first[:3]:
-            said = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
-            console.print(f"  {said}", markup=False)
+            message = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
+            console.print(f"  {message}", markup=False)
     verdict = "[green]identical, bit for bit[/]" if replay.same else "[red]not identical[/]"
     console.print(f"  {verdict}")
     if replay.pictures:

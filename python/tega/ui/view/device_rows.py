@@ -9,7 +9,7 @@ from tega.hand import split_level
 from tega.runtime.number_text import number_text
 
 if TYPE_CHECKING:
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
 
 __all__ = ["SILENT_NS", "device_rows", "level_words"]
 
@@ -68,5 +68,5 @@ def _vest(view: LoopView) -> str:
     values = view.vest.intensities
     source = "sent" if "vest" in view.devices else "computed, no vest connected"
     n_on = int((values > 0).sum())
-    said = f"{n_on} of {len(values)} motors on, up to {int(values.max())} %" if n_on else "all motors at 0 %"
-    return f"{source}: {said}"
+    text = f"{n_on} of {len(values)} motors on, up to {int(values.max())} %" if n_on else "all motors at 0 %"
+    return f"{source}: {text}"

@@ -279,10 +279,10 @@ def draw_vest(ax: Axes, vest: VestCourse) -> None:
     n_bins = min(_MOST_BINS, len(t_s))
     # Where the frames are denser than the picture's columns, the strongest of each column is shown.
     starts = np.unique(np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], n_bins, endpoint=False)))
-    shown = np.maximum.reduceat(vest.intensities, starts, axis=0)
+    displayed = np.maximum.reduceat(vest.intensities, starts, axis=0)
     edges = np.append(t_s[starts], t_s[-1] + (t_s[-1] - t_s[0]) / max(len(t_s) - 1, 1) + 1e-9)
     rows = np.arange(vest.intensities.shape[1] + 1)
-    image = ax.pcolormesh(edges, rows, shown.T, cmap="Greys", vmin=0, vmax=100, rasterized=True)
+    image = ax.pcolormesh(edges, rows, displayed.T, cmap="Greys", vmin=0, vmax=100, rasterized=True)
     firsts = [i for i, name in enumerate(vest.motors) if i == 0 or vest.motors[i - 1] != name]
     middles = [(a + b) / 2 for a, b in zip(firsts, [*firsts[1:], len(vest.motors)], strict=True)]
     ax.set_yticks(middles, [vest.motors[i] for i in firsts], fontsize=8)

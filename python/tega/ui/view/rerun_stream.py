@@ -62,7 +62,7 @@ class RerunStream:
         """
         self._rerun = require("rerun", driver="rerun", extra="rerun")
         if self._file is None:
-            self._look_for_viewer()
+            self._poll_viewer()
         # Now, so that the packages behind them are not loaded while the loop runs: that takes a second.
         self._rerun.Image(np.zeros((2, 2, 3), np.uint8)).compress(jpeg_quality=_JPEG_QUALITY)
         self._rerun.BarChart([0])
@@ -94,7 +94,7 @@ class RerunStream:
             finally:
                 stream.disconnect()
 
-    def _look_for_viewer(self) -> None:
+    def _poll_viewer(self) -> None:
         try:
             socket.create_connection(("127.0.0.1", self._port), timeout=1.0).close()
         except OSError as error:
@@ -103,35 +103,35 @@ class RerunStream:
             ) from error
 
     def _take(self, record: Record) -> None:
-        if self._stream is None or (shown := self._shown(record)) is None:
+        if self._stream is None or (displayed := self._displayed(record)) is None:
             return
         self._stream.set_time(_TIMELINE, duration=record.log_ns / 1e9)
-        self._stream.log(record.where, shown)
+        self._stream.log(record.where, displayed)
 
-    def _shown(self, record: Record) -> Any:
+    def _displayed(self, record: Record) -> Any:
         """Return the viewer's drawing of a record; ``None`` for none."""
         rr = self._rerun
-        shown: Any = None
+        displayed: Any = None
         match record:
             case Picture():
-                shown = rr.Image(record.image, color_model="BGR").compress(jpeg_quality=_JPEG_QUALITY)
+                displayed = rr.Image(record.image, color_model="BGR").compress(jpeg_quality=_JPEG_QUALITY)
             case Contact():
-                shown = rr.Scalars([record.cci_norm, record.eda_norm])
+                displayed = rr.Scalars([record.cci_norm, record.eda_norm])
             case Intent():
-                shown = rr.Scalars([record.level])
+                displayed = rr.Scalars([record.level])
             case VestFrame():
-                shown = rr.BarChart(list(record.intensities))
+                displayed = rr.BarChart(list(record.intensities))
             case Joints():
-                shown = rr.Scalars(list(record.angles_rad))
+                displayed = rr.Scalars(list(record.angles_rad))
             case RunState():
-                shown = rr.TextLog(f"{record.state}: {record.reason}")
+                displayed = rr.TextLog(f"{record.state}: {record.reason}")
             case Alert():
-                shown = rr.TextLog(record.said or f"{record.name}: recovered", level="WARN")
+                displayed = rr.TextLog(record.said or f"{record.name}: recovered", level="WARN")
             case Event():
-                shown = rr.TextLog(record.words)
+                displayed = rr.TextLog(record.words)
             case LogLine():
-                shown = rr.TextLog(record.text)
-        return shown
+                displayed = rr.TextLog(record.text)
+        return displayed
 
 
 def save_layout(path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
 
 __all__ = ["NO_NEWS", "NO_NEWS_S", "lines_beside", "meaning"]
 
@@ -38,17 +38,17 @@ def meaning(view: LoopView) -> str:
     if view.state == "stopped":
         return ""
     with_hand, with_vest = "hand" in view.devices, "vest" in view.devices
-    said = []
+    text = []
     if "emg" in view.devices or with_hand or view.state == "armed":
-        said.append((_WITH_HAND if with_hand else _WITHOUT_HAND)[view.state])
+        text.append((_WITH_HAND if with_hand else _WITHOUT_HAND)[view.state])
     if with_vest and view.state == "active":
-        said.append("the vest shows touch")
+        text.append("the vest shows touch")
     elif with_vest and view.state == "idle":
-        said.append("the vest rests")
+        text.append("the vest rests")
     missing = [name for name in ("hand", "vest") if name not in view.devices]
     if missing:
-        said.append(f"no {' and no '.join(missing)} connected")
-    return ", ".join(said)
+        text.append(f"no {' and no '.join(missing)} connected")
+    return ", ".join(text)
 
 
 def lines_beside(view: LoopView) -> tuple[str, list[str]]:

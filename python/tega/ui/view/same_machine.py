@@ -19,7 +19,7 @@ _MOST_HEAD_BYTES: Final = 16_384
 _HEAD_S: Final = 5.0
 _MOST_CONNECTIONS: Final = 16
 _PIECE_BYTES: Final = 65_536
-_LOOK_S: Final = 0.2
+_POLL_S: Final = 0.2
 
 
 def foreign(
@@ -74,7 +74,7 @@ class SameMachine:
         self._leaving = threading.Event()
         self._slots = threading.BoundedSemaphore(_MOST_CONNECTIONS)
         self._listener = socket.create_server(("127.0.0.1", port))
-        self._listener.settimeout(_LOOK_S)
+        self._listener.settimeout(_POLL_S)
         self.port: int = self._listener.getsockname()[1]
         self._thread = threading.Thread(target=self._serve, name="tega-same-machine", daemon=True)
         self._thread.start()
@@ -141,7 +141,7 @@ class SameMachine:
     def _pass_on(self, source: socket.socket, target: socket.socket) -> None:
         """Pass bytes on until one end closes."""
         piece = memoryview(bytearray(_PIECE_BYTES))
-        source.settimeout(_LOOK_S)
+        source.settimeout(_POLL_S)
         with contextlib.suppress(OSError):
             while not self._leaving.is_set():
                 try:

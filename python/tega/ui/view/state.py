@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.stages.base import TouchMap
 
 __all__ = ["EmgTail", "Shape", "ShapeKind", "TouchImage", "ViewState"]

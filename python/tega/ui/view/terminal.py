@@ -21,7 +21,7 @@ from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
 
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
 
 __all__ = ["TerminalView", "render"]
 

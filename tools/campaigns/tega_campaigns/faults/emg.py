@@ -93,8 +93,8 @@ def trials() -> list[FaultTrial]:
     for name, driver in _DRIVERS.items():
         tried.append(FaultTrial(name, "wrong version", driver.wrong_words, partial(_refused, driver)))
         faults = _FAULTS if name != "lsl-emg" else _STREAM_FAULTS
-        for fault, (what, begin, end) in faults.items():
-            tried.append(FaultTrial(name, fault, what, partial(_met, driver, begin, end)))
+        for fault, (subject, begin, end) in faults.items():
+            tried.append(FaultTrial(name, fault, subject, partial(_met, driver, begin, end)))
     return tried
 
 
@@ -105,8 +105,8 @@ def _refused(driver: _Driver) -> DriverOutcome:
             with driver.make(device.port):
                 return DriverOutcome(effect="goes on", said="opens, unnoticed")
         except TegaError as error:
-            said = _words(error, device.port)
-            return DriverOutcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
+            text = _words(error, device.port)
+            return DriverOutcome(effect="refused", said=text, seen_s=time.monotonic() - start_s)
 
 
 def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> DriverOutcome:
@@ -124,13 +124,13 @@ def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> Drive
                 passed_s = time.monotonic() - start_s
                 for line in end:
                     device.say(line)
-                said = _words(error, port)
+                text = _words(error, port)
                 back_s = _again(driver, device, source)
-                return DriverOutcome(effect="ends", said=said, seen_s=passed_s, back_s=back_s)
+                return DriverOutcome(effect="ends", said=text, seen_s=passed_s, back_s=back_s)
             n += 0 if chunk is None else len(chunk.samples)
             # A machine that was busy for a moment measures the rate afresh, and has nothing to say meanwhile.
             for note in source.info.notes:
-                notes |= {told: note.partition(", the last")[0] for told in _TOLD if told in note}
+                notes |= {reported: note.partition(", the last")[0] for reported in _TOLD if reported in note}
         health = source.health
         n_missing = 0 if health is None else health.missing_samples
         counted = []

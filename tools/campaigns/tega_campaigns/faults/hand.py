@@ -33,11 +33,12 @@ _NAMES = {"half": "half packet", "power-cycle": "power cycle", "silence": "freez
 def trials() -> list[FaultTrial]:
     """Return the trials."""
     refused = [
-        FaultTrial("allegro", name, what, partial(_refused, words)) for name, (what, words) in _STARTS.items()
+        FaultTrial("allegro", name, subject, partial(_refused, words))
+        for name, (subject, words) in _STARTS.items()
     ]
     met = [
-        FaultTrial("allegro", _NAMES.get(fault, fault), what, partial(_met, fault))
-        for fault, what in {**FAULTS, **_MORE}.items()
+        FaultTrial("allegro", _NAMES.get(fault, fault), subject, partial(_met, fault))
+        for fault, subject in {**FAULTS, **_MORE}.items()
     ]
     return refused + met
 
@@ -72,28 +73,28 @@ def _met(fault: str) -> DriverOutcome:
             try:
                 driver.step(5)
             except DeviceUnavailableError as error:
-                told_s, said = time.monotonic() - begin_s, _words(error)
+                reported_s, text = time.monotonic() - begin_s, _words(error)
                 break
             if spent_s > _NUISANCE_S and driver.state().phase == "running":
                 if driver.state().counts.silences == silences:
-                    said = "missing frames are bridged, unknown ones are ignored"
-                    return DriverOutcome(effect="goes on", said=said)
-                said = "motors off; its version is checked again, then it goes to its target"
-                return DriverOutcome(effect="falls silent", said=said, seen_s=off_s)
+                    text = "missing frames are bridged, unknown ones are ignored"
+                    return DriverOutcome(effect="goes on", said=text)
+                text = "motors off; its version is checked again, then it goes to its target"
+                return DriverOutcome(effect="falls silent", said=text, seen_s=off_s)
             time.sleep(0.001)
         else:
             return DriverOutcome(effect="goes on", said="no alert, and not over within 8 s")
         if off_s is None and fault not in _DEAF:
             time.sleep(0.05)
-            off_s = told_s if _is_off(hand) else None
+            off_s = reported_s if _is_off(hand) else None
     if fault in _DEAF:
-        said += "; it receives nothing meanwhile and keeps its last torque: use the switch"
-    elif off_s is not None and told_s - off_s > 0.1:
-        said += f" (alert after {told_s:.1f} s)"
+        text += "; it receives nothing meanwhile and keeps its last torque: use the switch"
+    elif off_s is not None and reported_s - off_s > 0.1:
+        text += f" (alert after {reported_s:.1f} s)"
     return DriverOutcome(
         effect="lets go" if off_s is not None else "ends",
-        said=said,
-        seen_s=told_s if off_s is None else off_s,
+        said=text,
+        seen_s=reported_s if off_s is None else off_s,
     )
 
 

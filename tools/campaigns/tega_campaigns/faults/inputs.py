@@ -68,8 +68,8 @@ def trials() -> list[FaultTrial]:
     tried = []
     for name in _DEVICES:
         tried += [
-            FaultTrial(name, fault, FAULTS[told], partial(_met, name, told))
-            for fault, told in _NAMES.items()
+            FaultTrial(name, fault, FAULTS[reported], partial(_met, name, reported))
+            for fault, reported in _NAMES.items()
             if (name, fault) not in CANNOT
         ]
         tried.append(FaultTrial(name, "unplug", "is taken away", partial(_met, name, "unplug")))
@@ -116,9 +116,9 @@ def _met(name: str, fault: str) -> DriverOutcome:
         if fault in {"half", "duplicate"} and name == "pedal":
             peer.say("press 1")  # it says nothing until something changes
         seen_s = until(lambda: not _acts(name, source), _WATCH_S)
-        said = _said(name, fault, source)
+        text = _text(name, fault, source)
         if seen_s is None:
-            return DriverOutcome(effect="goes on", said=said)
+            return DriverOutcome(effect="goes on", said=text)
         if fault == "power-cycle":
             time.sleep(max(0.0, begin_s + _OFF_S - time.monotonic()))
         else:
@@ -132,30 +132,30 @@ def _met(name: str, fault: str) -> DriverOutcome:
             _act(name, peer)
         came = until(lambda: _acts(name, source), _START_S)
         back_s = None if came is None else time.monotonic() - start_s
-    return DriverOutcome(effect="falls silent", said=said, seen_s=seen_s, back_s=back_s)
+    return DriverOutcome(effect="falls silent", said=text, seen_s=seen_s, back_s=back_s)
 
 
-def _said(name: str, fault: str, source: HidInput) -> str:
+def _text(name: str, fault: str, source: HidInput) -> str:
     counts, is_cap = source.counts, name == "spacemouse"
-    said = "an equal report changes nothing"
+    text = "an equal report changes nothing"
     if fault in _AWAY:
-        said = (
+        text = (
             "at rest, nothing held, no data; reconnected; a button that is held then has to be released first"
         )
     elif name == "pedal" and fault == "freeze":
-        said = (
+        text = (
             "stays as it was: a pedal that only reports changes and freezes looks like one that is held; "
             "set silent_after_ms for one that repeats itself"
         )
     elif fault == "slow":
-        said = "between two reports the watchdog of 100 ms brings it to rest, with no data"
+        text = "between two reports the watchdog of 100 ms brings it to rest, with no data"
     elif counts.odd and is_cap:
-        said = "what cannot be read is counted and not used; without others the watchdog of 100 ms brings it to rest"
+        text = "what cannot be read is counted and not used; without others the watchdog of 100 ms brings it to rest"
     elif counts.odd:
-        said = "a report that cannot be read releases it, and it has to be let go before it counts again"
+        text = "a report that cannot be read releases it, and it has to be let go before it counts again"
     elif counts.stalled:
-        said = "its watchdog of 100 ms brings it to rest, nothing held, no data"
-    return said
+        text = "its watchdog of 100 ms brings it to rest, nothing held, no data"
+    return text
 
 
 def _cad_mouse() -> DriverOutcome:
@@ -180,5 +180,5 @@ def _joystick() -> DriverOutcome:
         peer.say("press 0")
         until(lambda: source.counts.odd > 0, _START_S)
         held = source.state().held
-        said = f"never counts as held; a note says so: {source.info.notes[0]}"
-    return DriverOutcome(effect="goes on" if held else "falls silent", said=said, seen_s=0.0)
+        text = f"never counts as held; a note says so: {source.info.notes[0]}"
+    return DriverOutcome(effect="goes on" if held else "falls silent", said=text, seen_s=0.0)

@@ -86,12 +86,14 @@ def _met(fault: str, *, away_s: float = _WATCH_S) -> DriverOutcome:
         notes = digit.info.notes
         sensor.say("clear")
         back_s = until(lambda: digit.read(0.01) is not None, 15.0)
-    told = [f"{words} pictures are withheld" for name, words in _WORDS.items() if counts[name] > 1]
+    reported = [f"{words} pictures are withheld" for name, words in _WORDS.items() if counts[name] > 1]
     if counts["lost"]:
-        told.append("no picture comes; the camera is looked for again after 0.25 s, then at most every 4 s")
-    told += notes
+        reported.append(
+            "no picture comes; the camera is looked for again after 0.25 s, then at most every 4 s"
+        )
+    reported += notes
     if not silent:
-        return DriverOutcome(effect="goes on", said="; ".join(told) or "nothing is lost")
+        return DriverOutcome(effect="goes on", said="; ".join(reported) or "nothing is lost")
     return DriverOutcome(
-        effect="falls silent", said="; ".join(told), seen_s=max(0.0, last_s - begin_s), back_s=back_s
+        effect="falls silent", said="; ".join(reported), seen_s=max(0.0, last_s - begin_s), back_s=back_s
     )

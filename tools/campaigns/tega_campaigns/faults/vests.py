@@ -91,8 +91,8 @@ def trials() -> list[FaultTrial]:
     tried = []
     for driver, faults in _FAULTS.items():
         tried += [
-            FaultTrial(driver, name, what, functools.partial(_met, driver, fault))
-            for name, what, fault in faults
+            FaultTrial(driver, name, subject, functools.partial(_met, driver, fault))
+            for name, subject, fault in faults
         ]
         tried.append(FaultTrial(driver, "wrong version", _WRONG[driver], functools.partial(_refused, driver)))
     return tried
@@ -122,33 +122,37 @@ def _refused(label: str) -> DriverOutcome:
         except DeviceUnavailableError as error:
             # The emulated Player's port is another one each time.
             ports = (bench.peer.address.get(name) for name in ("port", "port_v3"))
-            said = functools.reduce(lambda text, port: text.replace(f":{port} ", " "), ports, error.message)
-            return DriverOutcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
+            sentence = functools.reduce(
+                lambda text, port: text.replace(f":{port} ", " "), ports, error.message
+            )
+            return DriverOutcome(effect="refused", said=sentence, seen_s=time.monotonic() - start_s)
 
 
 def _met(label: str, fault: str) -> DriverOutcome:
     driver, options = _options(label)
     with vest_bench(driver, **options) as bench, bench.vest:
         met = trouble(driver, fault, bench.vest, bench.peer)
-    said = []
+    sentence = []
     if fault == "no writes":
-        said.append("its watchdog sends zeros")
+        sentence.append("its watchdog sends zeros")
     elif met.lost:
-        said.append("gives the link up, makes a new one, which begins with zeros")
+        sentence.append("gives the link up, makes a new one, which begins with zeros")
     elif met.rest_s is not None:
-        said.append("frames lapse in between, which feels like flicker; each that arrives is the newest")
+        sentence.append("frames lapse in between, which feels like flicker; each that arrives is the newest")
     elif fault == "slow":
-        said.append("fewer frames arrive, each the newest")
+        sentence.append("fewer frames arrive, each the newest")
     elif met.withheld:
-        said.append("says that no vest is connected: write returns zeros")
+        sentence.append("says that no vest is connected: write returns zeros")
     else:
-        said.append("counts and ignores invalid messages; frames go out as before")
-    said.append(f"no write took longer than {max(met.write_ms, 0.1):.1f} ms")
+        sentence.append("counts and ignores invalid messages; frames go out as before")
+    sentence.append(f"no write took longer than {max(met.write_ms, 0.1):.1f} ms")
     if met.rest_s is not None and met.rest_s > 1.0:
-        said.append("until then the emulated vest holds its last frame, as the real one is thought to")
+        sentence.append("until then the emulated vest holds its last frame, as the real one is thought to")
     if met.rest_s is None:
-        return DriverOutcome(effect="goes on", said="; ".join(said))
-    return DriverOutcome(effect="falls silent", said="; ".join(said), seen_s=met.rest_s, back_s=met.back_s)
+        return DriverOutcome(effect="goes on", said="; ".join(sentence))
+    return DriverOutcome(
+        effect="falls silent", said="; ".join(sentence), seen_s=met.rest_s, back_s=met.back_s
+    )
 
 
 def trouble(
@@ -163,7 +167,7 @@ def trouble(
         peer: Its emulator.
         fault_s: How long it lasts.
     """
-    before, after = _shown(_TOUCH, peer), _shown(_AFTERWARDS, peer)
+    before, after = _displayed(_TOUCH, peer), _displayed(_AFTERWARDS, peer)
     writer = _Writer(vest)
     writer.start()
     try:
@@ -216,7 +220,7 @@ class _Writer(threading.Thread):
             time.sleep(1 / 30)
 
 
-def _shown(frame: MotorLevels, peer: Emulator) -> list[int]:
+def _displayed(frame: MotorLevels, peer: Emulator) -> list[int]:
     """Return what a frame looks like on this peer's motors: the X40's know sixteen levels only."""
     if "bus" in peer.address:
         return [round(level * 100 / 15) for level in vest_levels(frame.x40()).tolist()]

@@ -71,7 +71,7 @@ class Breaker:
             case "computer" if kind.how == "disk":
                 programs.main.fill_disk(full=True)
             case "computer":
-                programs.tell(f"clock {_CLOCK_S}")
+                programs.notify(f"clock {_CLOCK_S}")
             case finger:
                 lab.sensors[finger].say(kind.how)
 
@@ -108,7 +108,7 @@ class Breaker:
             case "computer" if kind.how == "disk":
                 programs.main.fill_disk(full=False)
             case "computer":
-                programs.tell(f"clock -{_CLOCK_S}")
+                programs.notify(f"clock -{_CLOCK_S}")
             case finger:
                 lab.sensors[finger].say("clear")
                 lab.sensors[finger].say("press 1")

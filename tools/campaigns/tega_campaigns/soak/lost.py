@@ -9,7 +9,7 @@ import msgspec
 
 from tega.recording.mcap_reader import McapReader
 
-__all__ = ["KeptCounts", "look"]
+__all__ = ["KeptCounts", "check"]
 
 # Ticks come 30 times a second.
 LEAST_GAP_S = 0.2
@@ -47,7 +47,7 @@ class KeptCounts(msgspec.Struct, frozen=True):
     arm_over: int
 
 
-def look(path: Path) -> KeptCounts:
+def check(path: Path) -> KeptCounts:
     """Read a recording from its beginning to its end.
 
     Raises:
@@ -65,7 +65,7 @@ def look(path: Path) -> KeptCounts:
             continue
         if message.topic == _ARM:
             at = message.value.pose.position
-            arm.see(message.log_ns, (at.x, at.y, at.z))
+            arm.observe(message.log_ns, (at.x, at.y, at.z))
             continue
         if (
             message.topic not in _TICKS
@@ -89,7 +89,7 @@ class _Led:
         self.n = self.n_over = 0
         self._last: tuple[int, tuple[float, float, float]] | None = None
 
-    def see(self, t_ns: int, place: tuple[float, float, float]) -> None:
+    def observe(self, t_ns: int, place: tuple[float, float, float]) -> None:
         over = any(
             not low - _ROUNDING <= at <= high + _ROUNDING
             for low, at, high in zip(_LOW_M, place, _HIGH_M, strict=True)

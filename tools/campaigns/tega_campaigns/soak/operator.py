@@ -14,7 +14,7 @@ from tega_emulators.lab import EmulatedLab
 
 __all__ = ["SoakOperator"]
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _LET_GO_S = 0.15
 _SWING = "wave 0.06 0.2"
 _DEAD_MAN, _RECOVER = 0, 1
@@ -25,29 +25,29 @@ class SoakOperator:
 
     Args:
         lab: With pedal and headset.
-        told: Returns what the program has told last.
+        reported: Returns what the program has told last.
 
     Attributes:
         waits: Whether something is broken on purpose, so that there is nothing to take hold of.
     """
 
-    def __init__(self, lab: EmulatedLab, told: Callable[[], Mapping[str, Any]]) -> None:
-        self._lab, self._told = lab, told
+    def __init__(self, lab: EmulatedLab, reported: Callable[[], Mapping[str, Any]]) -> None:
+        self._lab, self._reported = lab, reported
         self.waits = False
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
         """Be there for as long as the block lasts."""
         self._lab.headset.say(_SWING)
-        with every(self._look, every_s=_LOOK_S):
+        with every(self._check, every_s=_POLL_S):
             yield
 
-    def _look(self) -> None:
-        told = self._told()
-        if self.waits or told.get("arm", "").startswith("following"):
+    def _check(self) -> None:
+        reported = self._reported()
+        if self.waits or reported.get("arm", "").startswith("following"):
             return
         with contextlib.suppress(TegaError):  # the emulator has ended
-            self._take_hold(stopped=told.get("arm", "").startswith("stopped"))
+            self._take_hold(stopped=reported.get("arm", "").startswith("stopped"))
 
     def _take_hold(self, *, stopped: bool) -> None:
         pedal = self._lab.pedal

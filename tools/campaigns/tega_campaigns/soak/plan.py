@@ -19,7 +19,7 @@ class Kind(NamedTuple):
         kind: What it stands for.
         device: What it happens to.
         how: The emulator's own word for it, or what the soak itself does.
-        told: Pattern of how words that report it begin: an alert, a state's reason, ``arm`` with what the arm does and
+        reported: Pattern of how words that report it begin: an alert, a state's reason, ``arm`` with what it does and
             why, or ``ended:`` with the last words of a run.
         then: Whether the run has to go on by itself, or ends and is started again.
         lasts_s: So long it lasts, between these.
@@ -28,21 +28,21 @@ class Kind(NamedTuple):
     kind: str
     device: str
     how: str
-    told: str
+    reported: str
     then: Then = "recovers"
     lasts_s: tuple[float, float] = (1.0, 3.0)
 
-    def words(self, said: Mapping[str, Any]) -> str:
+    def words(self, text: Mapping[str, Any]) -> str:
         """Return what of a line of the program reports this fault; ``""`` where nothing does."""
         every: list[str] = []
-        if "ended" in said:
+        if "ended" in text:
             # The error's class stands before its words.
-            every.append(f"ended: {str(said['ended']).partition(': ')[2]}")
-        elif "said" not in said:  # that is for a person, of the link
-            every += said.get("alerts", ())
-            every.append(said.get("reason", "") if said.get("state") in {"hold", "idle", "armed"} else "")
-            every.append(f"arm {said.get('arm', '')}")
-        return next((words for words in every if re.match(self.told, words)), "")
+            every.append(f"ended: {str(text['ended']).partition(': ')[2]}")
+        elif "said" not in text:  # that is for a person, of the link
+            every += text.get("alerts", ())
+            every.append(text.get("reason", "") if text.get("state") in {"hold", "idle", "armed"} else "")
+            every.append(f"arm {text.get('arm', '')}")
+        return next((words for words in every if re.match(self.reported, words)), "")
 
 
 def _finger(name: str) -> list[Kind]:
@@ -157,7 +157,7 @@ def plan(seed: int, *, kinds: Sequence[Kind] = KINDS, n: int = 1000) -> list[Pla
         n: How many.
     """
     chance = random.Random(seed)
-    first = [kind for what in _FIRST for kind in kinds if (kind.device, kind.how) == what]
+    first = [kind for subject in _FIRST for kind in kinds if (kind.device, kind.how) == subject]
     order: list[Kind] = []
     n_rounds = 0
     while len(order) < n:

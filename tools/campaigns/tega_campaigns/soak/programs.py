@@ -47,7 +47,7 @@ class Programs:
         return all(part.well(since_s) for part in self._parts.values()) and self.main.leads
 
     @property
-    def told(self) -> Mapping[str, Any]:
+    def reported(self) -> Mapping[str, Any]:
         """What the first of them has told last."""
         return self.main.now
 
@@ -67,10 +67,10 @@ class Programs:
         """Ask all of them to end, the last one first, and return the first exit code that is none of success."""
         return next(filter(None, [part.end() for part in reversed(list(self._parts.values()))]), 0)
 
-    def tell(self, line: str) -> None:
+    def notify(self, line: str) -> None:
         """Give all of them a line of their standard input."""
         for part in self._parts.values():
-            part.tell(line)
+            part.notify(line)
 
     @property
     def memory(self) -> list[list[tuple[float, float]]]:
@@ -89,6 +89,6 @@ class Programs:
         for name, part in self._parts.items():
             line = next(part.backwards(part.started_s), None)
             if not part.alive and line is not None:
-                said = line.said
-                found.append(f"{name}: {said.get('ended') or said}")
+                text = line.said
+                found.append(f"{name}: {text.get('ended') or text}")
         return "; ".join(found) or "it said nothing; see errors.log"

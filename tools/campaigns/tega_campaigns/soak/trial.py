@@ -20,7 +20,7 @@ from tega.runtime.threads import short_turns
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import CampaignCase, run_cases, until
 from tega_campaigns.soak.faults import Breaker, link_board
-from tega_campaigns.soak.lost import KeptCounts, look
+from tega_campaigns.soak.lost import KeptCounts, check
 from tega_campaigns.soak.operator import SoakOperator
 from tega_campaigns.soak.plan import KINDS, STATION_KINDS, Kind, Planned, plan
 from tega_campaigns.soak.programs import Programs
@@ -40,7 +40,7 @@ SLEW = 0.05
 # The emulated vest's sum of heat is taken in other steps than the driver's.
 _HEAT_SLACK = 0.02
 _READY_S = 40.0
-_TELL_S = 8.0
+_REPORT_S = 8.0
 _LIMP_S = 3.0
 _STAYS_S = 1.0
 # Of these a picture still comes often enough.
@@ -66,7 +66,7 @@ def soak(
     camera_hz: float = 60.0,
     keep: bool = False,
     patient: bool = False,
-    progress: Progress = lambda _what, _done, _total: None,
+    progress: Progress = lambda _subject, _done, _total: None,
 ) -> SoakReport:
     """Run the whole system on emulated devices and make faults at random.
 
@@ -171,7 +171,7 @@ class _Soak:
         self._still, self._breaker = still, breaker
         self._lab, self._programs, self._keep = lab, programs, keep
         self._session = folder / "session"
-        self.operator = SoakOperator(lab, lambda: programs.told)
+        self.operator = SoakOperator(lab, lambda: programs.reported)
         self.report = SoakReport()
         self._began_s = 0.0
         self._looked: set[str] = set()
@@ -226,11 +226,11 @@ class _Soak:
         self.operator.waits = True
         self._breaker.make(kind)
         over_s = time.monotonic() + each.lasts_s
-        told: SaidLine | None = None
-        while told is None and time.monotonic() < over_s + _TELL_S:
+        reported: SaidLine | None = None
+        while reported is None and time.monotonic() < over_s + _REPORT_S:
             time.sleep(_STEP_S)
-            told = self._told(kind, seen_s)
-            if told is None and kind.then == "recovers" and time.monotonic() > over_s:
+            reported = self._reported(kind, seen_s)
+            if reported is None and kind.then == "recovers" and time.monotonic() > over_s:
                 break
         # A fault that is over before it could be seen may be told a moment later.
         time.sleep(max(0.0, over_s - time.monotonic()))
@@ -239,11 +239,11 @@ class _Soak:
         self._breaker.mend(kind)
         self.operator.waits = False
         fault.ended_s = self._now()
-        if told is None:
-            until(lambda: self._told(kind, seen_s) is not None, 1.0)
-            told = self._told(kind, seen_s)
-        if told is not None:
-            fault.detected_s, fault.said = told.at_s - self._began_s, kind.words(told.said)
+        if reported is None:
+            until(lambda: self._reported(kind, seen_s) is not None, 1.0)
+            reported = self._reported(kind, seen_s)
+        if reported is not None:
+            fault.detected_s, fault.said = reported.at_s - self._began_s, kind.words(reported.said)
         if kind.then == "restarts" or not program.alive:
             self._look_after(fault, kind, at_ns)
         self._recover(fault, kind)
@@ -257,7 +257,7 @@ class _Soak:
         """Tell whether the emulated vest still shows a finger."""
         return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
-    def _told(self, kind: Kind, since_s: float) -> SaidLine | None:
+    def _reported(self, kind: Kind, since_s: float) -> SaidLine | None:
         return next((line for line in self._programs.lines(since_s) if kind.words(line.said)), None)
 
     def _kill(self, fault: SoakFault) -> SoakFault:
@@ -284,7 +284,7 @@ class _Soak:
             for recovered in SessionFolder(self._session).recovered:
                 self._lose(recovered.path, killed_ns)
         self.report.restarts += 1
-        self._start(anew=False)
+        self._start(renewed=False)
         self._recover(fault, None)
         return fault
 
@@ -292,7 +292,7 @@ class _Soak:
         """After a fault that ends a run or its recording: see that all is safe, and start again."""
         program = self._programs
         if program.alive and (kind.device, kind.how) not in _GOES_ON:
-            until(lambda: not program.alive, _TELL_S)
+            until(lambda: not program.alive, _REPORT_S)
         program.end()
         if until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S) is None:
             self.report.failures.append(f"after {fault.kind} of {fault.device} hand or vest were not at rest")
@@ -338,14 +338,14 @@ class _Soak:
         self.report.restarts += 1
         self._start()
 
-    def _start(self, *, anew: bool = True) -> bool:
+    def _start(self, *, renewed: bool = True) -> bool:
         """Start what does not run until all is well, again where a device did not answer in time; tell whether it is.
 
         With ``anew`` all of it is ended first.
         """
         program = self._programs
         for k in range(_STARTS):
-            if anew or k:
+            if renewed or k:
                 program.end()
             program.start()
             began = until(lambda: program.well() or not program.alive, _READY_S)
@@ -387,7 +387,7 @@ class _Soak:
         report = self.report
         self._looked.add(path.name)
         try:
-            kept: KeptCounts = look(path)
+            kept: KeptCounts = check(path)
         except TegaError as error:
             report.failures.append(f"{path.name} cannot be read: {error}")
             return

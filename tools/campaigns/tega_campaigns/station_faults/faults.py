@@ -36,11 +36,11 @@ def _other_operator(scene: StationScene, settings: Path, words: str) -> None:
         other.start()
         until(lambda: not other.alive, 30.0)
         until(lambda: other.has_said(words) is not None, 1.0)
-        told_s, code = other.has_said(words), other.end()
+        reported_s, code = other.has_said(words), other.end()
     scene.others_said = [line for line in other.lines if words in str(line.said)]
     begun_s = other.has_said("begins")
-    if told_s is not None and begun_s is not None and code == REFUSED:
-        scene.refused_s = told_s - begun_s
+    if reported_s is not None and begun_s is not None and code == REFUSED:
+        scene.refused_s = reported_s - begun_s
 
 
 def _second_operator(scene: StationScene) -> None:

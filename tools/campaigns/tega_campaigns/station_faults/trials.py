@@ -123,7 +123,7 @@ def _outcome(
     before: dict[str, Any],
 ) -> StationOutcome:
     def after(changes: list[tuple[float, Any]]) -> list[tuple[float, Any]]:
-        return [(round(t_s - begun_s, 3), what) for t_s, what in changes]
+        return [(round(t_s - begun_s, 3), subject) for t_s, subject in changes]
 
     robot, operator = scene.robot, scene.operator
     hand = after(robot.since(begun_s, "state"))
@@ -136,18 +136,18 @@ def _outcome(
     # Of a station that was started again the counts begin anew.
     same = now["used"] >= before["used"]
     used, stale = (now[key] - (before[key] if same else 0) for key in ("used", "stale"))
-    ages_ms = [said["oldest_ms"] for at_s, said in robot.lines if at_s > begun_s and "oldest_ms" in said]
+    ages_ms = [text["oldest_ms"] for at_s, text in robot.lines if at_s > begun_s and "oldest_ms" in text]
     interrupted = bool(acted)
     silent_s = felt[-1][0] if felt and not felt[-1][1] else None
     if silent_s is not None:
         acted.append(silent_s)
     met = fault.interrupts is None or interrupted == fault.interrupts
-    said = [
-        str(said.get("said", said.get("ended")))
-        for at_s, said in sorted(
+    text = [
+        str(text.get("said", text.get("ended")))
+        for at_s, text in sorted(
             [*robot.lines, *operator.lines, *scene.others_said], key=lambda line: line.at_s
         )
-        if at_s > begun_s and said.keys() & {"said", "ended"}
+        if at_s > begun_s and text.keys() & {"said", "ended"}
     ]
     return StationOutcome(
         hand=hand,
@@ -160,7 +160,7 @@ def _outcome(
         used=used,
         stale=stale,
         oldest_ms=round(max(ages_ms, default=0.0), 1),
-        said=said,
+        said=text,
         as_wished=met
         and stale == 0
         and (over_s is not None or not fault.comes_back)

@@ -111,7 +111,7 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
 
     with progress_bar(enabled=not as_json) as progress:
         found = audit_recording(
-            recording, _asked(flags), baseline=flags["baseline"], emg=_emg(flags), progress=progress
+            recording, _requested(flags), baseline=flags["baseline"], emg=_emg(flags), progress=progress
         )
     if picture is not None or curves is not None:
         _draw(found, picture, curves)
@@ -122,7 +122,7 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
         print_report(one.report)
 
 
-def _asked(flags: dict[str, Any]) -> AuditRequest:
+def _requested(flags: dict[str, Any]) -> AuditRequest:
     from tega_figures.audit import AuditRequest, parse_sweep, read_forces, read_marks
 
     if flags["names"] and flags["sweep"]:

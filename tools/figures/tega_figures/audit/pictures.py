@@ -63,12 +63,12 @@ def draw_audit(path: Path, seen: FingerAudit, scores: Sequence[TouchScore]) -> N
         InvalidValueError: There is no picture.
         MissingExtraError: matplotlib is not installed.
     """
-    if seen.shown is None:
+    if seen.displayed is None:
         raise InvalidValueError("no picture was measured", "audit a recording of touch")
     figure = new_figure(figsize=(1.5 * len(scores) + 1, 7.5))
     upper, lower = figure.subfigures(2, 1, height_ratios=[1.2, 1], squeeze=False)[:, 0]
     for ax, score in zip(upper.subplots(1, len(scores), squeeze=False)[0], scores, strict=True):
-        _draw_mask(ax, seen.shown, seen.areas.get(score.reading), score.reading)
+        _draw_mask(ax, seen.displayed, seen.areas.get(score.reading), score.reading)
         if seen.mark is not None:
             _draw_mark(ax, seen.mark)
     ax = lower.subplots()

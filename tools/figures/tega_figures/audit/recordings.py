@@ -18,7 +18,7 @@ from tega.loop.maxima import emg_conditions
 from tega.recording.mcap_folder import INDEX_NAME, session_files
 from tega.recording.replay.feed import RecordFeed
 from tega.records import Contact, EmgSamples, Picture
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -112,7 +112,7 @@ def read_material(
     preset: str | None = None,
     baseline: Path | None = None,
     emg: EmgColumns | None = None,
-    progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None,
+    progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None,
 ) -> None:
     """Read a recording from its beginning to its end.
 
@@ -135,7 +135,7 @@ def read_material(
         _read_pictures(path, listener, preset, baseline, progress)
 
 
-@tells_damage
+@reports_damage
 def _read_session(path: Path, listener: Listener, preset: str | None, progress: Any) -> None:
     feed, numbers = RecordFeed(path), count(1)
     head = feed.head

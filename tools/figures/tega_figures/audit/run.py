@@ -11,7 +11,7 @@ import msgspec
 from tega.config import check_tree
 from tega.config.choose import chosen_stage
 from tega.errors import ConfigError, RecordingError
-from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.foreign_file import reports_damage
 from tega_figures.audit.emg import EmgScore, emg_scores
 from tega_figures.audit.recordings import AuditMaterial, EmgColumns, read_material, recordings_of
 from tega_figures.audit.touch import FingerAudit, FingerReading, TouchScore
@@ -94,17 +94,17 @@ class Audited(NamedTuple):
 
 def audit_recording(
     path: Path,
-    asked: AuditRequest = AuditRequest(),  # noqa: B008  # immutable
+    requested: AuditRequest = AuditRequest(),  # noqa: B008  # immutable
     *,
     baseline: Path | None = None,
     emg: EmgColumns | None = None,
-    progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None,
+    progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None,
 ) -> list[Audited]:
     """Compare readings on recordings.
 
     Args:
         path: A folder of pictures, a video, a file of EMG samples, a recording of a session, or a session's folder.
-        asked: What is to be compared.
+        requested: What is to be compared.
         baseline: Picture of the untouched gel of loose pictures.
         emg: What a file of EMG samples does not say.
         progress: Told how many pictures are read.
@@ -119,33 +119,33 @@ def audit_recording(
     found = []
     for one in recordings_of(path):
         # What a session's records lead to is damage of that file; others have their own readers.
-        audited = tells_damage(_audited) if one.suffix == ".mcap" else _audited
-        found.append(audited(one, asked, baseline, emg, progress))
+        audited = reports_damage(_audited) if one.suffix == ".mcap" else _audited
+        found.append(audited(one, requested, baseline, emg, progress))
     return found
 
 
 def _audited(
     path: Path,
-    asked: AuditRequest,
+    requested: AuditRequest,
     baseline: Path | None,
     emg: EmgColumns | None,
     progress: Callable[[str, int, int], None],
 ) -> Audited:
     """Compare readings on one recording."""
-    audit = _Audit(path, asked)
-    read_material(path, audit, preset=asked.preset, baseline=baseline, emg=emg, progress=progress)
+    audit = _Audit(path, requested)
+    read_material(path, audit, preset=requested.preset, baseline=baseline, emg=emg, progress=progress)
     return audit.finished()
 
 
 class _Audit:
     """What becomes of one recording."""
 
-    def __init__(self, path: Path, asked: AuditRequest) -> None:
-        self._path, self._name, self._asked = path, path.name, asked
+    def __init__(self, path: Path, requested: AuditRequest) -> None:
+        self._path, self._name, self._requested = path, path.name, requested
         self._material = AuditMaterial({}, {})
         self._variants: dict[Kind, list[Variant]] = {}
         self._fingers: dict[str, FingerAudit] = {}
-        self._shown: dict[tuple[str, str], FingerReading] = {}
+        self._displayed: dict[tuple[str, str], FingerReading] = {}
         self._chunks: list[EmgChunk] = []
         self._recorded: dict[str, list[Contact]] = {}
         self._n_passed = 0
@@ -153,21 +153,21 @@ class _Audit:
     def begin(self, material: AuditMaterial) -> bool:
         """Make the readings; return whether pictures are wanted."""
         self._material = material
-        asked = self._asked
+        requested = self._requested
         for kind in self._kinds():
-            if asked.sweep is not None:
-                self._variants[kind] = sweep_variants(material.tree, asked.sweep, sets=asked.sets)
+            if requested.sweep is not None:
+                self._variants[kind] = sweep_variants(material.tree, requested.sweep, sets=requested.sets)
             else:
-                names = tuple(name for name in asked.names if name in READINGS[kind])
-                self._variants[kind] = named_variants(material.tree, kind, names, sets=asked.sets)
+                names = tuple(name for name in requested.names if name in READINGS[kind])
+                self._variants[kind] = named_variants(material.tree, kind, names, sets=requested.sets)
         for finger, still in material.baselines.items():
             readings = [self._reading(variant, finger) for variant in self._variants.get("touch", [])]
             for variant in self._variants.get("vest", []):
                 key = finger, _metric(variant.config)
-                if key not in self._shown and not self._as_recorded(variant.config):
-                    self._shown[key] = self._reading(variant, finger)
+                if key not in self._displayed and not self._as_recorded(variant.config):
+                    self._displayed[key] = self._reading(variant, finger)
             self._fingers[finger] = FingerAudit(readings, still, live=material.live)
-        return bool(self._variants.get("touch") or self._shown)
+        return bool(self._variants.get("touch") or self._displayed)
 
     def frame(self, finger: str, frame: TactileFrame, *, loaded: bool) -> None:
         """Measure a picture with every reading, where what is to be known of it is known."""
@@ -176,7 +176,7 @@ class _Audit:
             self._n_passed += 1
             return
         self._fingers[finger].take(frame, truth, loaded=loaded)
-        for (whose, _), reading in self._shown.items():
+        for (whose, _), reading in self._displayed.items():
             if whose == finger:
                 reading.take(frame, loaded=loaded)
 
@@ -191,7 +191,7 @@ class _Audit:
 
     def finished(self) -> Audited:
         """Return how every reading behaved."""
-        asked, material = self._asked, self._material
+        requested, material = self._requested, self._material
         seen = {finger: audit for finger, audit in self._fingers.items() if audit.press}
         if self._n_passed and not seen:
             raise RecordingError(
@@ -201,11 +201,11 @@ class _Audit:
         emg: list[EmgScore] = []
         if material.muscles is not None and "emg" in self._variants:
             emg = emg_scores(
-                self._variants["emg"], self._chunks, material.muscles, asked.forces, live=material.live
+                self._variants["emg"], self._chunks, material.muscles, requested.forces, live=material.live
             )
         report = AuditReport(
             recording=self._name,
-            sweep="" if asked.sweep is None else asked.sweep.key,
+            sweep="" if requested.sweep is None else requested.sweep.key,
             n_left_out=self._n_passed,
             touch=[score for audit in seen.values() for score in audit.scores()],
             emg=emg,
@@ -214,19 +214,19 @@ class _Audit:
         return Audited(report, seen)
 
     def _kinds(self) -> tuple[Kind, ...]:
-        asked, material = self._asked, self._material
+        requested, material = self._requested, self._material
         held: dict[Kind, bool] = {
             "touch": bool(material.baselines),
             "emg": material.muscles is not None,
             "vest": bool(material.baselines),
         }
-        wanted = asked.of
-        if not wanted and asked.sweep is not None:
-            wanted = (kind_of(asked.sweep.key),)
-        elif not wanted and asked.names:
-            meant = tuple(kind for kind in READINGS if set(asked.names) & set(READINGS[kind]))
+        wanted = requested.of
+        if not wanted and requested.sweep is not None:
+            wanted = (kind_of(requested.sweep.key),)
+        elif not wanted and requested.names:
+            meant = tuple(kind for kind in READINGS if set(requested.names) & set(READINGS[kind]))
             wanted = tuple(kind for kind in meant if held[kind]) or meant
-        for name in asked.names:
+        for name in requested.names:
             if not any(name in READINGS[kind] for kind in wanted or READINGS):
                 known = "; ".join(name for kind in wanted or READINGS for name in READINGS[kind])
                 raise ConfigError(f"reading {name!r} is not known", f"choose from {known}")
@@ -242,7 +242,7 @@ class _Audit:
     def _reading(self, variant: Variant, finger: str) -> FingerReading:
         still = self._material.baselines[finger]
         return FingerReading(
-            variant, finger, still, self._material.calibration, separate=self._asked.separate
+            variant, finger, still, self._material.calibration, separate=self._requested.separate
         )
 
     def _as_recorded(self, config: SessionConfig) -> bool:
@@ -259,20 +259,26 @@ class _Audit:
             contacts |= self._recorded
         else:
             for finger in self._material.baselines:
-                contacts[finger] = self._shown[finger, _metric(variant.config)].contacts
-        return vest_score(variant, contacts, calibration, self._asked.forces)
+                contacts[finger] = self._displayed[finger, _metric(variant.config)].contacts
+        return vest_score(variant, contacts, calibration, self._requested.forces)
 
     def _truth(self, frame: TactileFrame) -> PictureTruth | None:
         """Return what is known of a picture; ``None`` for one that is to be left out."""
-        asked = self._asked
-        mark = None if asked.marks is None else asked.marks.get(frame.name)
-        force_n = None if asked.forces is None else asked.forces.of_picture(frame.name, frame.seq, frame.t_ns)
-        if (asked.marks is not None and mark is None) or (asked.forces is not None and force_n is None):
+        requested = self._requested
+        mark = None if requested.marks is None else requested.marks.get(frame.name)
+        force_n = (
+            None
+            if requested.forces is None
+            else requested.forces.of_picture(frame.name, frame.seq, frame.t_ns)
+        )
+        if (requested.marks is not None and mark is None) or (
+            requested.forces is not None and force_n is None
+        ):
             return None
         shape = frame.image.shape[:2]
         drawn = None if mark is None else mark.distance(shape) <= 1
-        if asked.masks is not None:
-            path = mask_of(self._path / frame.name, asked.masks)
+        if requested.masks is not None:
+            path = mask_of(self._path / frame.name, requested.masks)
             if path is None:
                 return None
             drawn = read_mask(path, shape)

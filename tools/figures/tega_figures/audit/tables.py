@@ -17,11 +17,11 @@ _Column = tuple[str, Callable[[Any], str | None]]
 
 
 def _number(name: str, form: str = ".2f") -> Callable[[Any], str | None]:
-    def told(score: Any) -> str | None:
+    def reported(score: Any) -> str | None:
         value = getattr(score, name)
         return None if value is None else f"{value:{form}}"
 
-    return told
+    return reported
 
 
 def _area(place: Callable[[list[int]], int]) -> Callable[[Any], str | None]:
@@ -72,13 +72,15 @@ _VEST: tuple[_Column, ...] = (
 def print_report(report: AuditReport) -> None:
     """Print a table for touch, EMG and vest each, where the report has it."""
     console = Console(highlight=False, width=150)
-    for what, scores, columns in (
+    for subject, scores, columns in (
         ("touch", report.touch, _TOUCH),
         ("EMG", report.emg, _EMG),
         ("vest", report.vest, _VEST),
     ):
         if scores:
-            console.print(_table(f"{report.recording}: {what}", report.sweep or "reading", scores, columns))
+            console.print(
+                _table(f"{report.recording}: {subject}", report.sweep or "reading", scores, columns)
+            )
     if report.n_left_out:
         console.print(f"{report.n_left_out} pictures left out: marks, masks or forces say nothing of them.")
 
@@ -89,10 +91,12 @@ def _table(title: str, first: str, scores: Sequence[Any], columns: Sequence[_Col
     table.add_column(first.rpartition("options.")[2], no_wrap=True)
     if several:
         table.add_column("finger")
-    shown = [(name, told) for name, told in columns if any(told(score) is not None for score in scores)]
-    for name, _ in shown:
+    displayed = [
+        (name, reported) for name, reported in columns if any(reported(score) is not None for score in scores)
+    ]
+    for name, _ in displayed:
         table.add_column(name, justify="right")
     for score in scores:
         row = [score.reading, *([score.finger] if several else [])]
-        table.add_row(*row, *(told(score) or "–" for _, told in shown))
+        table.add_row(*row, *(reported(score) or "–" for _, reported in displayed))
     return table

@@ -197,7 +197,7 @@ class FingerAudit:
         live: Whether the pictures are of a sensor: a bad one is passed over, as in the run.
 
     Attributes:
-        shown: The picture that differs most from the baseline, uint8 (H, W, 3); ``None`` before the first.
+        displayed: The picture that differs most from the baseline, uint8 (H, W, 3); ``None`` before the first.
         areas: What each reading takes for contact in it, by name.
         mark: The circle marked in it, where there is one.
         truths: What was known of each picture.
@@ -210,7 +210,7 @@ class FingerAudit:
         self._readings, self._baseline, self._live = readings, baseline, live
         self._far = FarField(baseline)
         self._marks = 0
-        self.shown: NDArray[np.uint8] | None = None
+        self.displayed: NDArray[np.uint8] | None = None
         self.areas: dict[str, Mask] = {}
         self.press: list[float] = []
         self.truths: list[PictureTruth] = []
@@ -236,7 +236,7 @@ class FingerAudit:
             return
         press = float(mean_difference([frame.image], self._baseline)[0])
         if press > max(self.press, default=-1.0):
-            self.shown, self.mark = frame.image.copy(), truth.mark
+            self.displayed, self.mark = frame.image.copy(), truth.mark
             found = {r.variant.name: r.area(frame.image) for r in self._readings if r.contacts}
             self.areas = {name: area for name, area in found.items() if area is not None}
         self.press.append(press)

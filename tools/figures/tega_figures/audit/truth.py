@@ -182,7 +182,7 @@ def read_marks(path: Path) -> dict[str, Mark]:
         twice.update({name} & marks.keys())
         marks[name] = mark
 
-    _read_rows(path, take, what="mark", wanted="img_name,center_x,center_y,radius")
+    _read_rows(path, take, subject="mark", wanted="img_name,center_x,center_y,radius")
     return {name: mark for name, mark in marks.items() if name not in twice}
 
 
@@ -213,7 +213,7 @@ def read_forces(path: Path, *, least_n: float = 0.0) -> Forces:
         else:
             by_name[_base_name(row["frame"] if "frame" in row else row["img_name"])] = force_n
 
-    _read_rows(path, take, what="force", wanted="img_name,force_n; frame,force_n or t_s,force_n")
+    _read_rows(path, take, subject="force", wanted="img_name,force_n; frame,force_n or t_s,force_n")
     t_s, force_n = np.array(course, np.float64).reshape(-1, 2).T
     if not np.isfinite(t_s).all() or (np.diff(t_s) <= 0).any():
         raise RecordingError(f"{path.name}: t_s does not rise from line to line", "sort the lines by time")
@@ -224,7 +224,7 @@ def _base_name(path: str) -> str:
     return re.split(r"[/\\]", path)[-1]
 
 
-def _read_rows(path: Path, take: Callable[[dict[str, str]], None], *, what: str, wanted: str) -> None:
+def _read_rows(path: Path, take: Callable[[dict[str, str]], None], *, subject: str, wanted: str) -> None:
     """Give every line of a table to a function that raises ValueError, KeyError or TypeError where it cannot be."""
     try:
         _, rows = named_rows(path, most_mib=64)
@@ -233,7 +233,7 @@ def _read_rows(path: Path, take: Callable[[dict[str, str]], None], *, what: str,
                 take(cells)
             except (KeyError, TypeError, ValueError) as error:
                 raise RecordingError(
-                    f"{path.name}:{line}: not a {what} ({error})", f"wanted: {wanted}"
+                    f"{path.name}:{line}: not a {subject} ({error})", f"wanted: {wanted}"
                 ) from error
     except OSError as error:
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror}", "check the path") from error

@@ -134,17 +134,17 @@ def parse_sweep(text: str) -> SettingSweep:
         >>> parse_sweep("stages.metric.options.factor=0.5:1.25:0.25").values
         ('0.5', '0.75', '1', '1.25')
     """
-    key, equals, said = text.partition("=")
+    key, equals, message = text.partition("=")
     example = "write --sweep stages.metric.options.factor=0.5:2.5:0.25 or =0.5,1.28,2.5"
-    if not equals or not key.strip() or not said.strip():
+    if not equals or not key.strip() or not message.strip():
         raise ConfigError(f"--sweep {text!r}: not of the form KEY=FROM:TO:STEP", example)
     kind_of(key.strip())
-    parts = said.split(":")
+    parts = message.split(":")
     if len(parts) == 3:
         try:
             first, last, step = (Decimal(part.strip()) for part in parts)
         except InvalidOperation:
-            raise ConfigError(f"--sweep {text!r}: {said} are not three numbers", example) from None
+            raise ConfigError(f"--sweep {text!r}: {message} are not three numbers", example) from None
         if not all(number.is_finite() for number in (first, last, step)) or step <= 0 or last < first:
             raise ConfigError(
                 f"--sweep {text!r}: the step has to lead from {parts[0]} to {parts[1]}", example
@@ -156,7 +156,7 @@ def parse_sweep(text: str) -> SettingSweep:
         )
         values = tuple(f"{(first + k * step).normalize():f}" for k in range(min(n, _MOST_VALUES + 1)))
     else:
-        values = tuple(dict.fromkeys(part.strip() for part in said.split(",") if part.strip()))
+        values = tuple(dict.fromkeys(part.strip() for part in message.split(",") if part.strip()))
     if not 0 < len(values) <= _MOST_VALUES:
         raise ConfigError(
             f"--sweep {text!r}: gives {len(values)} values, wanted 1 to {_MOST_VALUES}", example

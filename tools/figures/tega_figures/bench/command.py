@@ -336,13 +336,13 @@ def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> 
     table.add_column("way", no_wrap=True)
     for name in ("n", "p50", "p95", "p99", "worst"):
         table.add_column(name, justify="right")
-    for name, way in (
+    for name, route in (
         ("a command over the link", report.command_ms),
         ("a picture's touch over the link", report.feature_ms),
         ("muscle to hand, all of it", report.intent_ms["whole"]),
         ("camera to vest, all of it", report.touch_ms["whole"]),
     ):
-        table.add_row(name, str(way["n"]), *(f"{way[p]:.2f}" for p in ("p50", "p95", "p99", "worst")))
+        table.add_row(name, str(route["n"]), *(f"{route[p]:.2f}" for p in ("p50", "p95", "p99", "worst")))
     out.print(table)
     refused = ", ".join(f"{n} {why}" for why, n in report.refused.items()) or "none"
     clock = report.clock

@@ -131,8 +131,8 @@ def bench_loop(
                 devices = [device.pid for device in lab.devices]
                 return (*_processor_s(), processor_s(devices), processor_s(viewer.pids))
 
-            def progress(what: str, _done: int, _total: int) -> None:
-                if what == "running":
+            def progress(subject: str, _done: int, _total: int) -> None:
+                if subject == "running":
                     cpu_s.append(used_s())
                     lab.hand.say("answers")
                     beside.begin(seconds)

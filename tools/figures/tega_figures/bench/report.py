@@ -127,7 +127,7 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def run_bench(
-    *, quick: bool = False, progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None
+    *, quick: bool = False, progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None
 ) -> BenchReport:
     """Measure everything.
 
@@ -153,8 +153,8 @@ def run_bench(
     rows: list[ContactRow | FilterRow | BatchRow | TickRow] = []
     machine = describe_machine()
     with single_threaded() as threads:
-        for number, (what, job) in enumerate(jobs):
-            progress(what, number, len(jobs))
+        for number, (subject, job) in enumerate(jobs):
+            progress(subject, number, len(jobs))
             rows += job()
     return BenchReport(
         method=METHOD,

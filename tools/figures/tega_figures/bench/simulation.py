@@ -116,7 +116,7 @@ class _StageSeconds:
         """Begin with the first physics step."""
         self._since = (time.thread_time(), time.perf_counter())
 
-    def look(self, t_s: float, *, touching: bool) -> None:
+    def check(self, t_s: float, *, touching: bool) -> None:
         """Book the time since the last look on what was going on until now."""
         now = (time.thread_time(), time.perf_counter())
         self.busy[self.touching] += now[0] - self._since[0]
@@ -130,7 +130,7 @@ def bench_simulation(
     objects: Sequence[str] = ("bottle", "container", "bag"),
     repeats: int = 5,
     preset: Literal["paper", "live"] = "live",
-    progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None,
+    progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None,
 ) -> SimReport:
     """Measure.
 
@@ -159,15 +159,15 @@ def bench_simulation(
     done, total = 0, len(WAYS) * repeats * len(plans)
     for number in range(repeats):
         for plan in plans:
-            for way in WAYS if number % 2 else reversed(WAYS):
-                with _watched(stages=way != "plain") as watch:
-                    run_trial(plan, skip_untouched=way != "all rendered")
-                watches.setdefault((plan.object, way), []).append(watch)
+            for route in WAYS if number % 2 else reversed(WAYS):
+                with _watched(stages=route != "plain") as watch:
+                    run_trial(plan, skip_untouched=route != "all rendered")
+                watches.setdefault((plan.object, route), []).append(watch)
                 done += 1
                 progress("lifts", done, total)
     rows, skips = [], []
     for name in objects:
-        plain, timed, rendered = (watches[name, way] for way in WAYS)
+        plain, timed, rendered = (watches[name, route] for route in WAYS)
         rows += [_row(name, part, timed, plain) for part in PARTS]
         skips += _skips(_row(name, "whole", timed, plain), _row(name, "whole", rendered, rendered))
     return SimReport(
@@ -214,8 +214,8 @@ def _watched(*, stages: bool) -> Iterator[_StageSeconds]:
 
     score, run = TrialScorer.take, DualLoop.run
 
-    def look(scorer: TrialScorer, t_s: float, truth: Any, **named: Any) -> None:
-        watch.look(t_s, touching=any(truth.pad_force_n))
+    def check(scorer: TrialScorer, t_s: float, truth: Any, **named: Any) -> None:
+        watch.check(t_s, touching=any(truth.pad_force_n))
         score(scorer, t_s, truth, **named)
 
     def start(loop: DualLoop, **named: Any) -> Any:
@@ -224,7 +224,7 @@ def _watched(*, stages: bool) -> Iterator[_StageSeconds]:
 
     try:
         replace(DualLoop, "run", start)
-        replace(TrialScorer, "take", look)
+        replace(TrialScorer, "take", check)
         for stage, methods in parts.items() if stages else ():
             for owner, name in methods:
                 replace(owner, name, watch.timed(stage, getattr(owner, name)))

@@ -88,8 +88,8 @@ def _start(*words: str) -> dict[str, float]:
         env=python_environment(),
         check=False,
     )
-    *said, last = done.stderr.decode(errors="replace").splitlines() or [""]
+    *text, last = done.stderr.decode(errors="replace").splitlines() or [""]
     stages: dict[str, float] = json.loads(last) if last.startswith("{") else {}
     if _FIRST not in stages:
-        raise DeviceUnavailableError("a run came to no first tick", "\n".join(said))
+        raise DeviceUnavailableError("a run came to no first tick", "\n".join(text))
     return stages

@@ -107,7 +107,7 @@ class Tick:
         frame = self._touch.frame(t_ns)
         framed = clock()
         packet = x40_ble_frame(frame.x40())
-        shown = clock()
+        displayed = clock()
         level = int(self._intent.process(self._samples[now])[-1])
         filtered = clock()
         _, torques = self._hand.step(level)
@@ -115,7 +115,7 @@ class Tick:
         data = b"".join(can.data for can in allegro_torque_frames(torques))
         ended = clock()
         alike = self._tell_repeats(t_ns, now, contacts, frame)
-        marks = (started, read, mapped, framed, shown, filtered, stepped, ended)
+        marks = (started, read, mapped, framed, displayed, filtered, stepped, ended)
         stages = tuple(later - sooner for sooner, later in pairwise(marks))
         return (*stages, *alike), packet, data
 

@@ -57,37 +57,39 @@ class FeltInformation(NamedTuple):
     bits_worn: float
 
 
-def told_by(seed: int, shown: ComparedMapping) -> FeltInformation:
+def told_by(seed: int, displayed: ComparedMapping) -> FeltInformation:
     """Return what a simulated person can tell of a mapping."""
     person = draw_person(seed).vest
-    rng = stream(seed, "felt", shown.label)
-    trials = {task: _presented(shown, person, TASKS[task], _TRIALS.get(task, 150), rng=rng) for task in TASKS}
+    rng = stream(seed, "felt", displayed.label)
+    trials = {
+        task: _presented(displayed, person, TASKS[task], _TRIALS.get(task, 150), rng=rng) for task in TASKS
+    }
     bits = {task: information_bits(*some, rng) for task, some in trials.items()}
     percepts, stimuli = trials["all"]
     shuffled = information_bits(percepts, rng.permutation(stimuli), rng)
     worn = BatchSkin(person)
-    worn.adapt(worn.moved(steps(frames(shown, person, holding(_WORN_S)))))
-    after = _presented(shown, person, TASKS["firmness"], 150, rng=rng, adapted=worn.adapted)
+    worn.adapt(worn.moved(steps(frames(displayed, person, holding(_WORN_S)))))
+    after = _presented(displayed, person, TASKS["firmness"], 150, rng=rng, adapted=worn.adapted)
     return FeltInformation(
         bits,
         shuffled,
-        tuple(_threshold(shown, person, base, rng) for base in _BASES),
-        dose_of(shown, person),
+        tuple(_threshold(displayed, person, base, rng) for base in _BASES),
+        dose_of(displayed, person),
         1 - 1 / float(worn.adapted.max()),
         information_bits(*after, rng),
     )
 
 
-def dose_of(shown: ComparedMapping, person: VestSection) -> tuple[float, float]:
+def dose_of(displayed: ComparedMapping, person: VestSection) -> tuple[float, float]:
     """Return what a minute of grasps uses of the budget, seconds of full drive: the worst motor's, and the sum."""
     budget = MotorBudget()
-    for n, frame in enumerate(frames(shown, person, grasps(60.0))):
+    for n, frame in enumerate(frames(displayed, person, grasps(60.0))):
         budget.allow(round(n * REFRESH_S * 1e9), frame.x40())
     return float(budget.dose_s.max()), float(budget.dose_s.sum())
 
 
 def _presented(
-    shown: ComparedMapping,
+    displayed: ComparedMapping,
     person: VestSection,
     stimuli: tuple[Stimulus, ...],
     n_trials: int,
@@ -96,15 +98,17 @@ def _presented(
     adapted: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     skin = BatchSkin(person, adapted)
-    percepts = [skin.percepts(steps(frames(shown, person, one)), n_trials, rng) for one in stimuli]
+    percepts = [skin.percepts(steps(frames(displayed, person, one)), n_trials, rng) for one in stimuli]
     return np.concatenate(percepts), np.repeat(np.arange(len(stimuli)), n_trials)
 
 
-def _threshold(shown: ComparedMapping, person: VestSection, base: float, rng: np.random.Generator) -> float:
+def _threshold(
+    displayed: ComparedMapping, person: VestSection, base: float, rng: np.random.Generator
+) -> float:
     skin = BatchSkin(person)
 
     def percepts(share: float) -> NDArray[np.float64]:
-        return skin.percepts(steps(frames(shown, person, firmness(share))), 300, rng)
+        return skin.percepts(steps(frames(displayed, person, firmness(share))), 300, rng)
 
     lower = percepts(base)
     differences = [d for d in _DIFFERENCES if base + d <= 1 + 1e-9]
@@ -215,10 +219,11 @@ def _draw(found: dict[str, list[FeltInformation]], file: Path) -> None:
 def main(people: int, picture: Path | None) -> None:
     """Print the tables, and draw the picture where one is named."""
     found: dict[str, list[FeltInformation]] = {}
-    for shown in COMPARED:
-        found[shown.label] = [told_by(seed, shown) for seed in range(people)]
+    for displayed in COMPARED:
+        found[displayed.label] = [told_by(seed, displayed) for seed in range(people)]
         click.echo(
-            f"{shown.label}: {fmean(one.bits['all'] for one in found[shown.label]):.2f} bits", err=True
+            f"{displayed.label}: {fmean(one.bits['all'] for one in found[displayed.label]):.2f} bits",
+            err=True,
         )
     estimate, theory = noisy_bits(2.0)
     labels = np.repeat(np.arange(4), 500)

@@ -92,11 +92,11 @@ def share_told(lower: Array, higher: Array, rng: np.random.Generator) -> float:
     return float(((above > below) | ((above == below) & ties)).mean())
 
 
-def threshold_at(differences: Sequence[float], told: Sequence[float], share: float = 0.75) -> float:
+def threshold_at(differences: Sequence[float], reported: Sequence[float], share: float = 0.75) -> float:
     """Return the difference that is told in three of four pairs; infinite where none is."""
-    differences, told = [0.0, *differences], [0.5, *np.maximum.accumulate(told).tolist()]
-    for n in range(1, len(told)):
-        if told[n] >= share:
-            part = (share - told[n - 1]) / (told[n] - told[n - 1])
+    differences, reported = [0.0, *differences], [0.5, *np.maximum.accumulate(reported).tolist()]
+    for n in range(1, len(reported)):
+        if reported[n] >= share:
+            part = (share - reported[n - 1]) / (reported[n] - reported[n - 1])
             return float(differences[n - 1] + part * (differences[n] - differences[n - 1]))
     return float("inf")

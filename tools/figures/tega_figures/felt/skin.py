@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from tega_sim.operator.vest_sense import LOOK_S
+from tega_sim.operator.vest_sense import POLL_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,7 +40,7 @@ _BELOW = 0.5
 # Nobody knows to a look when a presentation began: so many looks early or late [P].
 _LATE_LOOKS = 2
 _WINDOW_S = 0.25
-_TWO_LOOKS = 0.954
+_TWO_GLANCES = 0.954
 
 
 class BatchSkin:
@@ -54,7 +54,7 @@ class BatchSkin:
     def __init__(self, vest: VestSection, adapted: Array | None = None) -> None:
         self._p = vest
         self.adapted = np.ones((2, ROWS, 4)) if adapted is None else adapted
-        self._look_sd = math.log1p(vest.weber) / _TWO_LOOKS
+        self._look_sd = math.log1p(vest.weber) / _TWO_GLANCES
 
     def moved(self, levels: NDArray[np.uint8]) -> Array:
         """Return the motors' amplitudes at each look.
@@ -68,13 +68,13 @@ class BatchSkin:
         p = self._p
         drive = np.where(levels < p.start_level, 0.0, (levels / 15.0) ** p.exponent).reshape(-1, 2, ROWS, 4)
         late_s = (p.link_ms + p.dead_ms) / 1e3
-        n_looks = round(len(levels) * REFRESH_S / LOOK_S)
+        n_checks = round(len(levels) * REFRESH_S / POLL_S)
         sub = 5
-        dt_ms = LOOK_S * 1e3 / sub
+        dt_ms = POLL_S * 1e3 / sub
         up, down = (math.exp(-dt_ms / lag) for lag in (p.lag_up_ms, p.lag_down_ms))
         at, looks = np.zeros((2, ROWS, 4)), []
-        for step in range(n_looks * sub):
-            frame = math.floor((step * LOOK_S / sub - late_s) / REFRESH_S + 1e-9)
+        for step in range(n_checks * sub):
+            frame = math.floor((step * POLL_S / sub - late_s) / REFRESH_S + 1e-9)
             wanted = drive[frame] if frame >= 0 else np.zeros_like(at)
             gap = wanted - at
             at = wanted - gap * np.where(gap > 0, up, down)
@@ -120,10 +120,10 @@ class BatchSkin:
         some = total > 0
         aside = _aside(rng, n_trials, COLUMN_TAKEN_FOR_NEXT), _aside(rng, n_trials, ROW_TAKEN_FOR_NEXT)
         middle = [
-            np.where(some, moment / np.where(some, total, 1) + by[:, None, None], 0.0)
-            for moment, by in zip((columns, rows), aside, strict=True)
+            np.where(some, snapshot / np.where(some, total, 1) + by[:, None, None], 0.0)
+            for snapshot, by in zip((columns, rows), aside, strict=True)
         ]
-        per = round(_WINDOW_S / LOOK_S)
+        per = round(_WINDOW_S / POLL_S)
 
         def windows(looks: Array) -> Array:
             added: Array = looks[:, : n // per * per].reshape(n_trials, n // per, per, 2).sum(axis=2)
@@ -147,7 +147,7 @@ class BatchSkin:
         """Let the skin adapt to what a motor did, look by look."""
         p = self._p
         for amplitude in moved:
-            self.adapted = self.adapted + (1 + p.adapt_gain * amplitude - self.adapted) * (LOOK_S / p.adapt_s)
+            self.adapted = self.adapted + (1 + p.adapt_gain * amplitude - self.adapted) * (POLL_S / p.adapt_s)
 
 
 def _aside(rng: np.random.Generator, n: int, chance: float) -> Array:

@@ -89,13 +89,13 @@ def felt_by(person: VestSection) -> FeltMap:
     return FeltMap(threshold=threshold, step=min(person.weber * (threshold + 100) / 2, 100.0))
 
 
-def frames(shown: ComparedMapping, person: VestSection, stimulus: Stimulus) -> list[MotorLevels]:
+def frames(displayed: ComparedMapping, person: VestSection, stimulus: Stimulus) -> list[MotorLevels]:
     """Return the frames of a stimulus, one every ``REFRESH_S``, after a moment without touch.
 
     Events are told as the detector would: contact and release with the touch itself, slip at its time.
     """
-    felt = felt_by(person) if shown.personal else None
-    chosen = Chosen("mapping", StageConfig(name=shown.name, options=shown.options), "live")
+    felt = felt_by(person) if displayed.personal else None
+    chosen = Chosen("mapping", StageConfig(name=displayed.name, options=displayed.options), "live")
     mapping = chosen.make(VestSetup(X40, FINGERS, MAXIMA, felt))
     found = []
     touching: set[str] = set()

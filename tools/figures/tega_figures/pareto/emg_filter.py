@@ -49,8 +49,8 @@ def effort(seconds: float = 240.0, *, seed: int = 5) -> Effort:
     n = int(seconds * RATE_HZ)
     steps = rng.uniform(0.05, 1.0, n)
     held = np.maximum.accumulate(np.where(rng.random(n) < 1 / (1.5 * RATE_HZ), np.arange(n), 0))
-    way = np.ones(RATE_HZ // 5) / (RATE_HZ // 5)
-    drive = np.convolve(steps[held], way)[:n]
+    route = np.ones(RATE_HZ // 5) / (RATE_HZ // 5)
+    drive = np.convolve(steps[held], route)[:n]
     spectrum = np.fft.rfft(rng.normal(size=(n, CHANNELS)), axis=0)
     hz = np.fft.rfftfreq(n, 1 / RATE_HZ)
     spectrum[(hz < 20) | (hz > 350)] = 0
@@ -146,8 +146,8 @@ def _in_blocks(intent: GraspIntent, samples: Array, tau: int) -> None:
 def _levels_of(drive: Array, levels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the drive's levels by the borders that agree best with the levels told: one scale for all of them."""
     scales = np.linspace(0.5, 1.5, 101) * 4 / drive.max()
-    told = [np.clip(np.floor(drive * scale) + 1, 1, 5).astype(np.int64) for scale in scales]
-    return max(told, key=lambda by: int(np.sum(by == levels)))
+    reported = [np.clip(np.floor(drive * scale) + 1, 1, 5).astype(np.int64) for scale in scales]
+    return max(reported, key=lambda by: int(np.sum(by == levels)))
 
 
 def latency_and_smoothing(*, budget_s: float) -> Choice:  # noqa: ARG001  # nothing is timed: delay is the cost

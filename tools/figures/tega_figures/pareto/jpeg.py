@@ -50,15 +50,15 @@ def jpeg_quality(*, budget_s: float) -> Choice:
             data = cv2.imencode(kind, image, how)[1]
             back = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
             reader = ContactReader(still)
-            told, mask = reader.read(image), contact_mask(image, still)
+            reported, mask = reader.read(image), contact_mask(image, still)
             other, other_mask = reader.read(back), contact_mask(back, still)
             sizes.append(len(data) / 1000)
             pixels.append(float(np.sqrt(np.mean((back.astype(float) - image) ** 2))))
-            wrong += told.in_contact != other.in_contact
-            if told.in_contact and other.in_contact:
+            wrong += reported.in_contact != other.in_contact
+            if reported.in_contact and other.in_contact:
                 both, either = np.sum(mask & other_mask), np.sum(mask | other_mask)
                 missed.append(100 * (1 - both / either) if either else 0.0)
-                peaks.append(100 * abs(other.peak / told.peak - 1))
+                peaks.append(100 * abs(other.peak / reported.peak - 1))
         variants.append(
             PricedVariant(
                 name=name,

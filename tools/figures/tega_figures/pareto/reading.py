@@ -62,24 +62,24 @@ def touch_reading(*, budget_s: float) -> Choice:
         law.name: partial(_by_law, difference=law.difference, spread=law.spread) for law in CONTACT_LAWS
     }
     ways |= {"paper": _paper, "live": _live, "live tracker": _tracker}
-    shown = presses()
-    timed = shown[0].frames[REST + RAMP // 2]
-    calls = {name: partial(make(shown[0].still), timed) for name, make in ways.items()}
+    displayed = presses()
+    timed = displayed[0].frames[REST + RAMP // 2]
+    calls = {name: partial(make(displayed[0].still), timed) for name, make in ways.items()}
     turns = take_turns(calls, budget_s=budget_s)
     pressed = slice(REST, REST + RAMP + HELD)
     after = slice(REST + RAMP + HELD + LATER, None)
     variants = []
     for name, make in ways.items():
-        told = []
+        reported = []
         ranks = []
-        for press in shown:
+        for press in displayed:
             read = make(press.still)
             contacts = [read(frame) for frame in press.frames]
-            told.append([bool(m.in_contact) for m in contacts])
+            reported.append([bool(m.in_contact) for m in contacts])
             ranks.append(
                 _rank(press.force_n[REST : REST + RAMP], [m.eda for m in contacts[REST : REST + RAMP]])
             )
-        felt = np.array(told)
+        felt = np.array(reported)
         wrong = [
             float(1 - felt[:, pressed].mean()),
             float(felt[:, :REST].mean()),

@@ -188,7 +188,7 @@ class RenderedTrial:
         narrowing = np.array([truth.deformation_m for truth in trial.truths])
         for t_s in self.t_s:
             narrow = float(np.interp(t_s, trial.t_s, narrowing))
-            moved = [face._replace(corners=face.corners - narrow * way) for face, way in self._sliding]
+            moved = [face._replace(corners=face.corners - narrow * route) for face, route in self._sliding]
             hulls = self._hulls(int(np.searchsorted(trial.t_s, t_s)))
             for one in self.occluders:
                 if one.begin_s <= t_s <= one.end_s:
@@ -215,12 +215,12 @@ class RenderedTrial:
         )
         return self._camera.lit(light, self._still, self.pose, 0.0)
 
-    def _hulls(self, moment: int) -> list[tuple[float, NDArray[np.float64], float]]:
+    def _hulls(self, snapshot: int) -> list[tuple[float, NDArray[np.float64], float]]:
         """Return silhouettes of hand, arm and object."""
         trial = self._trial
         turn, shift = self.world_to_camera[:, :3], self.world_to_camera[:, 3]
         hulls = []
-        for shape, pose in zip(trial.shapes, trial.poses[min(moment, len(trial.poses) - 1)], strict=True):
+        for shape, pose in zip(trial.shapes, trial.poses[min(snapshot, len(trial.poses) - 1)], strict=True):
             if shape.kind == "plane":
                 continue
             size = np.array([*shape.size_m, 0, 0, 0])[:3]

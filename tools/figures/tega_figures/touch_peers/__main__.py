@@ -39,7 +39,7 @@ def _score(figures: list[Figure]) -> float:
 
 def measure(folder: Path) -> dict[str, Any]:
     """Read every set with every reading."""
-    pytouch, said = pytouch_area()
+    pytouch, message = pytouch_area()
     readings = makers(pytouch)
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     ways: dict[str, str] = {}
@@ -67,7 +67,7 @@ def measure(folder: Path) -> dict[str, Any]:
     )
     return {
         "commit": commit.stdout.strip(),
-        "pytouch": said,
+        "pytouch": message,
         "ways_of_background_subtraction": ways,
         "rows": list(rows.values()),
         "force": [
@@ -107,8 +107,10 @@ def peers(results: dict[str, Any]) -> str:
 
 def ways(results: dict[str, Any]) -> str:
     """Say how background subtraction was set, and how PyTouch came here."""
-    said = "; ".join(f"`{name}`: {way}" for name, way in results["ways_of_background_subtraction"].items())
-    return f"Background subtraction's best way on each set: {said}. {results['pytouch']}"
+    message = "; ".join(
+        f"`{name}`: {route}" for name, route in results["ways_of_background_subtraction"].items()
+    )
+    return f"Background subtraction's best way on each set: {message}. {results['pytouch']}"
 
 
 def force(results: dict[str, Any]) -> str:
@@ -127,7 +129,7 @@ def force(results: dict[str, Any]) -> str:
 def cost(results: dict[str, Any]) -> str:
     """Make the table of what a frame costs."""
     sets = results["cost"]
-    head = ["240 x 320", *(f"{one['instruction_set']}: {what}" for one in sets for what in
+    head = ["240 x 320", *(f"{one['instruction_set']}: {subject}" for one in sets for subject in
                            ("over the or-reduce", "µs, median", "µs, fastest tenth"))]  # fmt: skip
     lines = [head]
     for rows in zip(*(one["rows"] for one in sets), strict=True):

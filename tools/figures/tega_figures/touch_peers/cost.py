@@ -39,8 +39,8 @@ def _reading(tracker: TouchTracker, frames: list[Image], *, in_contact: bool) ->
     """Return a call that reads the next of some frames, once the tracker has settled on them."""
     frames_on = cycle(frames)
     for _ in range(_WARM):
-        told = tracker.update(next(frames_on)).in_contact
-    assert told == in_contact  # what is timed is what it is named for
+        reported = tracker.update(next(frames_on)).in_contact
+    assert reported == in_contact  # what is timed is what it is named for
     return lambda: tracker.update(next(frames_on))
 
 

@@ -194,11 +194,11 @@ def pytouch_area() -> tuple[Makes | None, str]:
 
         return read
 
-    said = (
+    message = (
         "PyTouch 0.4.2 as a whole does not install (it asks for pytorch3d, which has no wheel); its `ContactArea` "
         "needs OpenCV alone and is loaded from the published wheel, with its own thresholds."
     )
-    return make, said
+    return make, message
 
 
 def makers(pytouch: Makes | None) -> dict[str, Makes]:

@@ -40,7 +40,7 @@ from tega_figures.touch_recordings import (
 __all__ = ["SETS", "Figure", "PressClip", "disc_presses", "wedge_presses"]
 
 # A single picture is shown to a reading with a memory for about a second.
-_SHOWN = 32
+_DISPLAYED = 32
 _BINS_N: Final = ((0.6, 2.0), (2.0, 4.0), (4.0, 40.0))
 _AFTER_S: Final = 1.5
 
@@ -70,10 +70,10 @@ class PressClip(NamedTuple):
     """End of the frames surely before, and first of those from 1.5 s after."""
 
 
-def shown(make: Makes, unit: Unit, frame: Image) -> PeerReading:
+def displayed(make: Makes, unit: Unit, frame: Image) -> PeerReading:
     """Return what a reading made anew says of a picture that it is shown for a second."""
     read = make(unit)
-    return [read(frame) for _ in range(_SHOWN if make in WITH_MEMORY else 1)][-1]
+    return [read(frame) for _ in range(_DISPLAYED if make in WITH_MEMORY else 1)][-1]
 
 
 @cache
@@ -119,8 +119,8 @@ def _soft_grips(folder: Path, make: Makes) -> Iterator[Figure]:
     pictures = _pictures(folder)
     unit = Unit(pictures["empty"], 30.0)
     for name, frames in pictures.items():
-        told = float(np.mean([shown(make, unit, frame).on for frame in frames]))
-        yield Figure("gsmini_soft_grips", name, told, "low" if name == "empty" else "high", len(frames))
+        reported = float(np.mean([displayed(make, unit, frame).on for frame in frames]))
+        yield Figure("gsmini_soft_grips", name, reported, "low" if name == "empty" else "high", len(frames))
 
 
 _pictures = cache(soft_grips)
@@ -131,8 +131,10 @@ _grasps = cache(grasps)
 def _drift(folder: Path, make: Makes) -> Iterator[Figure]:
     baseline, frames, t_s = _rest(folder)
     read = make(Unit([baseline], 1.0))
-    told = [read(f, dt_s=dt).on for f, dt in zip(frames, [0.0, *np.diff(t_s)], strict=True)]
-    yield Figure("gsmini_rest_drift", "three minutes untouched", float(np.mean(told)), "low", len(told))
+    reported = [read(f, dt_s=dt).on for f, dt in zip(frames, [0.0, *np.diff(t_s)], strict=True)]
+    yield Figure(
+        "gsmini_rest_drift", "three minutes untouched", float(np.mean(reported)), "low", len(reported)
+    )
 
 
 def _wedge(folder: Path, make: Makes) -> Iterator[Figure]:
@@ -156,19 +158,19 @@ def _wedge(folder: Path, make: Makes) -> Iterator[Figure]:
         for of, into in (("peak", ranks), ("area_px", areas)):
             values = [getattr(s, of) if s.on else 0.0 for s in seen]
             into.append(rank_correlation(press.force_n[pressed], np.array(values)[pressed]))
-    for (kind, low), told in sorted(felt.items()):
-        if told:
+    for (kind, low), reported in sorted(felt.items()):
+        if reported:
             high = dict(_BINS_N)[low]
-            what = f"{kind}, {low:g} to {high:g} N" if high < 40 else f"{kind}, {low:g} N and more"
-            yield Figure("wedge_force", what, float(np.mean(told)), n=len(told))
+            subject = f"{kind}, {low:g} to {high:g} N" if high < 40 else f"{kind}, {low:g} N and more"
+            yield Figure("wedge_force", subject, float(np.mean(reported)), n=len(reported))
     yield Figure("wedge_force", "before", float(np.mean(before)), "low", len(before))
     yield Figure(
         "wedge_force", "from 1.5 s after", float(np.mean(after)) if after else np.nan, "low", len(after)
     )
-    for what, found in (("peak", ranks), ("area", areas)):
-        yield Figure("wedge_force", f"rank of force and {what}, median clip", float(np.median(np.nan_to_num(found))),
+    for subject, found in (("peak", ranks), ("area", areas)):
+        yield Figure("wedge_force", f"rank of force and {subject}, median clip", float(np.median(np.nan_to_num(found))),
                      n=len(found))  # fmt: skip
-        yield Figure("wedge_force", f"rank of force and {what}, least", float(np.min(np.nan_to_num(found))),
+        yield Figure("wedge_force", f"rank of force and {subject}, least", float(np.min(np.nan_to_num(found))),
                      n=len(found))  # fmt: skip
 
 
@@ -177,10 +179,10 @@ def _disc(folder: Path, make: Makes) -> Iterator[Figure]:
     read = make(press.unit)
     seen = [read(frame) for frame in press.frames][3:]
     yield Figure("digit_disc_force", "found from 1503 on", float(np.mean([s.on for s in seen])), n=len(seen))
-    for what, of in (("peak", "peak"), ("area", "area_px")):
+    for subject, of in (("peak", "peak"), ("area", "area_px")):
         values = [getattr(s, of) if s.on else 0.0 for s in seen]
         found = np.nan_to_num(rank_correlation(press.force_n[3:], values))
-        yield Figure("digit_disc_force", f"rank of force and {what}", float(found), n=len(seen))
+        yield Figure("digit_disc_force", f"rank of force and {subject}", float(found), n=len(seen))
 
 
 def _both(
@@ -240,7 +242,7 @@ def _overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
 def _masks(folder: Path, make: Makes) -> Iterator[Figure]:
     baseline, pairs = _grasps(folder)
     unit = Unit([baseline], 30.0)
-    seen = [(shown(make, unit, frame), drawn) for frame, drawn in pairs]
+    seen = [(displayed(make, unit, frame), drawn) for frame, drawn in pairs]
     overlaps = [_overlap(s.mask & s.on, drawn) for s, drawn in seen]
     yield Figure("digit_grasp_masks", "found", float(np.mean([s.on for s, _ in seen])), n=len(seen))
     yield Figure("digit_grasp_masks", "overlap, median", float(np.median(overlaps)), n=len(seen))
@@ -261,7 +263,7 @@ def _balls(folder: Path) -> tuple[Image, list[tuple[Image, NDArray[np.bool_]]]]:
 def _ball_presses(folder: Path, make: Makes) -> Iterator[Figure]:
     baseline, marked = _balls(folder)
     unit = Unit([baseline], 30.0)
-    seen = [(shown(make, unit, frame), circle) for frame, circle in marked]
+    seen = [(displayed(make, unit, frame), circle) for frame, circle in marked]
     overlaps = [_overlap(s.mask & s.on, circle) for s, circle in seen]
     areas = [float((s.mask & s.on).sum() / circle.sum()) for s, circle in seen]
     name = "digit_ball_D20641"

@@ -67,12 +67,12 @@ def levels(name: str) -> list[LiftResult]:
 def effects() -> list[Effect]:
     """Return what each change of :data:`CHANGES` does."""
     rows = []
-    for name, what, easy, hard in CHANGES:
+    for name, subject, easy, hard in CHANGES:
         (low, narrow), (high, narrower) = (
-            _needed(OBJECTS[name].with_(**{what: value})) for value in (easy, hard)
+            _needed(OBJECTS[name].with_(**{subject: value})) for value in (easy, hard)
         )
-        right = narrower > narrow if what == "stiffness_n_m" else high > low
-        rows.append(Effect(name, what, (easy, hard), (low, high), (narrow, narrower), right))
+        right = narrower > narrow if subject == "stiffness_n_m" else high > low
+        rows.append(Effect(name, subject, (easy, hard), (low, high), (narrow, narrower), right))
     return rows
 
 

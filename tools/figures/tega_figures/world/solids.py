@@ -36,7 +36,7 @@ def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64], *, th
     for shape, pose in zip(shapes, poses, strict=True):
         looks = LOOKS.get(thing) if shape.name == "object" else None
         solids = (
-            [(_faces(shape), 1.0)] if looks is None else [(_look(part, shape), part.shade) for part in looks]
+            [(_faces(shape), 1.0)] if looks is None else [(_check(part, shape), part.shade) for part in looks]
         )
         for own, shade in solids:
             faces = own @ _rotation(pose[3:]).T
@@ -52,7 +52,7 @@ def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64], *, th
     )
 
 
-def _look(part: LookPart, shape: Shape) -> NDArray[np.float64]:
+def _check(part: LookPart, shape: Shape) -> NDArray[np.float64]:
     """Return the faces of a part of what an upright object looks like."""
     radius, half = part.wide * shape.size_m[0], part.tall * shape.size_m[1]
     match part.primitive:

@@ -34,7 +34,7 @@ class RobotBody(Protocol):
         """
         ...
 
-    def see(self) -> HandSeen:
+    def observe(self) -> HandSeen:
         """Return place and turn of the hand."""
         ...
 

@@ -68,8 +68,8 @@ class ProcessArm(Opened):
         self._process: subprocess.Popen[bytes] | None = None
         self._link: socket.socket | None = None
         self._session = self._sequence = 0
-        self._told: ArmStatusWords | None = None
-        self._heard_s = 0.0
+        self._reported: ArmStatusWords | None = None
+        self._received_s = 0.0
         self._facts: tuple[str, ...] = ()
         self._late = self._refused = 0
 
@@ -100,14 +100,14 @@ class ProcessArm(Opened):
     @property
     def health(self) -> Health:
         """Rate and delays of the arm's loop."""
-        return Health() if self._told is None else self._told.health
+        return Health() if self._reported is None else self._reported.health
 
     @property
     def phase(self) -> str:
         """Phase of the arm: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
-        if self._process is None or self._process.poll() is not None or self._told is None:
+        if self._process is None or self._process.poll() is not None or self._reported is None:
             return "gone"
-        return self._told.phase
+        return self._reported.phase
 
     @property
     def problem(self) -> str:
@@ -118,10 +118,10 @@ class ProcessArm(Opened):
             # It is not started again by itself: a person may stand at the arm, and says when by starting the run anew.
             ended = f"the arm's process has ended ({code})"
             return f"{self.name}: {ended}; no program controls the arm: use its switch if it moves"
-        if (away_s := time.monotonic() - self._heard_s) > _SILENT_S:
+        if (away_s := time.monotonic() - self._received_s) > _SILENT_S:
             return f"{self.name}: the arm's process has said nothing for {away_s:.1f} s"
-        if self._told is not None and self._told.phase == "faulted":
-            return f"{self.name}: {self._told.reason}"
+        if self._reported is not None and self._reported.phase == "faulted":
+            return f"{self.name}: {self._reported.reason}"
         return ""
 
     def open(self) -> None:
@@ -138,7 +138,7 @@ class ProcessArm(Opened):
             )
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._session, self._sequence = secrets.randbits(62), 0
-        self._told, self._late, self._refused = None, 0, 0
+        self._reported, self._late, self._refused = None, 0, 0
         o = self._options
         settings = ProcessSettings(
             link=theirs.fileno(),
@@ -159,7 +159,7 @@ class ProcessArm(Opened):
             self.close()
             raise
         ours.settimeout(0)
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
 
     def _await_ready(self) -> None:
         until_s = time.monotonic() + self.open_s
@@ -234,15 +234,15 @@ class ProcessArm(Opened):
             except OSError:  # nothing more, or the process has gone
                 break
             if isinstance(message, ArmStatusWords):
-                self._told, self._heard_s = message, time.monotonic()
+                self._reported, self._received_s = message, time.monotonic()
                 self._late, self._refused = message.health.late, message.health.refused
-        if self._told is None:
+        if self._reported is None:
             return None
-        return StampedPose(self._told.t_ns, self._told.place, self._told.turn)
+        return StampedPose(self._reported.t_ns, self._reported.place, self._reported.turn)
 
     def led(self) -> StampedPose | None:
         """Return the target that the arm itself was given last, after leash and slew; ``None`` while it is not led."""
-        led = None if self._told is None else self._told.led
+        led = None if self._reported is None else self._reported.led
         return None if led is None else StampedPose(led.t_ns, led.place, led.turn)
 
     def recover(self) -> None:

@@ -210,8 +210,8 @@ def preflight(host: str, *, robot: str = "", realtime: bool = True) -> Preflight
         has += f", libfranka {library.libfranka or '?'} for robot server {library.server or '?'}"
     findings = [(True, f"robot server {server} ({kind}) at {host}", ""), (not fix, has, fix)]
     if robot and robot != kind.lower():
-        said = f"the settings say {robot}, and the robot is {'an' if kind == 'FR3' else 'a'} {kind}"
+        text = f"the settings say {robot}, and the robot is {'an' if kind == 'FR3' else 'a'} {kind}"
         findings.append(
-            (False, said, f"set arm.options.robot = {kind.lower()!r}: the joints have other limits")
+            (False, text, f"set arm.options.robot = {kind.lower()!r}: the joints have other limits")
         )
     return Preflight(server, library, findings + (machine_findings() if realtime else []))

@@ -30,7 +30,7 @@ _TO_START_SHARE: Final = 0.05
 _POSTURE_NM_RAD: Final = 5.0
 # The robot's state is said to be new every millisecond; one that says nothing new for so long has gone.
 _SILENT_NS: Final = 200_000_000
-_RECOVERY_LOOKS: Final = 30
+_RECOVERY_CHECKS: Final = 30
 MODE_WORDS: Final = {
     "UserStopped": "the robot's stop is pressed; release it, then recover",
     "Guiding": "the robot is guided by hand",
@@ -81,8 +81,8 @@ class FrankyBody:
             ) from error
         name = "" if library is None else f"franky-control {library.version}, libfranka {library.libfranka}, "
         self.facts = (f"{name}robot server {server}",)
-        if said := self.recover():
-            raise DeviceUnavailableError(f"franky: {said}", "then start again")
+        if text := self.recover():
+            raise DeviceUnavailableError(f"franky: {text}", "then start again")
         self._prepare()
 
     def _check(self, server: int, library: Library | None) -> None:
@@ -127,7 +127,7 @@ class FrankyBody:
                     "joint 6 differs between Panda and FR3",
                 )
 
-    def see(self) -> HandSeen:
+    def observe(self) -> HandSeen:
         """Return where the hand is; a robot that says nothing new gives the same again."""
         try:
             state = self._robot.state
@@ -206,21 +206,21 @@ class FrankyBody:
             self._break(self._named(str(error)))
         return self._fault
 
-    def _named(self, said: str) -> str:
+    def _named(self, text: str) -> str:
         """Add the robot's own name for an error to franky's message."""
         try:
             state = self._robot.state
         except Exception:  # it does not answer any more; what franky says has to do
-            return said
-        return f"{said}: {self._words(state.robot_mode)}"
+            return text
+        return f"{text}: {self._words(state.robot_mode)}"
 
     @staticmethod
     def _words(mode: Any) -> str:
         name = str(mode).rpartition(".")[2]
         return MODE_WORDS.get(name, f"the robot's mode is {name}")
 
-    def _break(self, said: str) -> None:
-        self._fault = self._fault or " ".join(said.split())
+    def _break(self, text: str) -> None:
+        self._fault = self._fault or " ".join(text.split())
 
     def recover(self) -> str:
         """Clear a fault; return the remaining fault, ``""`` if there is none."""
@@ -237,7 +237,7 @@ class FrankyBody:
 
     def _is_idle(self) -> bool:
         """Wait until the robot's state shows that it is idle; the word that it recovered comes before that."""
-        for _ in range(_RECOVERY_LOOKS):
+        for _ in range(_RECOVERY_CHECKS):
             self._mode = self._robot.state.robot_mode
             if self._mode == self._franky.RobotMode.Idle and not self._robot.has_errors:
                 return True

@@ -17,12 +17,12 @@ class Order(NamedTuple):
     Attributes:
         kind: ``follow`` the command, ``hold`` where it is, or ``rest`` without force.
         reason: Why it does not follow; ``""`` if it does.
-        asked: The command to follow.
+        requested: The command to follow.
     """
 
     kind: Literal["follow", "hold", "rest"]
     reason: str
-    asked: ArmTargetWords | None = None
+    requested: ArmTargetWords | None = None
 
 
 class Leash:
@@ -47,28 +47,28 @@ class Leash:
         self.refused = 0
         self.refusal = ""
 
-    def take(self, asked: ArmTargetWords, now_ns: int) -> str:
+    def take(self, requested: ArmTargetWords, now_ns: int) -> str:
         """Take in a command; return why it is not obeyed, ``""`` if it is."""
-        age_ms = (now_ns - asked.t_ns) / 1e6
-        said = ""
-        if asked.session != self._session:
-            said = "it is of another session"
-        elif asked.sequence <= self._sequence:
-            said = f"number {asked.sequence} came after {self._sequence}"
+        age_ms = (now_ns - requested.t_ns) / 1e6
+        text = ""
+        if requested.session != self._session:
+            text = "it is of another session"
+        elif requested.sequence <= self._sequence:
+            text = f"number {requested.sequence} came after {self._sequence}"
         elif age_ms > self._s.hold_ms:
-            said = f"it is {age_ms:.0f} ms old"
+            text = f"it is {age_ms:.0f} ms old"
         elif age_ms < -_AHEAD_MS:
-            said = f"it lies {-age_ms:.0f} ms in the future"
-        elif asked.engagements < self._engagements:
-            said = f"it is of hold {asked.engagements}, before {self._engagements}"
+            text = f"it lies {-age_ms:.0f} ms in the future"
+        elif requested.engagements < self._engagements:
+            text = f"it is of hold {requested.engagements}, before {self._engagements}"
         else:
-            said = asked.malformed()
-        if said:
-            self.refused, self.refusal = self.refused + 1, said
-            return said
+            text = requested.malformed()
+        if text:
+            self.refused, self.refusal = self.refused + 1, text
+            return text
         self._age(now_ns)
-        self._last, self._sequence, self._engagements = asked, asked.sequence, asked.engagements
-        if self._lost_at is not None and asked.engagements > self._lost_at:
+        self._last, self._sequence, self._engagements = requested, requested.sequence, requested.engagements
+        if self._lost_at is not None and requested.engagements > self._lost_at:
             self._lost_at = None
         return ""
 

@@ -97,7 +97,7 @@ class Loop:
         """Advance one tick, and return the status to report."""
         dt_s = self._count(now_ns / 1e9)
         body = self._body
-        seen = body.see()
+        seen = body.observe()
         order = self._leash.order(now_ns)
         fault = body.fault()
         if fault and not self._fault:
@@ -108,35 +108,39 @@ class Loop:
                 body.rest()
         self._fault = fault or self._fault
         if self._fault:
-            return self._told(seen, "faulted", self._fault)
+            return self._reported(seen, "faulted", self._fault)
         if self._resting and body.in_control:
-            return self._told(seen, "resting", order.reason)
+            return self._reported(seen, "resting", order.reason)
         self._resting = False
         if order.kind == "rest":
             if body.in_control:
                 body.rest()
                 self._resting = True
             self._slew = self._held = None
-            return self._told(seen, "resting" if self._resting else "ready", order.reason)
+            return self._reported(seen, "resting" if self._resting else "ready", order.reason)
         if self._slew is None:
             body.begin()
             self._slew = Slew(self._s.speed_m_s, self._s.turn_rad_s, seen.place, seen.turn)
         velocities = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        if order.asked is not None and order.asked.place is not None and order.asked.turn is not None:
+        if (
+            order.requested is not None
+            and order.requested.place is not None
+            and order.requested.turn is not None
+        ):
             self._held = None
-            there = self._slew.toward(order.asked.place, order.asked.turn, dt_s)
+            there = self._slew.toward(order.requested.place, order.requested.turn, dt_s)
             if there:
-                velocities = (order.asked.velocity_m_s, order.asked.velocity_rad_s)
+                velocities = (order.requested.velocity_m_s, order.requested.velocity_rad_s)
         else:
             # Where the arm is, not where it was going: whatever it pressed against is let alone.
             self._held = self._held or seen
             self._slew.toward(self._held.place, self._held.turn, dt_s)
         body.lead(self._slew.place, self._slew.turn, *velocities)
-        return self._told(
+        return self._reported(
             seen, "following", order.reason, AppliedTarget(now_ns, self._slew.place, self._slew.turn)
         )
 
-    def _told(
+    def _reported(
         self, seen: HandSeen, phase: Phase, reason: str, led: AppliedTarget | None = None
     ) -> ArmStatusWords:
         return ArmStatusWords(
@@ -179,14 +183,14 @@ def _run(settings: ProcessSettings, link: socket.socket, body: RobotBody) -> Non
             next_s = max(next_s, time.monotonic() - period_s)
         if sys.stdin in ready and not os.read(sys.stdin.fileno(), _MOST_BYTES):
             return
-        if link in ready and _hear(link, loop):
+        if link in ready and _receive(link, loop):
             return
         if time.monotonic() >= next_s:
             next_s += period_s
-            _tell(link, loop.tick(time.monotonic_ns()))
+            _notify(link, loop.tick(time.monotonic_ns()))
 
 
-def _hear(link: socket.socket, loop: Loop) -> bool:
+def _receive(link: socket.socket, loop: Loop) -> bool:
     """Take in all that waits; return whether the run leaves."""
     while True:
         try:
@@ -200,7 +204,7 @@ def _hear(link: socket.socket, loop: Loop) -> bool:
                 return True
 
 
-def _tell(link: socket.socket, message: Message) -> None:
+def _notify(link: socket.socket, message: Message) -> None:
     # A run that does not read is not waited for.
     with contextlib.suppress(OSError):
         link.send(encode(message))
@@ -216,10 +220,10 @@ def main(words: list[str]) -> int:
         body: RobotBody = getattr(importlib.import_module(module), name)(settings.options)
         body.open()
     except TegaError as error:
-        _tell(link, Failed(type(error).__name__, error.message, error.hint))
+        _notify(link, Failed(type(error).__name__, error.message, error.hint))
         return 1
     try:
-        _tell(link, Ready(body.facts))
+        _notify(link, Ready(body.facts))
         _run(settings, link, body)
     finally:
         body.close()

@@ -26,12 +26,12 @@ class Slew:
 
     def toward(self, place: Triple, turn: Quaternion, dt_s: float) -> bool:
         """Go on for a time; return whether it is there."""
-        way, left = np.subtract(place, self.place), self._speed_m_s * dt_s
-        length = math.hypot(*way.tolist())
+        route, left = np.subtract(place, self.place), self._speed_m_s * dt_s
+        length = math.hypot(*route.tolist())
         arc = between(unit(np.array(self.turn)), unit(np.array(turn)))
         angle, left_rad = math.hypot(*arc.tolist()), self._turn_rad_s * dt_s
         there = length <= left and angle <= left_rad
-        new = np.array(place) if length <= left else np.array(self.place) + way * (left / length)
+        new = np.array(place) if length <= left else np.array(self.place) + route * (left / length)
         q = (
             np.array(turn)
             if angle <= left_rad

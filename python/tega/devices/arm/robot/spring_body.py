@@ -40,7 +40,7 @@ class SpringBody:
         """Begin at rest."""
         self._t_s = time.monotonic()
 
-    def see(self) -> HandSeen:
+    def observe(self) -> HandSeen:
         """Let the time pass that has passed, and return where the hand is."""
         now_s = time.monotonic()
         steps = min(int((now_s - self._t_s) / _STEP_S), 1000)

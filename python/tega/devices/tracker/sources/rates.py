@@ -54,7 +54,7 @@ class RatePoses:
         state = self._state()
         if state.live and dt_s <= _LONGEST_S:
             motion = np.array(state.motion)
-            way = self._speeds * motion * np.abs(motion) ** 2 * dt_s
-            self._place = self._place + way[:3]
-            self._turn = unit(multiply(exp(way[3:]), self._turn))
+            route = self._speeds * motion * np.abs(motion) ** 2 * dt_s
+            self._place = self._place + route[:3]
+            self._turn = unit(multiply(exp(route[3:]), self._turn))
         return (StampedPose(now_ns, self._place.tolist(), self._turn.tolist(), valid=state.live),)

@@ -142,8 +142,8 @@ def format_of(path: Path) -> Format:
         if other == ".npz":
             return next(known for known in FORMATS if other in known.suffixes)
     if other in OTHERS:
-        name, way = OTHERS[other]
-        raise RecordingError(f"{path.name}: {name} is not read as EMG", way)
+        name, route = OTHERS[other]
+        raise RecordingError(f"{path.name}: {name} is not read as EMG", route)
     for known in FORMATS[:-1]:
         if suffix in known.suffixes:
             return known

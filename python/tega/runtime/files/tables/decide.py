@@ -89,7 +89,7 @@ def decide(table: Table, reading: Reading) -> Decision:
         notes=list(table.notes),
         events=table.events,
     )
-    decision.words = _words(decision, asked=bool(reading.channels))
+    decision.words = _words(decision, requested=bool(reading.channels))
     return decision
 
 
@@ -180,31 +180,31 @@ def _time_of(table: Table, channels: Sequence[int], reading: Reading) -> int:
 
 
 def _of(columns: list[Column]) -> str:
-    said = [f"{c.called} {_WORDS[c.holds]}" for c in columns[:_MOST_NAMED]]
+    text = [f"{c.called} {_WORDS[c.holds]}" for c in columns[:_MOST_NAMED]]
     if len(columns) > _MOST_NAMED:
-        said.append(f"{len(columns) - _MOST_NAMED} more are left out")
-    return ", ".join(said)
+        text.append(f"{len(columns) - _MOST_NAMED} more are left out")
+    return ", ".join(text)
 
 
-def _words(decision: Decision, *, asked: bool) -> str:
+def _words(decision: Decision, *, requested: bool) -> str:
     facts = decision.facts
     left = [c for c in decision.columns if c.number not in decision.channels]
-    said = []
-    if left and not asked:
+    text = []
+    if left and not requested:
         moving = [c for c in left if not (c.constant and c.holds in {"unknown", "sensor"})]
         same = len(left) - len(moving)
         parts = _of(moving) + (", " if moving and same else "") + (f"{same} never change" if same else "")
-        said.append(parts)
+        text.append(parts)
     if decision.sideways:
-        said.append("each row is a channel")
-    said += [f"decimal {facts['decimal']}"] if facts.get("decimal") == "comma" else []
-    said += [f"{facts['encoding']} text"] if facts.get("encoding", "UTF-8") != "UTF-8" else []
+        text.append("each row is a channel")
+    text += [f"decimal {facts['decimal']}"] if facts.get("decimal") == "comma" else []
+    text += [f"{facts['encoding']} text"] if facts.get("encoding", "UTF-8") != "UTF-8" else []
     if facts.get("names") == "numbers":
-        said.append("the first row of whole numbers names the columns")
+        text.append("the first row of whole numbers names the columns")
     if int(facts.get("first_line", "1")) > 2:
-        said.append(f"rows from line {facts['first_line']} on")
-    if not said:
+        text.append(f"rows from line {facts['first_line']} on")
+    if not text:
         return ""
     n = len(decision.channels)
     of = f" of {len(decision.columns)} columns" if left else ""
-    return f"{n} channel{'s' if n > 1 else ''}{of}: {'; '.join(said)}"
+    return f"{n} channel{'s' if n > 1 else ''}{of}: {'; '.join(text)}"

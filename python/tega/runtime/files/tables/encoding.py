@@ -45,7 +45,7 @@ class Encoding(NamedTuple):
     mark: int = 0
 
     @property
-    def shown(self) -> str:
+    def displayed(self) -> str:
         """The name as people know it."""
         return {"latin-1": "Latin-1", "cp1252": "Windows-1252"}.get(
             self.name, self.name.upper().removesuffix("-LE")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from tega.errors import RecordingError
 from tega.runtime.files.tables.dialect import MISSING, Dialect, is_number, uncommented
-from tega.runtime.files.tables.numbers import CLOCK, shown
+from tega.runtime.files.tables.numbers import CLOCK, displayed
 
 _COMMENT_MARKS = ("#", "%", "//")
 _RATE = re.compile(
@@ -208,7 +208,7 @@ def _above(  # noqa: PLR0917  # of one place in the file
         return head, []
     if len(head) == width and not _is_key(head):
         raise RecordingError(
-            f"{name}:{above[-1] + 1}: not a row of numbers: {shown(lines[above[-1]])}",
+            f"{name}:{above[-1] + 1}: not a row of numbers: {displayed(lines[above[-1]])}",
             "fix or delete that line, or name the channels to read without its column",
         )
     return None
@@ -272,6 +272,7 @@ def _no_rows(lines: Sequence[str], cells: dict[int, list[str]], name: str) -> Re
     if len(cells) > 1 and words:
         at = list(cells)[-1]
         return RecordingError(
-            f"{name}:{at + 1}: not a row of numbers: {shown(lines[at])}", "give a table with a row per sample"
+            f"{name}:{at + 1}: not a row of numbers: {displayed(lines[at])}",
+            "give a table with a row per sample",
         )
     return RecordingError(f"{name}: holds no sample", "a table with a row per sample is expected")

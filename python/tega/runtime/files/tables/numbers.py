@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 CLOCK: Final = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d)([.,:]\d+)?(Z|[+-]\d\d:?\d\d)?")
 """A time of day, with or without its date, as ``2026-11-28 12:30:01.250`` or ``12:30:01``."""
 
-_MOST_SHOWN = 60
+_MOST_DISPLAYED = 60
 
 
 def clock_s(cell: str) -> float:
@@ -51,9 +51,9 @@ def number_of(cell: str, decimal: str) -> float:
     return clock_s(cell)
 
 
-def shown(line: str) -> str:
+def displayed(line: str) -> str:
     """Return a line for an error, cut short."""
-    return repr(line if len(line) <= _MOST_SHOWN else line[: _MOST_SHOWN - 3] + "...")
+    return repr(line if len(line) <= _MOST_DISPLAYED else line[: _MOST_DISPLAYED - 3] + "...")
 
 
 class RowParser:
@@ -120,13 +120,13 @@ class RowParser:
             cells.append("")  # nobody wants what is missing
         if len(cells) != self._width:
             raise RecordingError(
-                f"{self._name}:{number}: {len(cells)} cells, the lines before have {self._width}: {shown(line)}",
+                f"{self._name}:{number}: {len(cells)} cells, the lines before have {self._width}: {displayed(line)}",
                 "fix or delete that line",
             )
         try:
             return [number_of(cells[c], self._dialect.decimal) for c in self._columns]
         except ValueError as error:
             raise RecordingError(
-                f"{self._name}:{number}: not a row of numbers: {shown(line)}",
+                f"{self._name}:{number}: not a row of numbers: {displayed(line)}",
                 "fix or delete that line, or name the channels to read without its column",
             ) from error

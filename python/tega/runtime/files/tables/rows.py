@@ -65,10 +65,10 @@ def _rows(
             raise RecordingError(f"{name}:{number}: {error}", "export the table as CSV") from error
         if len(cells) > len(names) and any(cell.strip() for cell in cells[len(names) :]):
             raise RecordingError(f"{name}:{number}: {len(cells)} cells, the line of names has {len(names)}")
-        told = [cell.strip() for cell in cells]
+        reported = [cell.strip() for cell in cells]
         if delimiter != ",":
-            told = [
+            reported = [
                 cell.replace(",", ".") if "," in cell and NUMBER[","].fullmatch(cell) else cell
-                for cell in told
+                for cell in reported
             ]
-        yield NamedRow(number, dict(zip(names, told, strict=False)))
+        yield NamedRow(number, dict(zip(names, reported, strict=False)))

@@ -57,8 +57,8 @@ def open_text(path: Path, reading: Reading) -> Table:
     blocks = read_lines(path, encoding)
     lines, ended = _beginning(blocks)
     blocks.close()  # type: ignore[attr-defined]
-    told = [text for line in lines if not line.startswith("#") and (text := uncommented(line).strip())]
-    dialect = find_dialect(told, path.name, decimal=_SIGNS[reading.decimal])
+    reported = [text for line in lines if not line.startswith("#") and (text := uncommented(line).strip())]
+    dialect = find_dialect(reported, path.name, decimal=_SIGNS[reading.decimal])
     header = find_header(lines, dialect, path.name)
     body = lines[header.first : header.first + MOST_JUDGED]
     rows = [dialect.split(uncommented(line).strip(" \r\n")) for line in body if line.strip()]
@@ -89,7 +89,7 @@ def open_text(path: Path, reading: Reading) -> Table:
 
 def _facts(header: Header, dialect: Dialect, encoding: Encoding) -> dict[str, str]:
     return {
-        "encoding": encoding.shown,
+        "encoding": encoding.displayed,
         "delimiter": dialect.name,
         "decimal": "comma" if dialect.decimal == "," else "point",
         "first_line": str(header.first + 1),

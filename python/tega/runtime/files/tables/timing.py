@@ -125,7 +125,7 @@ def compare(
     *,
     rate_hz: float | None,
     counted: list[tuple[int, int]],
-    what: str,
+    subject: str,
     file: str,
 ) -> Timing:
     """Compare times with a rate.
@@ -135,7 +135,7 @@ def compare(
         samples: The rows' samples, (n, channels).
         rate_hz: Stated samples per second; ``None`` to use the rate of the times.
         counted: Losses that a counter shows, as :attr:`Timing.lost`.
-        what: Name of the clock for messages, such as ``column "time"``.
+        subject: Name of the clock for messages, such as ``column "time"``.
         file: File name for errors.
 
     Raises:
@@ -149,20 +149,20 @@ def compare(
     step_s = slope_of(times_s)
     if step_s is None or step_s <= 0:
         raise RecordingError(
-            f"{file}: {what} does not rise",
+            f"{file}: {subject} does not rise",
             "set time to the right column, or to none to ignore the file's times",
         )
     measured_hz = _round_rate(1 / step_s, rate_hz)
     if rate_hz is not None and abs(measured_hz / rate_hz - 1) > RATE_TOLERANCE:
         raise RecordingError(
-            f"{file}: {what} says {measured_hz:.6g} samples/s, {rate_hz:g} were stated",
-            f"leave the rate out or set it to {measured_hz:.6g}; set time to none if {what} is wrong",
+            f"{file}: {subject} says {measured_hz:.6g} samples/s, {rate_hz:g} were stated",
+            f"leave the rate out or set it to {measured_hz:.6g}; set time to none if {subject} is wrong",
         )
-    rises, back = _jumps(times_s, step_s, what=what, file=file)
+    rises, back = _jumps(times_s, step_s, subject=subject, file=file)
     if rises or back:  # the rate between them is known better than over them
         step_s = _even_step(times_s, step_s, rises, back)
         measured_hz = _round_rate(1 / step_s, rate_hz)
-        rises, back = _jumps(times_s, step_s, what=what, file=file)
+        rises, back = _jumps(times_s, step_s, subject=subject, file=file)
     lost = [(row, round(rise_s / step_s)) for row, rise_s in rises]
     if sum(n for _, n in counted) > sum(n for _, n in lost) and not len(repeated):
         lost = counted
@@ -171,7 +171,7 @@ def compare(
     if back:
         row, by_s = min(back, key=lambda one: one[1])
         faults.append(
-            f"{what} steps back {len(back)} time{'s' * (len(back) > 1)}, the furthest by {-by_s:.4g} s at sample "
+            f"{subject} steps back {len(back)} time{'s' * (len(back) > 1)}, the furthest by {-by_s:.4g} s at sample "
             f"{row + 1}; samples are counted on"
         )
     knots, offsets_s = _offsets(times_s, back, lost, used_hz)
@@ -203,7 +203,7 @@ def _repeated(times_s: NDArray[np.float64], samples: NDArray[np.float64]) -> NDA
 
 
 def _jumps(
-    times_s: NDArray[np.float64], step_s: float, *, what: str, file: str
+    times_s: NDArray[np.float64], step_s: float, *, subject: str, file: str
 ) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:
     """Return the rows before which time jumps ahead of an even course for good, and those before which it steps back.
 
@@ -221,7 +221,7 @@ def _jumps(
         row, ahead = int(rows[k]), times_s[rows[k]] > times_s[rows[k] - 1]
         if rise_s > MOST_GAP_S:
             raise RecordingError(
-                f"{file}: {what} jumps by {rise_s / 3600:.3g} h between samples {row} and {row + 1}",
+                f"{file}: {subject} jumps by {rise_s / 3600:.3g} h between samples {row} and {row + 1}",
                 "cut the file there, or set time to none to ignore its times",
             )
         if ahead and rise_s > 0.75 * step_s:

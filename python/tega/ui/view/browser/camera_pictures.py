@@ -46,13 +46,15 @@ def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
 
     The order is that of the names, not that in which the cameras appeared.
     """
-    shown = {name: _fitted(picture)[..., ::-1] for name, picture in sorted(pictures.items()) if picture.size}
-    return "".join(map(_captioned, shown, shown.values())) or None
+    displayed = {
+        name: _fitted(picture)[..., ::-1] for name, picture in sorted(pictures.items()) if picture.size
+    }
+    return "".join(map(_captioned, displayed, displayed.values())) or None
 
 
 def _captioned(name: str, picture: NDArray[np.uint8]) -> str:
-    said = f"scene camera: {escape(name)}"
-    return f'<div style="{FONT};padding:4px 10px 0">{said}</div>{picture_html(picture, said)}'
+    text = f"scene camera: {escape(name)}"
+    return f'<div style="{FONT};padding:4px 10px 0">{text}</div>{picture_html(picture, text)}'
 
 
 def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -85,9 +85,9 @@ class CourseChart:
             return
         course = np.array(self._course)
         end_s = float(course[-1, 0]) if end_s is None else end_s
-        shown = course[(course[:, 0] >= end_s - COURSE_S) & (course[:, 0] <= end_s)]
-        if len(shown):
-            self._plot.data = tuple(shown.T.copy())
+        displayed = course[(course[:, 0] >= end_s - COURSE_S) & (course[:, 0] <= end_s)]
+        if len(displayed):
+            self._plot.data = tuple(displayed.T.copy())
             self._plot.scales = _scales(end_s, COURSE_S, 1.05)
 
 
@@ -159,9 +159,9 @@ def _caption(text: str, names: Sequence[tuple[str, str]]) -> str:
     )
 
 
-def _scales(t_s: float, shown_s: float, top: float) -> dict[str, Any]:
-    shown = (max(t_s - shown_s, 0.0), max(t_s, shown_s))
-    return {"x": {"time": False, "range": shown}, "y": {"range": (0.0, top)}}
+def _scales(t_s: float, displayed_s: float, top: float) -> dict[str, Any]:
+    displayed = (max(t_s - displayed_s, 0.0), max(t_s, displayed_s))
+    return {"x": {"time": False, "range": displayed}, "y": {"range": (0.0, top)}}
 
 
 def _lanes(samples: NDArray[np.float64], emg: EmgTail) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

@@ -43,8 +43,8 @@ class DecodersApart:
             return {}
         now_ns = connected[-1][0]
         rows = {}
-        for stage, told in list(self._beside.items()):
-            recent = [one for one in list(told) if now_ns - OVER_NS < one[0] <= now_ns]
+        for stage, reported in list(self._beside.items()):
+            recent = [one for one in list(reported) if now_ns - OVER_NS < one[0] <= now_ns]
             pairs = _paired(connected, recent)
             if pairs:
                 apart = sum(abs(a - b) > _APART_CLOSURE for a, b in pairs) / len(pairs)

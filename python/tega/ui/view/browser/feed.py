@@ -58,9 +58,9 @@ class SessionFeed(Part):
         self._inputs: Prepared | None = None
         self._chunks: deque[EmgSamples] = deque()
         self._n_kept, self._live_emg, self._emg_unit = 0.0, False, ""
-        bus.subscribe(Picture, self._see, name="page")
+        bus.subscribe(Picture, self._observe, name="page")
         bus.subscribe(MeasuredPicture, self._measured, name="page")
-        bus.subscribe(EmgSamples, self._hear, name="page")
+        bus.subscribe(EmgSamples, self._receive, name="page")
         self._cameras: dict[str, NDArray[np.uint8]] = {}
         self._marker: Marker | None = None
         bus.subscribe(DisplayPicture, self._filmed, name="page")
@@ -123,15 +123,15 @@ class SessionFeed(Part):
         """Have every finger take a new baseline, as the input ``rezero`` does."""
         self._bus.publish(Button(seat=REZERO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
 
-    def _see(self, picture: Picture) -> None:
-        shown = self._pictures.get(picture.finger)
-        if shown is not None and not shown.measured:
-            shown.put(picture.t_ns, TouchImage(picture.image))
+    def _observe(self, picture: Picture) -> None:
+        displayed = self._pictures.get(picture.finger)
+        if displayed is not None and not displayed.measured:
+            displayed.put(picture.t_ns, TouchImage(picture.image))
 
     def _measured(self, picture: MeasuredPicture) -> None:
-        if (shown := self._pictures.get(picture.contact.finger)) is not None:
+        if (displayed := self._pictures.get(picture.contact.finger)) is not None:
             image = TouchImage(picture.image, picture.contact, picture.metric.touch_map())
-            shown.put(picture.contact.t_ns, image)
+            displayed.put(picture.contact.t_ns, image)
 
     def _filmed(self, picture: DisplayPicture) -> None:
         cameras = {name: image for name, image in self._cameras.items() if name != picture.name}
@@ -149,7 +149,7 @@ class SessionFeed(Part):
         text = marker.text[:_MARKED_LETTERS]
         return {"marker": f"{text}, {max(t_ns - marker.t_ns, 0) / 1e9:.1f} s ago"}
 
-    def _hear(self, chunk: EmgSamples) -> None:
+    def _receive(self, chunk: EmgSamples) -> None:
         """Keep the newest signal and no more, whether or not anybody paints it."""
         self._chunks.append(chunk)
         while len(self._chunks) > 1 and chunk.first_index - self._chunks[0].first_index > self._n_kept:
@@ -182,7 +182,7 @@ class _Pictures:
         self.measured = measured
         self._live = live
         self._waiting: deque[tuple[int, TouchImage]] = deque(maxlen=1 if live else _MOST_PICTURES)
-        self._shown: TouchImage | None = None
+        self._displayed: TouchImage | None = None
 
     def put(self, t_ns: int, image: TouchImage) -> None:
         self._waiting.append((t_ns, image))
@@ -190,5 +190,5 @@ class _Pictures:
     def at(self, t_ns: int) -> TouchImage | None:
         """Return the newest one by a time; a sensor has no past."""
         while self._waiting and (self._live or self._waiting[0][0] <= t_ns):
-            self._shown = self._waiting.popleft()[1]
-        return self._shown
+            self._displayed = self._waiting.popleft()[1]
+        return self._displayed

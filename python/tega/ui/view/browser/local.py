@@ -106,7 +106,7 @@ def _guarded(
     def guarded(
         handler: Callable[[Any], Awaitable[None]], *where: Any, process_request: Any, **more: Any
     ) -> Any:
-        async def asked(connection: Any, request: Any) -> Any:
+        async def requested(connection: Any, request: Any) -> Any:
             if (why := _refused(request, token, allow_remote=allow_remote)) != "":
                 return connection.respond(403, f"{why}\n")
             request.path = request.path.removeprefix(f"/{token}") or "/"
@@ -122,7 +122,7 @@ def _guarded(
                 answer = await answer
             return _named(answer, label) if is_page and answer is not None else answer
 
-        return serve(functools.partial(_serve_page, handler), *where, process_request=asked, **more)
+        return serve(functools.partial(_serve_page, handler), *where, process_request=requested, **more)
 
     setattr(websockets.asyncio.server, "serve", guarded)  # noqa: B010
     try:
@@ -153,7 +153,7 @@ def _refused(request: Any, token: str, *, allow_remote: bool) -> str:
 
 async def _serve_page(handler: Callable[[Any], Awaitable[None]], connection: Any) -> None:
     """Serve one page; a message that no page sends ends its connection and is logged."""
-    asyncio.get_running_loop().set_exception_handler(_tell)
+    asyncio.get_running_loop().set_exception_handler(_notify)
     try:
         await handler(connection)
     except websockets.exceptions.ConnectionClosed:
@@ -163,5 +163,5 @@ async def _serve_page(handler: Callable[[Any], Awaitable[None]], connection: Any
         await connection.close(_NONSENSE)
 
 
-def _tell(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+def _notify(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     _LOG.info("view: a message of a page was not used: %s", context.get("exception", context["message"]))

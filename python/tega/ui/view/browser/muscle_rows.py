@@ -76,11 +76,11 @@ def _fatigue(condition: MuscleCondition) -> str:
     """Say the median frequencies and how fast they fall or rise; nothing where the source has no spectrum."""
     if not any(map(math.isfinite, condition.median_hz)):
         return ""
-    said = f"median frequency {_told(condition.median_hz, '.0f')} Hz"
+    message = f"median frequency {_reported(condition.median_hz, '.0f')} Hz"
     if any(map(math.isfinite, condition.slope_percent_per_min)):
-        said += f", {_told(condition.slope_percent_per_min, '+.1f')} %/min"
-    return said
+        message += f", {_reported(condition.slope_percent_per_min, '+.1f')} %/min"
+    return message
 
 
-def _told(values: Sequence[float], form: str) -> str:
+def _reported(values: Sequence[float], form: str) -> str:
     return " · ".join(format(value, form) if math.isfinite(value) else "–" for value in values)

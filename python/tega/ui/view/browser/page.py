@@ -36,7 +36,7 @@ from tega.ui.view.labels import ContactLabels
 if TYPE_CHECKING:
     import viser
 
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.ui.view.browser.controls import Controls
     from tega.ui.view.state import ViewState
 
@@ -235,7 +235,7 @@ class Page:
         Returns:
             Whether one is.
         """
-        past = self.timeline.shown()
+        past = self.timeline.displayed()
         if past is None:
             if self._looking.content:
                 self._looking.content, self._past_ns = "", None

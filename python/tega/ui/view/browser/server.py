@@ -10,14 +10,14 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from tega.errors import InvalidValueError, MissingExtraError
-from tega.loop.moment import Moment
+from tega.loop.snapshot import Snapshot
 from tega.records.bus import Backlog
 from tega.ui.view.browser.controls import Controls
 from tega.ui.view.run_state import NO_NEWS_S
 from tega.ui.view.state import ViewState
 
 if TYPE_CHECKING:
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
     from tega.ui.view.browser.page import Page
 
@@ -32,7 +32,7 @@ _REST_SHARE = 4.0
 _LAST_S = 0.1
 # A painter that failed tries again after this long; the age of what is shown is told this often.
 _RETRY_S = 0.5
-_TELL_AGE_S = 1.0
+_REPORT_AGE_S = 1.0
 
 
 class BrowserView:
@@ -102,7 +102,7 @@ class BrowserView:
         self.page: Page
         self.problem = ""
         self._n_failures = 0
-        self._told_age_s = 0.0
+        self._reported_age_s = 0.0
         self._counted: tuple[float, dict[str, int]] | None = None
         self._rates_hz: dict[str, float] = {}
         self._newest: tuple[float, ViewState] | None = None
@@ -132,7 +132,7 @@ class BrowserView:
 
     def watch(self, bus: Bus) -> None:
         """Show the moments of a run from now on."""
-        bus.subscribe(Moment, self._moment, name="page", backlog=self._waiting)
+        bus.subscribe(Snapshot, self._snapshot, name="page", backlog=self._waiting)
 
     def __enter__(self) -> Self:
         """Serve the page.
@@ -185,9 +185,9 @@ class BrowserView:
         """Take a moment of the loop, as its observer; returns at once."""
         self.offer(ViewState(loop.t_ns, loop))
 
-    def _moment(self, moment: Moment) -> None:
+    def _snapshot(self, snapshot: Snapshot) -> None:
         """Paint a moment from the bus."""
-        self._paint(ViewState(moment.t_ns, moment.view))
+        self._paint(ViewState(snapshot.t_ns, snapshot.view))
 
     def _paint(self, state: ViewState | None = None) -> None:
         """Paint a moment, or more of the last one, then rest; a failure is shown and retried."""
@@ -201,7 +201,7 @@ class BrowserView:
                 # Where painting takes long the machine is busy: better fewer moments than the run's time.
                 rest_s = max(period_s - took_s, _REST_SHARE * took_s)
             else:
-                self._tell_age(began_s)
+                self._report_age(began_s)
                 if self.page.paint_past():  # also while the run stands still
                     took_s = time.monotonic() - began_s
                     rest_s = max(self._period_s - took_s, _REST_SHARE * took_s)
@@ -222,14 +222,14 @@ class BrowserView:
             ):  # the page itself is gone; the browser says that nothing comes
                 self.page.paint_state(self._newest[1].loop, problem=self.problem)
 
-    def _tell_age(self, now_s: float) -> None:
+    def _report_age(self, now_s: float) -> None:
         """Show the age of the newest moment, once a second, for pages opened only now."""
-        if self._newest is None or now_s - self._told_age_s < _TELL_AGE_S:
+        if self._newest is None or now_s - self._reported_age_s < _REPORT_AGE_S:
             return
         offered_s, state = self._newest
         if now_s - offered_s < NO_NEWS_S:
             return
-        self._told_age_s = now_s
+        self._reported_age_s = now_s
         with contextlib.suppress(Exception):  # as above
             self.page.paint_state(state.loop, age_s=now_s - offered_s, problem=self.problem)
 

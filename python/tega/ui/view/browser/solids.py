@@ -60,14 +60,14 @@ class Solids:
         Raises:
             InvalidValueError: A shape's kind is not known.
         """
-        anew = shapes is not self._shapes and not (
+        renewed = shapes is not self._shapes and not (
             self._shapes is not None and not shapes and not self._shapes
         )
-        if anew:
+        if renewed:
             self._rebuild(shapes, poses)
         for handle, parts in self.batches:
             handle.batched_positions, handle.batched_wxyzs = _placed(parts, poses)
-        return anew
+        return renewed
 
     def _rebuild(self, shapes: Sequence[Shape], poses: NDArray[np.float64]) -> None:
         for handle, _ in self.batches:
@@ -105,9 +105,9 @@ def _parts(shapes: Sequence[Shape]) -> dict[str, list[_ShapePart]]:
     parts: dict[str, list[_ShapePart]] = {"box": [], "ball": [], "tube": []}
     for number, (name, kind, (a, b, c), _) in enumerate(shapes):
         if kind == "cylinder" and name in LOOKS:
-            for look in LOOKS[name]:
-                scale = (look.wide * a, look.wide * a, look.tall * b)
-                parts[look.primitive].append(_ShapePart(number, look.middle * b, scale, look.shade))
+            for check in LOOKS[name]:
+                scale = (check.wide * a, check.wide * a, check.tall * b)
+                parts[check.primitive].append(_ShapePart(number, check.middle * b, scale, check.shade))
         elif kind == "box":
             parts["box"].append(_ShapePart(number, 0.0, (a, b, c)))
         elif kind == "sphere":

@@ -14,7 +14,7 @@ from tega.ui.view.device_rows import SILENT_NS, device_rows
 from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
 
 if TYPE_CHECKING:
-    from tega.loop.moment import LoopView
+    from tega.loop.snapshot import LoopView
     from tega.records import Contact
     from tega.ui.view.labels import ContactLabels
     from tega.ui.view.state import ViewState
@@ -59,8 +59,8 @@ def run_state_html(
         lines.append(badge_html("PAUSED", PAUSED) + " <b>paused by the page's button</b>")
     elif not ended:
         words = f"{NO_NEWS} " + (f"{age_s:.0f} s" if age_s >= NO_NEWS_S else "<span></span>")
-        shown = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
-        late = f'<b class="tega-late"{shown}>{words}: the values below may be out of date</b>'
+        displayed = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
+        late = f'<b class="tega-late"{displayed}>{words}: the values below may be out of date</b>'
     if problem:
         lines.append(f'<span style="color:#e8590c">! {escape(problem)}</span>')
     if view.state:
@@ -200,5 +200,5 @@ def _depth(contact: Contact) -> str:
 def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:
     """List the measured rates, and the latency of touch and motion."""
     rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
-    said = f"{rates}<br>{escape(latency)}" if latency else rates
-    return f'<div style="{FONT};font-size:11px;color:#6c757d;padding:2px 10px">{said}</div>'
+    message = f"{rates}<br>{escape(latency)}" if latency else rates
+    return f'<div style="{FONT};font-size:11px;color:#6c757d;padding:2px 10px">{message}</div>'

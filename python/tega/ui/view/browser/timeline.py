@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import EmgTail, ViewState
 
-__all__ = ["KEPT_S", "PastMoment", "Timeline"]
+__all__ = ["KEPT_S", "PastSnapshot", "Timeline"]
 
 KEPT_S: Final = 60.0
 """Time that one can look back in a live run, seconds."""
@@ -24,7 +24,7 @@ _STEP_NS = 90_000_000
 _EMG_STEP_S = 1.0
 
 
-class PastMoment(NamedTuple):
+class PastSnapshot(NamedTuple):
     """A moment that was shown.
 
     Attributes:
@@ -59,11 +59,11 @@ class Timeline:
         self, gui: viser.GuiApi, kept_s: float = KEPT_S, now_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._kept_s, self._now_s = kept_s, now_s
-        self._kept: deque[PastMoment] = deque()
+        self._kept: deque[PastSnapshot] = deque()
         self._from_s = self._to_s = self._began_s = 0.0
         self.back: Any = gui.add_slider("look back, s", min=0.0, max=kept_s, step=0.1, initial_value=0.0)
         self.loop: Any = gui.add_checkbox("loop from there", initial_value=False)
-        self.back.on_update(lambda _event: self._look())
+        self.back.on_update(lambda _event: self._check())
 
     def keep(self, state: ViewState, sheet: str | None, cameras: str | None = None) -> None:
         """Keep a moment; one of an earlier time is of another run, and the first of it.
@@ -77,7 +77,7 @@ class Timeline:
             newest = self._kept[-1].state
             if state.t_ns < newest.t_ns:
                 self._kept.clear()
-                self._look()
+                self._check()
             elif state.t_ns - newest.t_ns < _STEP_NS:
                 return
         t_s = state.t_ns / 1e9
@@ -85,7 +85,7 @@ class Timeline:
         if state.emg is not None and (emg is None or t_s - emg[0] >= _EMG_STEP_S):
             emg = t_s, state.emg
         bare = state._replace(images=None, emg=None, cameras={})
-        self._kept.append(PastMoment(bare, sheet, cameras, emg))
+        self._kept.append(PastSnapshot(bare, sheet, cameras, emg))
         while t_s - self._kept[0].state.t_ns / 1e9 > self._kept_s:
             self._kept.popleft()
 
@@ -94,14 +94,14 @@ class Timeline:
         """Whether something else than now is to be shown."""
         return bool(self.back.value) and bool(self._kept)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         """Note which moment was chosen: it stays that one while the run goes on."""
         self._began_s = self._now_s()
         if self._kept:
             self._to_s = self._kept[-1].state.t_ns / 1e9
             self._from_s = max(self._to_s - float(self.back.value), self._kept[0].state.t_ns / 1e9)
 
-    def shown(self) -> PastMoment | None:
+    def displayed(self) -> PastSnapshot | None:
         """Return the moment to show; ``None`` for now."""
         if not self.looking_back:
             return None

@@ -87,8 +87,8 @@ def _face(title: str, values: list[int], left: int, bottom: int, turn: int, *, f
 
 def _click(motor: int) -> str:
     """Return the attributes that have the page request a motor, and show the result below the torso."""
-    said = f"document.querySelectorAll('.{TRIED}').forEach(e => e.textContent = t)"
-    ask = f"fetch('try/{motor}').then(r => r.text()).then(t => {said})"
+    message = f"document.querySelectorAll('.{TRIED}').forEach(e => e.textContent = t)"
+    ask = f"fetch('try/{motor}').then(r => r.text()).then(t => {message})"
     return f' style="cursor:pointer" role="button" aria-label="try motor {motor}" onclick="{ask}"'
 
 

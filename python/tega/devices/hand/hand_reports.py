@@ -73,7 +73,7 @@ class HandNews(NamedTuple):
     guard_pid: int = 0
 
 
-Tell = Callable[[list[HandSpoken], HandNews], None]
+Notify = Callable[[list[HandSpoken], HandNews], None]
 """Called with the exchanges since the last call and the state after them."""
 
 LET_GO = 0.0
@@ -89,18 +89,18 @@ class HandOrders:
     """Requests of a run to a hand's loop, in the loop's own program.
 
     Args:
-        heard: If true, the run has to send messages regularly, since it may hang independently of the loop.
+        received: If true, the run has to send messages regularly, since it may hang independently of the loop.
 
     Attributes:
-        asked: Requested closure level and its addition.
+        requested: Requested closure level and its addition.
         leaving: Set once the hand is to be let go.
         reason: Why it is let go although the run goes on.
         gone: Whether the run has ended without a word.
     """
 
-    def __init__(self, *, heard: bool) -> None:
-        self._heard = heard
-        self.asked: tuple[float, float] = (1, 0.0)
+    def __init__(self, *, received: bool) -> None:
+        self._received = received
+        self.requested: tuple[float, float] = (1, 0.0)
         self.leaving = threading.Event()
         self.gone, self.reason = False, ""
         self._n_words = 0
@@ -112,7 +112,7 @@ class HandOrders:
         if word == LET_GO:
             self.leaving.set()
         else:
-            self.asked = word, added
+            self.requested = word, added
         self._last_s = time.monotonic()
         self._n_words += 1
         self._word.set()
@@ -131,7 +131,7 @@ class HandOrders:
 
     def pulse(self) -> tuple[int, float]:
         """Return how many words came, and for how long none has, seconds; 0 where none has to."""
-        return self._n_words, time.monotonic() - self._last_s if self._heard else 0.0
+        return self._n_words, time.monotonic() - self._last_s if self._received else 0.0
 
     def still(self) -> bool:
         """Whether the run stands still: it has not left, and has said nothing for nine tenths of a second."""

@@ -100,7 +100,7 @@ class LoopView(NamedTuple):
         return f"{self.event.words}, {max(age_ns, 0) / 1e9:.1f} s ago"
 
 
-class Moment(Record, frozen=True, kw_only=True):
+class Snapshot(Record, frozen=True, kw_only=True):
     """View of the loop that is published; it has no topic, for it is made of records that have one.
 
     Attributes:
@@ -140,7 +140,7 @@ class Moments:
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
         self._commanded = hand if isinstance(hand, CommandedHand) else None
         self._devices = devices
-        self._shown: Moment | None = None
+        self._displayed: Snapshot | None = None
         self._event: Event | None = None
         if self.wanted:
             bus.subscribe(Event, self._note_event, name="display", vital=True)
@@ -148,7 +148,7 @@ class Moments:
     @property
     def wanted(self) -> bool:
         """Whether a display has subscribed."""
-        return self._bus.wants(Moment)
+        return self._bus.wants(Snapshot)
 
     def show(
         self,
@@ -185,8 +185,8 @@ class Moments:
             )
         for complete in self._complete:
             view = complete(view)
-        self._shown = Moment(t_ns=t_ns, view=view)
-        self._bus.publish(self._shown)
+        self._displayed = Snapshot(t_ns=t_ns, view=view)
+        self._bus.publish(self._displayed)
 
     def stopped(self, vest: MotorLevels | None, problems: Sequence[str]) -> None:
         """Publish the last view as stopped: a display must not go on saying that things move.
@@ -195,8 +195,8 @@ class Moments:
             vest: The newest frame that the vest confirmed; not zeros if it did not confirm them.
             problems: Errors on the way out, such as a hand that did not confirm that it was let go.
         """
-        if self._shown is not None and self._guard is not None:
-            view = self._shown.view
+        if self._displayed is not None and self._guard is not None:
+            view = self._displayed.view
             view = view._replace(
                 state="stopped",
                 reason=self._guard.reason,
@@ -205,7 +205,7 @@ class Moments:
                 target_rad=None,
                 alerts=(*view.alerts, *(f"on the way out: {problem}" for problem in problems)),
             )
-            self._bus.publish(Moment(t_ns=self._shown.t_ns, view=view))
+            self._bus.publish(Snapshot(t_ns=self._displayed.t_ns, view=view))
 
     def _note_event(self, event: Event) -> None:
         self._event = event

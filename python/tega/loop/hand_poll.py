@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 # The rule was fitted on looks 10 ms apart; a hand's process tells angles every 8 ms.
-LOOK_NS: Final = 3 * HAND_TICK_NS
+HAND_POLL_NS: Final = 3 * HAND_TICK_NS
 
 
-class HandLooks:
+class HandPolls:
     """Looks at hand and arm every 9 ms.
 
     A look is complete or empty: if hand or arm reports nothing fresh, or a number is not finite, the look is empty,
@@ -62,7 +62,7 @@ class HandLooks:
             return None
         # Ticks that are made up for see one and the same hand: looked at once, at its own time. Half a tick of lateness
         # does not put off the next look.
-        self._due_ns = now_ns + LOOK_NS - HAND_TICK_NS // 2
+        self._due_ns = now_ns + HAND_POLL_NS - HAND_TICK_NS // 2
         angles_rad, height_m = self._angles_rad(), self._height_m()
         if angles_rad is None or height_m is None:
             return HandLook(t_ns=t_ns, seen_ns=now_ns)
@@ -96,9 +96,9 @@ def fresh_angles_rad(hand: SteeredHand) -> NDArray[np.float64] | None:
     return angles_rad if angles_rad.shape == (16,) and np.isfinite(angles_rad).all() else None
 
 
-def open_looks(
+def open_hand_polls(
     config: SessionConfig, *, hand: SteeredHand | None, arm: Steering | None, now_ns: Callable[[], int]
-) -> HandLooks | None:
+) -> HandPolls | None:
     """Make the looks of a run; ``None`` where hand or arm is not measured, or the settings want touch alone.
 
     Args:
@@ -112,4 +112,4 @@ def open_looks(
     """
     if hand is None or arm is None or config.stages.slips == "touch":
         return None
-    return HandLooks(lambda: fresh_angles_rad(hand), arm.height_m, hand_closure(config), now_ns)
+    return HandPolls(lambda: fresh_angles_rad(hand), arm.height_m, hand_closure(config), now_ns)

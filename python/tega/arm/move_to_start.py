@@ -30,7 +30,7 @@ _SHARE = 0.2
 _LONGEST_S = 0.05
 
 
-class WayToStart(Opened):
+class MoveToStart(Opened):
     """Gives the poses of a forearm that leads the arm to its start, in the base's axes, unscaled and not mirrored.
 
     The arm moves only in state ``following``, and its path starts from the target that the chain has actually set. So
