@@ -16,13 +16,13 @@ class AspectScore(NamedTuple):
 
     Attributes:
         aspect: Aspect of touch in question.
-        requested: How many.
+        asked: How many.
         right: Share of right answers, 0 to 1.
         chance: Share that guessing gives.
     """
 
     aspect: str
-    requested: int
+    asked: int
     right: float
     chance: float
 

@@ -133,7 +133,7 @@ def test_somebody_who_knows_is_right_and_the_score_is_kept(tmp_path: Path) -> No
     record, file = learn_vest(config, vest, person, questions=20, seed=3, clock=clock)
     assert record.right_percent == 100
     assert {one.aspect for one in record.scores()} == {"finger", "firmness", "kind", "change", "slip"}
-    assert all(one.right == 1 and one.requested >= 4 for one in record.scores())
+    assert all(one.right == 1 and one.asked >= 4 for one in record.scores())
     assert record.chance_percent < 51
     assert record.difference_percent is not None
     assert record.difference_percent < 15

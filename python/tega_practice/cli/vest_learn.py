@@ -70,7 +70,7 @@ def learn(
         ) from None
     for one in record.scores():
         guide.say(
-            f"{one.aspect}: {100 * one.right:.0f} % right of {one.requested} (guessing: {100 * one.chance:.0f} %)"
+            f"{one.aspect}: {100 * one.right:.0f} % right of {one.asked} (guessing: {100 * one.chance:.0f} %)"
         )
     guide.say(f"{record.mapping}: {record.right_percent:.0f} % right in all", tone="good")
     kept = CalibrationFolder(file.parents[3])
