@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import json
+import os
 import subprocess
 import sys
 import time
@@ -22,6 +23,7 @@ from tega.records import Value
 pytestmark = pytest.mark.slow
 
 TOPICS = 14
+_ENV = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
 # The SDK keeps the index of every chunk, and a flush ends one: some 180 bytes and 38 for each topic in it.
 MOST_BYTES_A_FLUSH = 1000
 
@@ -49,7 +51,7 @@ def _heap_bytes() -> int:
 def test_a_file_that_grows_keeps_its_index_in_memory_and_nothing_else(tmp_path: Path) -> None:
     # In a program of its own: here other tests' threads come and go.
     words = [sys.executable, __file__, str(tmp_path / "long.mcap")]
-    message = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300)
+    message = subprocess.run(words, env=_ENV, check=True, capture_output=True, text=True, timeout=300)
     heap_bytes, blocks = json.loads(message.stdout)
     assert heap_bytes / 2000 < MOST_BYTES_A_FLUSH
     assert blocks < 1000  # less than one object for two flushes
@@ -79,7 +81,7 @@ def grown(path: Path) -> tuple[int, int]:
 
 def test_a_recorded_run_keeps_no_object_for_what_has_passed(tmp_path: Path) -> None:
     words = [sys.executable, __file__, "--run", str(tmp_path)]
-    message = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300)
+    message = subprocess.run(words, env=_ENV, check=True, capture_output=True, text=True, timeout=300)
     ticks, blocks = json.loads(message.stdout)
     assert ticks >= 26_600
     # 20 s from the early seconds, when all queues and pools have their size, to the late: one object kept for each tick
