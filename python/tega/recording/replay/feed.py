@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 # So much earlier than its time a record is taken from the file, since it may be needed by what was stamped before it.
 _AHEAD_NS = 2_000_000_000
+# Ticks are replayed one after the other: over a longer gap a damaged time would keep a replay busy for hours.
+_LONGEST_NS = 600_000_000_000
 
 Stamped = TypeVar("Stamped", bound="StampedRecord")
 Kind = TypeVar("Kind", bound=Record)
@@ -83,6 +85,7 @@ class RecordFeed:
         others: Functions called with every message whose schema is not TEGA's; without any these are not decoded.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
+        newest_ns: Time of the newest message so far, since the start of the session.
         ended: Whether everything has been read.
 
     Raises:
@@ -96,7 +99,7 @@ class RecordFeed:
         self.head = read_head(self.reader)
         self.bus = Bus()
         self.others: list[Callable[[Message], None]] = []
-        self.last_tick_ns, self.ended = 0, False
+        self.last_tick_ns, self.newest_ns, self.ended = 0, self.head.from_ns, False
         self._dropped = dict[str, int]()
         self.epoch_ns = int(self.head.facts["epoch_ns"])
         self._early = lead_in(self.reader, self.head.from_ns)
@@ -118,7 +121,9 @@ class RecordFeed:
         return record if isinstance(record, records.End) else None
 
     def _note_tick(self, record: Any) -> None:
-        self.last_tick_ns = max(self.last_tick_ns, getattr(record, "taken_ns", record.t_ns))
+        # No tick is far after the message that reports it, but in a damaged file.
+        tick_ns = min(getattr(record, "taken_ns", record.t_ns), self.newest_ns + _AHEAD_NS)
+        self.last_tick_ns = max(self.last_tick_ns, tick_ns)
 
     def _note_status(self, status: records.RecorderStatus) -> None:
         self._dropped = dict(zip(status.dropped_topics, status.dropped_counts, strict=True))
@@ -156,9 +161,16 @@ class RecordFeed:
             self._next = next(self._messages, None)
         until_ns = self.epoch_ns + t_ns + _AHEAD_NS
         while self._next is not None and self._next[0].log_ns <= until_ns:
+            self.newest_ns = max(self.newest_ns, self._next[0].log_ns - self.epoch_ns)
             self._take(*self._next)
             self._next = next(self._messages, None)
         self.ended = self._next is None
+        if self._next is not None and self._next[0].log_ns - self.epoch_ns > self.newest_ns + _LONGEST_NS:
+            gap_s = (self._next[0].log_ns - self.epoch_ns - self.newest_ns) / 1e9
+            raise RecordingError(
+                f"{self.reader.path.name}: nothing was recorded for {gap_s:.0f} s after {self.newest_ns / 1e9:.1f} s",
+                "the file is damaged, or the computer slept; trim copies the part before",
+            )
 
     def read_rest(self) -> None:
         """Read the rest of the file."""

@@ -105,6 +105,8 @@ class RecordedRun(Pacer):
     def over(self) -> bool:
         """Return whether the run was over."""
         end = self._feed.end
+        if self._feed.ended and self.tick_ns > self._feed.newest_ns + _SETTLE_NS:
+            return True  # a damaged number of ticks, or a damaged tick of an item
         if end is None:
             return self._feed.ended and self.tick_ns >= self._feed.last_tick_ns and self.n_waits > 0
         return self.n_waits >= end.n_waits and not self._taken
