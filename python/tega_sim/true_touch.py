@@ -73,7 +73,7 @@ class TrueTouch(TouchLoop):
     ) -> None:
         if reports not in _DISPLAYED:
             raise InvalidValueError(
-                f"tells = {reports!r} is no truth", f"choose from {', '.join(_DISPLAYED)}"
+                f"reports = {reports!r} is no truth", f"choose from {', '.join(_DISPLAYED)}"
             )
         super().__init__(maxima, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
         displayed: Any = vest_mapping(StagesSection(mapping=_DISPLAYED[reports]), "live")

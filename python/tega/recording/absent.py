@@ -10,7 +10,8 @@ from typing import Final
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.features import features
 
-# A recording can come from anybody, so nothing but the name of a package, with extras, is printed out of it.
+# A recording can come from anybody: nothing but the name of a package is printed out of it, and what to install only
+# where that package is TEGA's own.
 _NAME: Final = re.compile(r"[A-Za-z0-9][\w.-]{0,63}", re.ASCII)
 _REQUIREMENT: Final = re.compile(r"[A-Za-z0-9][\w.-]{0,63}(\[[\w,-]{1,64}\])?", re.ASCII)
 
@@ -18,11 +19,16 @@ _REQUIREMENT: Final = re.compile(r"[A-Za-z0-9][\w.-]{0,63}(\[[\w,-]{1,64}\])?", 
 def absent_features(metadata: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Return a sentence for each feature of a recording's tables that is not installed here."""
     return [
-        f"recorded with the feature {name!r}, which is not installed here; the recording names its package: "
-        f"pip install '{requirement}'"
+        f"recorded with the feature {name!r}, which is not installed here: {_next_step(requirement)}"
         for name, requirement in metadata.get("features", {}).items()
         if name not in features() and _NAME.fullmatch(name) and _REQUIREMENT.fullmatch(requirement)
     ]
+
+
+def _next_step(requirement: str) -> str:
+    if requirement.partition("[")[0] == "tega":
+        return f"pip install '{requirement}'"
+    return f"the recording names the package {requirement!r}; ask who made it before installing that"
 
 
 def absent_in(path: Path) -> list[str]:

@@ -71,7 +71,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
         f"{100 * LEAST_UP_M:g} cm and come back, at {100 * LEAST_SPEED_M_S:g} cm/s, while the dead-man is held."
     )
     if not guide.confirm(question):
-        yield from skipped_steps(STEPS[1:], "the motion was not said yes to")
+        yield from skipped_steps(STEPS[1:], "the motion was not confirmed")
         return
     limits = msgspec.structs.replace(arm.limits, speed_m_s=min(arm.limits.speed_m_s, LEAST_SPEED_M_S))
     alone = msgspec.structs.replace(config.hand, driver=None, options={})  # the hand is not part of this

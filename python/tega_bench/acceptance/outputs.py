@@ -27,7 +27,7 @@ _PULSES: Final = 20
 _SILENT_S: Final = 0.5
 _MOVE_S: Final = 2.0
 _MOVED_RAD: Final = 0.01
-_NOT_REPORTED: Final = "was not said yes to"
+_NOT_CONFIRMED: Final = "was not confirmed"
 
 
 def skipped_steps(names: Sequence[str], why: str) -> list[AcceptanceStep]:
@@ -58,7 +58,7 @@ def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide)
     motors = dark.motors.tolist()
     question = f"May motors {motors[0]} and {motors[-1]} vibrate by turns, at {percent} %, for a second?"
     if not guide.confirm(question):
-        yield from skipped_steps(STEPS[1:], f"the pulse {_NOT_REPORTED}")
+        yield from skipped_steps(STEPS[1:], f"the pulse {_NOT_CONFIRMED}")
         return
     vest.write(time.monotonic_ns(), dark)
     largest, n_zero, left_ms = _pulse(vest, dark, motors)
@@ -203,7 +203,7 @@ def accept_hand(
         f"May its motors go on, with {100 * share:.0f} % of the torque, and the fingers close a little?"
     )
     if least is None or not guide.confirm(question):
-        why = "the driver has no ceiling of torque" if least is None else f"the motion {_NOT_REPORTED}"
+        why = "the driver has no ceiling of torque" if least is None else f"the motion {_NOT_CONFIRMED}"
         yield from skipped_steps(STEPS[2:], why)
         return
     with make(least) as hand:

@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 from reference.parts import observed
 from reference.sessions import SECONDS, record, rewritten, stream, tree
 from tega.config import SessionConfig, check_tree
+from tega.errors import RecordingError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
@@ -46,6 +47,30 @@ def test_a_lossless_recording_is_computed_again_bit_for_bit(lossless: Path) -> N
         "/vest/frame": (46, 46, 0),
         "/hand/frames": (n_hand, n_hand, 0),
     }
+
+
+def test_a_gap_of_an_hour_is_refused_before_it_is_replayed(lossless: Path, tmp_path: Path) -> None:
+    def later(topic: str, log_ns: int) -> int:
+        return log_ns + 3600 * 10**9 * (topic == "/run/end")
+
+    path = rewritten(lossless, tmp_path / "gap.mcap", times=later)
+    with pytest.raises(RecordingError, match=r"gap.mcap: nothing was recorded for 3[56]\d\d s after 1.5 s"):
+        replay_file(path)
+
+
+@pytest.mark.parametrize(("topic", "field"), [("/emg/levels", "taken_ns"), ("/run/end", "n_waits")])
+def test_ticks_after_the_last_message_are_not_replayed(
+    lossless: Path, tmp_path: Path, topic: str, field: str
+) -> None:
+    def far(of: str, value: Any) -> Any:
+        if of == topic:
+            setattr(value, field, 2**50)
+        return value
+
+    found = replay_file(rewritten(lossless, tmp_path / "far.mcap", far))
+    n_ticks = stream(found, "/hand/frames").replayed
+    assert n_ticks < round((SECONDS + 5) / 0.003)
+
 
 
 def test_one_altered_pixel_shows_wherever_it_is(lossless: Path, tmp_path: Path) -> None:

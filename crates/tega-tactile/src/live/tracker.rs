@@ -202,8 +202,9 @@ impl TouchTracker {
         let threshold = began + self.leftover;
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
         let still = self.state == State::Quiet;
-        let bands = self.without_bands();
-        if bands.is_some() {
+        let banded = self.mains.amplitude() > 0.0 && self.cells.colour.tells();
+        let bands = if banded { self.without_bands(still) } else { None };
+        if banded {
             now = f64::from(glance_again(&mut self.cells));
         }
         let quiet = still && now.max(self.smooth.unwrap_or(0.0)) < GLANCE * threshold;
@@ -212,10 +213,10 @@ impl TouchTracker {
             if fades {
                 self.fading.measure(&self.cells);
             }
-            match bands {
-                Some(bands) if still => self.mains.learn(bands, dt_s),
-                Some(_) => {}
-                None => self.bands(still, dt_s),
+            if let Some(bands) = bands {
+                self.mains.learn(bands, dt_s);
+            } else if !banded {
+                self.bands(still, dt_s);
             }
         } else {
             now = self.judged(still.then_some(threshold), bands, dt_s);
@@ -231,16 +232,13 @@ impl TouchTracker {
     }
 
     /// Takes known bands of mains light out of the last change, before the fit of the light takes a share of them for light;
-    /// returns what was measured of them, or nothing where none are known.
-    fn without_bands(&mut self) -> Option<[f64; 2]> {
+    /// returns their variances where nothing touched before.
+    fn without_bands(&mut self, still: bool) -> Option<[f64; 2]> {
         let (cells, gel) = (&mut self.cells, &self.gel);
-        if self.mains.amplitude() == 0.0 || !cells.colour.tells() {
-            return None;
-        }
         let noise = cells.noise.arranged(cells.order);
-        let bands = self.mains.measure(&cells.white, gel, noise, &cells.grid);
+        let bands = still.then(|| self.mains.measure(&cells.white, gel, noise, &cells.grid));
         self.mains.correct(&mut cells.white, gel, noise, &cells.grid);
-        Some(bands)
+        bands
     }
 
     /// S of the last picture without what light, mains and a fading leftover explain of it; `threshold` where nothing touched before, `bands` as
