@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import io
 import os
 import random
 import socket
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +40,20 @@ CHANGE = st.one_of(
 
 FAR_NS = [sign * size for size in (1_000_000, 10**12, 365 * 86_400 * 10**9, 2**62) for sign in (1, -1)]
 """By how much a message's log time is moved."""
+
+
+def valid_files(readers: Mapping[str, Reader], factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
+    """Return a function that makes a valid file of each kind, once."""
+    return functools.cache(lambda kind: readers[kind][1](factory.mktemp("valid")))
+
+
+def ends_with_errors_of_tega(reader: Reader, content: bytes, folder: Path) -> None:
+    """Read a file of this content; whatever it holds, only TEGA's own errors come of it."""
+    name, _, read = reader
+    path = folder / name
+    path.write_bytes(content)
+    with contextlib.suppress(TegaError):
+        read(path)
 
 
 def mutated(content: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:

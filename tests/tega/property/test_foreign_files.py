@@ -14,7 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reference.foreign_readers import READERS, npy, toml
-from reference.mutated import CHANGE, FEW, SPOT, mutated, odd, refuses_a_huge_file, refuses_what_is_no_file
+from reference.mutated import (
+    CHANGE,
+    FEW,
+    SPOT,
+    ends_with_errors_of_tega,
+    mutated,
+    odd,
+    refuses_a_huge_file,
+    refuses_what_is_no_file,
+    valid_files,
+)
 from reference.sessions import tree
 from tega.config import load_config
 from tega.config.calibration import load_calibration
@@ -35,14 +45,7 @@ _TOLD = [kind for kind in READERS if kind not in _NEEDLESS]
 
 @pytest.fixture(scope="module")
 def valid(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
-    made: dict[str, bytes] = {}
-
-    def of(kind: str) -> bytes:
-        if kind not in made:
-            made[kind] = READERS[kind][1](tmp_path_factory.mktemp("valid"))
-        return made[kind]
-
-    return of
+    return valid_files(READERS, tmp_path_factory)
 
 
 @pytest.mark.parametrize("kind", READERS)
@@ -51,11 +54,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
 def test_whatever_a_file_holds_only_errors_of_tega_come_of_it(
     kind: str, valid: Callable[[str], bytes], changes: list[Any], tmp_path: Path
 ) -> None:
-    name, _, read = READERS[kind]
-    path = tmp_path / name
-    path.write_bytes(mutated(valid(kind), changes))
-    with contextlib.suppress(TegaError):
-        read(path)
+    ends_with_errors_of_tega(READERS[kind], mutated(valid(kind), changes), tmp_path)
 
 
 @pytest.mark.parametrize("kind", _TOLD)

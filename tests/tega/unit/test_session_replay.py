@@ -72,7 +72,6 @@ def test_ticks_after_the_last_message_are_not_replayed(
     assert n_ticks < round((SECONDS + 5) / 0.003)
 
 
-
 def test_one_altered_pixel_shows_wherever_it_is(lossless: Path, tmp_path: Path) -> None:
     choice = random.Random(5)
     at = choice.randrange(90)

@@ -14,7 +14,17 @@ from hypothesis import strategies as st
 
 from reference.filmed import packets, write_scene
 from reference.guest_readers import GUEST_READERS
-from reference.mutated import CHANGE, FEW, SPOT, mutated, odd, refuses_a_huge_file, refuses_what_is_no_file
+from reference.mutated import (
+    CHANGE,
+    FEW,
+    SPOT,
+    ends_with_errors_of_tega,
+    mutated,
+    odd,
+    refuses_a_huge_file,
+    refuses_what_is_no_file,
+    valid_files,
+)
 from tega.errors import TegaError
 from tega.recording.replay.followed_file import PlayedMoment
 from tega.records.bus import Bus
@@ -29,14 +39,7 @@ _SMALL = [kind for kind in _TOLD if kind != "recording of a scene"]
 
 @pytest.fixture(scope="module")
 def valid(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
-    made: dict[str, bytes] = {}
-
-    def of(kind: str) -> bytes:
-        if kind not in made:
-            made[kind] = GUEST_READERS[kind][1](tmp_path_factory.mktemp("valid"))
-        return made[kind]
-
-    return of
+    return valid_files(GUEST_READERS, tmp_path_factory)
 
 
 @pytest.mark.parametrize("kind", GUEST_READERS)
@@ -45,11 +48,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
 def test_whatever_a_file_holds_only_errors_of_tega_come_of_it(
     kind: str, valid: Callable[[str], bytes], changes: list[Any], tmp_path: Path
 ) -> None:
-    name, _, read = GUEST_READERS[kind]
-    path = tmp_path / name
-    path.write_bytes(mutated(valid(kind), changes))
-    with contextlib.suppress(TegaError):
-        read(path)
+    ends_with_errors_of_tega(GUEST_READERS[kind], mutated(valid(kind), changes), tmp_path)
 
 
 @pytest.mark.parametrize("kind", _TOLD)
