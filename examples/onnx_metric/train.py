@@ -100,14 +100,20 @@ def main() -> None:
         for path in sorted(given.videos.rglob("*.avi"))
         if path.stem in forces
     }
+    if len(presses) < 2:
+        parser.error(
+            f"{len(presses)} videos of {given.videos} have forces in {given.forces}; two presses are needed"
+        )
     kinds = {"mean force": None, "linear": linear, "network": network}
     errors: dict[str, list[float]] = {name: [] for name in kinds}
     for held, (x, y) in presses.items():
         others = [pair for name, pair in presses.items() if name != held]
         rest, targets = (np.concatenate(part) for part in zip(*others, strict=True))
         for name, make in kinds.items():
-            text = np.full(len(y), targets.mean()) if make is None else make().fit(rest, targets).predict(x)
-            errors[name].append(float(np.sqrt(np.mean((text - y) ** 2))))
+            predicted = (
+                np.full(len(y), targets.mean()) if make is None else make().fit(rest, targets).predict(x)
+            )
+            errors[name].append(float(np.sqrt(np.mean((predicted - y) ** 2))))
         row = "  ".join(f"{name} {errors[name][-1]:5.2f} N" for name in kinds)
         print(f"{held:28} n = {len(y):3}  RMSE: {row}")
     wins = sum(a < b for a, b in zip(errors["network"], errors["linear"], strict=True))

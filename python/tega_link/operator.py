@@ -179,8 +179,8 @@ class OperatorStation(Station):
     def alert(self) -> str:
         """Return the problem that the robot's station reports."""
         state = self._state
-        text = () if state is None else [a for a in state.alerts if not a.startswith("link: ")]
-        return f"robot: {'; '.join(text)}" if text else ""
+        alerts = () if state is None else [a for a in state.alerts if not a.startswith("link: ")]
+        return f"robot: {'; '.join(alerts)}" if alerts else ""
 
     def displayed(self, view: LoopView) -> LoopView:
         """Complete a moment with how link and arm are."""

@@ -261,7 +261,7 @@ class RobotStation(Station):
 
     def _send_state_now(self, session: int) -> None:
         view = self._view
-        text = State(
+        report = State(
             **self._stamp(self._session, "state"),
             leader=session,
             leader_name=self._leader.name,
@@ -269,12 +269,12 @@ class RobotStation(Station):
             problem=self.missing() if session else "",
         )
         if view is not None:
-            text = msgspec.structs.replace(
-                text,
+            report = msgspec.structs.replace(
+                report,
                 state=view.state,
                 reason=view.reason,
                 alerts=tuple(view.alerts),
                 arm=view.arm,
                 angles_rad=tuple(view.angles_rad or ()),
             )
-        self._send_state(encode(text))
+        self._send_state(encode(report))

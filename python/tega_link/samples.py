@@ -91,10 +91,10 @@ class SampleReceiver:
     def take(self, data: bytes, now_ns: int, offset: Offset | None) -> None:
         """Take in a message of the leader's."""
         try:
-            text = decode(Samples, data)
+            batch = decode(Samples, data)
         except msgspec.DecodeError:
             return
-        if text.malformed() or self._gate.refusal(text, now_ns, offset) or offset is None:
+        if batch.malformed() or self._gate.refusal(batch, now_ns, offset) or offset is None:
             return
-        samples = np.frombuffer(text.samples, "<f8").reshape(-1, text.n_channels).astype(np.float64)
-        self._muscles.give(EmgChunk(min(offset.ours(text.t_ns), now_ns), text.first_index, samples))
+        samples = np.frombuffer(batch.samples, "<f8").reshape(-1, batch.n_channels).astype(np.float64)
+        self._muscles.give(EmgChunk(min(offset.ours(batch.t_ns), now_ns), batch.first_index, samples))

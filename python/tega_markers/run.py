@@ -95,21 +95,21 @@ class RunMarkers:
 
     def summary(self) -> dict[str, Any]:
         """Return the counts of markers sent and received."""
-        message: dict[str, Any] = {}
+        counts: dict[str, Any] = {}
         if self._out is not None:
-            message["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}
+            counts["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}
         if self._streams is not None:
-            message["streams"] = dict(self._streams.n_pushed)
+            counts["streams"] = dict(self._streams.n_pushed)
         if self._in is not None:
             correction_s = self._in.correction_s
-            message["in"] = {
+            counts["in"] = {
                 "stream": self._settings.lsl_in,
                 "heard": self._in.n_received,
                 "of_another_clock": self._in.n_unstamped,
                 "clock_correction_s": correction_s,
                 "problem": self._in.problem,
             }
-        return message
+        return counts
 
     def close(self) -> None:
         """Stop listening, and take the own stream away."""

@@ -144,8 +144,8 @@ def _compare(lesson: Lesson, guide: Guide, chance: random.Random) -> float | Non
         for one in pair:
             lesson.play(one)
             lesson.pause(_GAP_S)
-        text = guide.ask("Which was firmer?", {"1": "the first", "2": "the second"})
-        right = pair[int(text) - 1].words == "the firmer"
+        answer = guide.ask("Which was firmer?", {"1": "the first", "2": "the second"})
+        right = pair[int(answer) - 1].words == "the firmer"
         guide.say("Right" if right else "No, the other one", tone="good" if right else "warn")
         stairs.answer(right=right)
     found = stairs.threshold
@@ -170,8 +170,8 @@ def _test(
     answers = []
     for n, (aspect, displayed) in enumerate(requested):
         guide.show("Test", [Bar("done", n / len(requested), f"{n} of {len(requested)}")], None)
-        text = _requested(lesson, aspect, displayed, guide, again=False)
-        answers.append((aspect.name, displayed.key, text, len(aspect.cues)))
+        answer = _requested(lesson, aspect, displayed, guide, again=False)
+        answers.append((aspect.name, displayed.key, answer, len(aspect.cues)))
     return answers
 
 

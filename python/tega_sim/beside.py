@@ -41,10 +41,10 @@ class BesideNotes:
     """
 
     def __init__(self, bus: Bus) -> None:
-        self._text: defaultdict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
+        self._newest: defaultdict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
         self._beside: defaultdict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
-        bus.subscribe(Contact, lambda c: self._text["metric", c.finger].append((c.t_ns, c.in_contact)))
-        bus.subscribe(Intent, lambda i: self._text["decoder", ""].append((i.t_ns, i.level)))
+        bus.subscribe(Contact, lambda c: self._newest["metric", c.finger].append((c.t_ns, c.in_contact)))
+        bus.subscribe(Intent, lambda i: self._newest["decoder", ""].append((i.t_ns, i.level)))
         bus.subscribe(BesideContact, lambda c: self._beside[c.stage, c.finger].append((c.t_ns, c.in_contact)))
         bus.subscribe(BesideIntent, lambda i: self._beside[i.stage, ""].append((i.t_ns, i.level)))
 
@@ -69,7 +69,9 @@ class BesideNotes:
 
     def _same(self, group: str, finger: str, rows: list[tuple[int, int]]) -> list[bool]:
         """Return for each row whether the connected stage said the same, newest at that time."""
-        text = self._text[group, finger]
-        stamps = [t_ns for t_ns, _ in text]
+        newest = self._newest[group, finger]
+        stamps = [t_ns for t_ns, _ in newest]
         places = np.searchsorted(stamps, [t_ns for t_ns, _ in rows], side="right") - 1
-        return [text[place][1] == value for place, (_, value) in zip(places, rows, strict=True) if place >= 0]
+        return [
+            newest[place][1] == value for place, (_, value) in zip(places, rows, strict=True) if place >= 0
+        ]

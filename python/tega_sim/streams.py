@@ -95,16 +95,16 @@ class Streams:
         for one in contact.more:
             self.rows["values"].append((contact.t_ns / 1e9, contact.finger, *msgspec.structs.astuple(one)))
 
-    def beside_contact(self, text: BesideContact) -> None:
+    def beside_contact(self, record: BesideContact) -> None:
         """Keep the answer of a metric beside the connected one to a frame."""
-        t_s, who = text.t_ns / 1e9, (text.stage, text.finger)
-        self.rows["beside-contacts"].append(numbers(text))
-        for one in text.more:
+        t_s, who = record.t_ns / 1e9, (record.stage, record.finger)
+        self.rows["beside-contacts"].append(numbers(record))
+        for one in record.more:
             self.rows["beside-values"].append((t_s, *who, *msgspec.structs.astuple(one)))
 
-    def beside_levels(self, text: BesideIntent) -> None:
+    def beside_levels(self, record: BesideIntent) -> None:
         """Keep the answer of a decoder beside the connected one."""
-        self.rows["beside-levels"].append(numbers(text))
+        self.rows["beside-levels"].append(numbers(record))
 
     def levels(self, intent: Intent) -> None:
         """Keep one EMG block."""

@@ -47,7 +47,7 @@ def ratings(folder: Path) -> tuple[RatingUse, ...]:
         RecordingError: The study is damaged.
     """
     plan, gone = read_plan(folder), withdrawn_ids(folder)
-    text: dict[tuple[str, str], dict[str, list[float]]] = {}
+    scores: dict[tuple[str, str], dict[str, list[float]]] = {}
     for person in plan.participants:
         if person in gone:
             continue
@@ -61,12 +61,12 @@ def ratings(folder: Path) -> tuple[RatingUse, ...]:
         for trial, answers in blocks.items():
             for item, value in {RAW_TLX: raw_tlx(answers), **answers}.items():
                 if value is not None and trial in condition_of:
-                    text.setdefault((item, condition_of[trial]), {}).setdefault(person, []).append(value)
+                    scores.setdefault((item, condition_of[trial]), {}).setdefault(person, []).append(value)
     items = [RAW_TLX, *(question.item for question in QUESTIONS)]
     found = []
     for item in items:
         for condition in plan.settings.conditions:
-            if by_person := text.get((item, condition)):
+            if by_person := scores.get((item, condition)):
                 means = [statistics.fmean(values) for values in by_person.values()]
                 found.append(
                     RatingUse(

@@ -93,10 +93,15 @@ class Steering:
     def problem(self) -> str:
         """Problems of the arm, its tracker or another pose source; ``""`` for none."""
         doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
-        text = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
-        if not any(text) and self._command is not None and self._command.state == "stopped":
-            text = [f"arm: stopped: {self._command.reason}"]
-        return "; ".join(s for s in text if s)
+        problems = [
+            self._error,
+            self._arm.problem,
+            "" if self._tracker is None else self._tracker.problem,
+            doubt,
+        ]
+        if not any(problems) and self._command is not None and self._command.state == "stopped":
+            problems = [f"arm: stopped: {self._command.reason}"]
+        return "; ".join(s for s in problems if s)
 
     def displayed(self, view: LoopView) -> LoopView:
         """Return a view of the loop with the arm's state added."""

@@ -147,17 +147,17 @@ class ConditionWatch:
         return float(np.median(steps[:, 1] / steps[:, 0]) / np.median(self._first[k]) * 100)
 
     def _tired(self, slopes: Sequence[float]) -> list[str]:
-        text = []
+        sentences = []
         for name, slope, first, seen in zip(self._names, slopes, self._first, self._frequencies, strict=True):
             if not slope < SLOPE_PERCENT_PER_MIN:  # NaN is not either
                 continue
             newest = [hz for _, hz in list(seen)[-_NEWEST_S:]]
             fell = 1 - float(np.median(newest) / np.median(first))
             if fell >= FELL_SHARE:
-                text.append(
+                sentences.append(
                     f"{name}: tired: its median frequency fell by {100 * fell:.0f} %; let the arm rest"
                 )
-        return text
+        return sentences
 
     def _pattern_change(self, shares: NDArray[np.float64]) -> float:
         """Return how far the channels' shares are from the usual ones, 0 to 1: half the sum of the differences."""

@@ -207,7 +207,7 @@ class LatencyTrace:
             self._block = (*block, self.now_ns())
 
     def _text(self) -> str:
-        text = []
+        parts = []
         for path, subject, ours in (
             ("touch", "camera to vest", self._limited),
             ("intent", "muscle to hand", "own"),
@@ -215,17 +215,17 @@ class LatencyTrace:
         ):
             whole = self.spreads[path]["whole"]
             if 0 < whole.n < LEAST_SAMPLES:
-                text.append(f"{subject} {whole.worst_ns / 1e6:.0f} ms at most (n {whole.n})")
+                parts.append(f"{subject} {whole.worst_ns / 1e6:.0f} ms at most (n {whole.n})")
             elif whole.n:
-                text.append(
+                parts.append(
                     f"{subject} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f} (n {whole.n})"
                 )
                 if ours:
                     own = self.spreads[path][ours]
-                    text[-1] += f" (ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
+                    parts[-1] += f" (ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
                 if path == "touch" and self.motor is not None:
-                    text[-1] += f", to the skin {whole.at(0.5) / 1e6 + self.motor.ms:.0f}"
-        return " · ".join(text)
+                    parts[-1] += f", to the skin {whole.at(0.5) / 1e6 + self.motor.ms:.0f}"
+        return " · ".join(parts)
 
     def summary(self) -> dict[str, Any]:
         """Return count and percentiles of every stage, milliseconds, by path; paths with nothing are left out."""

@@ -43,8 +43,8 @@ class Sinks(NamedTuple):
 
     def displayed(self, view: LoopView) -> LoopView:
         """Add the status that the real vest reports to a view of the loop."""
-        text = [optional(vest, "condition") for vest in self.live_vests]
-        return view._replace(vest_condition="; ".join(filter(None, text)))
+        conditions = [optional(vest, "condition") for vest in self.live_vests]
+        return view._replace(vest_condition="; ".join(filter(None, conditions)))
 
 
 def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:

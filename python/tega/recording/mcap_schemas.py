@@ -87,8 +87,8 @@ def message_class(name: str) -> Any:
 
 def encoded(record: Record) -> bytes:
     """Return the message of a record as it stands in a file."""
-    text: bytes = message_class(schema_name(type(record)))(**values(record)).SerializeToString()
-    return text
+    data: bytes = message_class(schema_name(type(record)))(**values(record)).SerializeToString()
+    return data
 
 
 def unit_table() -> dict[str, str]:

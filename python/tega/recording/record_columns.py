@@ -97,18 +97,17 @@ def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> di
         channels: Names of the EMG channels.
     """
     row: dict[str, Any] = {}
-    sentence: dict[str, Any] = values(record) if not isinstance(record, Joints) else {"t_ns": record.t_ns}
+    cells: dict[str, Any] = values(record) if not isinstance(record, Joints) else {"t_ns": record.t_ns}
     if isinstance(record, Joints):
         row |= dict(zip(JOINT_NAMES, record.angles_rad, strict=False))
     for name, column, is_time in _names(type(record)):
-        value: Any = sentence.get(name)
+        value: Any = cells.get(name)
         if is_time:
             row[column] = np.nan if value is None else (value + shift_ns) / 1e9
         elif name == "more" and value:
             # One that is named as a column of the record is not that column.
             row |= {
-                f"more.{one['name']}" if one["name"] in sentence else one["name"]: one["value"]
-                for one in value
+                f"more.{one['name']}" if one["name"] in cells else one["name"]: one["value"] for one in value
             }
         elif not isinstance(value, (tuple, list, np.ndarray)):
             row[column] = value
@@ -117,9 +116,9 @@ def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> di
             listed = list_columns(
                 name,
                 len(value),
-                layout=sentence.get("layout", ""),
+                layout=cells.get("layout", ""),
                 channels=channels,
-                taken={*sentence, "t_s", "log_s"},
+                taken={*cells, "t_s", "log_s"},
             )
             given = places if len(places) == len(value) else listed
             row |= dict(zip(given, value, strict=True))

@@ -141,20 +141,20 @@ def values(record: msgspec.Struct) -> dict[str, Any]:
     """Return the values of a record's message, by name; missing values are left out."""
     # Called for every record of a run: all that can be known beforehand is in the plan.
     plan = _plan(type(record))
-    text = msgspec.structs.asdict(record)
+    by_name = msgspec.structs.asdict(record)
     for name in plan.dropped:
-        del text[name]
+        del by_name[name]
     for attribute, x, y in plan.pairs:
-        text[x], text[y] = text.pop(attribute)
+        by_name[x], by_name[y] = by_name.pop(attribute)
     for name in plan.parts:
-        if parts_of := text.pop(name):
-            text[name] = [values(part) for part in parts_of]
+        if parts_of := by_name.pop(name):
+            by_name[name] = [values(part) for part in parts_of]
     for attribute, name in plan.renamed:
-        text[name] = text.pop(attribute)
+        by_name[name] = by_name.pop(attribute)
     for name in plan.optional:
-        if text[name] is None:
-            del text[name]
-    return text
+        if by_name[name] is None:
+            del by_name[name]
+    return by_name
 
 
 def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
@@ -166,8 +166,8 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
         unwritten: The fields that the message does not hold, such as the finger that the topic names.
     """
     plain, others = _reading(kind, message.__class__)
-    text: dict[str, Any] = {attribute: getattr(message, name) for attribute, name in plain}
-    text.update(unwritten)
+    by_name: dict[str, Any] = {attribute: getattr(message, name) for attribute, name in plain}
+    by_name.update(unwritten)
     pairs: dict[str, list[Any]] = {}
     for field in others:
         if field.optional and not message.HasField(field.name):
@@ -176,12 +176,12 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
         if field.of_pair is not None:
             pairs.setdefault(field.attribute, []).append(value)
         elif field.part is not None:
-            text[field.attribute] = tuple(read(field.part, one) for one in value)
+            by_name[field.attribute] = tuple(read(field.part, one) for one in value)
         elif field.repeated:
-            text[field.attribute] = np.array(value) if field.array else tuple(value)
+            by_name[field.attribute] = np.array(value) if field.array else tuple(value)
         else:
-            text[field.attribute] = value
-    record = kind(**text, **{name: tuple(pair) for name, pair in pairs.items()})
+            by_name[field.attribute] = value
+    record = kind(**by_name, **{name: tuple(pair) for name, pair in pairs.items()})
     return record.current() if isinstance(record, Record) else record
 
 

@@ -44,9 +44,9 @@ def program_pipes() -> tuple[BufferedReader, AnswerPipe]:
 
     Standard output is redirected to the terminal, so that output of libraries does not mix with answers.
     """
-    text = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    pipe = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    return os.fdopen(os.dup(sys.stdin.fileno()), "rb"), AnswerPipe(text)
+    return os.fdopen(os.dup(sys.stdin.fileno()), "rb"), AnswerPipe(pipe)
 
 
 def widen_pipe(pipe: BufferedWriter) -> None:
@@ -65,8 +65,8 @@ def send_object(pipe: BufferedWriter, content: Any) -> None:
         OSError: The reader is gone.
     """
     arrays: list[pickle.PickleBuffer] = []
-    text = pickle.dumps(content, _PROTOCOL, buffer_callback=arrays.append)
-    parts = [memoryview(text), *(array.raw() for array in arrays)]
+    head = pickle.dumps(content, _PROTOCOL, buffer_callback=arrays.append)
+    parts = [memoryview(head), *(array.raw() for array in arrays)]
     pipe.write(_COUNT.pack(len(parts)) + b"".join(_SIZE.pack(part.nbytes) for part in parts))
     for part in parts:
         pipe.write(part)
@@ -81,8 +81,8 @@ def receive_object(pipe: BufferedReader | FileIO) -> Any:
     """
     (n_parts,) = _COUNT.unpack(_exactly(pipe, _COUNT.size))
     sizes = [size for (size,) in _SIZE.iter_unpack(_exactly(pipe, n_parts * _SIZE.size))]
-    text, *arrays = (_exactly(pipe, size) for size in sizes)
-    return pickle.loads(text, buffers=arrays)
+    head, *arrays = (_exactly(pipe, size) for size in sizes)
+    return pickle.loads(head, buffers=arrays)
 
 
 def _exactly(pipe: BufferedReader | FileIO, n_bytes: int) -> bytearray:

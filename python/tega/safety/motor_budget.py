@@ -99,17 +99,17 @@ class MotorBudget:
     def words(self) -> tuple[str, ...]:
         """Return the notes on the budget that a reader of the results must know."""
         earlier_s = float(self.carried_s.max())
-        text: tuple[str, ...] = ()
+        notes: tuple[str, ...] = ()
         if earlier_s >= 1:
-            text = (
+            notes = (
                 f"earlier runs of the day used up to {earlier_s:.0f} of {self._budget_s:.0f} s of full drive",
             )
         if not self.n_lowered:
-            return text
+            return notes
         tired = int((self.dose_s > (1 - _TAPER) * self._budget_s).sum())
         why = f"the vibration dose of {tired} motors is nearly used up" if tired else "motors were warm"
         return (
-            *text,
+            *notes,
             f"intensity was lowered in {self.n_lowered} frames: {why}",
         )
 

@@ -163,7 +163,7 @@ def _required(options_type: type[StageOptions]) -> bool:
 def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
     from tega.stages.units import unit_of
 
-    message = _attributes(options_type)
+    attributes = _attributes(options_type)
     hints = get_type_hints(options_type)
     records = []
     for field in msgspec.structs.fields(options_type):
@@ -178,7 +178,7 @@ def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
                 default=msgspec.to_builtins(default, enc_hook=str),
                 unit=unit_of(field.name),
                 choices=tuple(map(str, _literals(hints[field.name]))),
-                summary=message.get(field.name, ""),
+                summary=attributes.get(field.name, ""),
             )
         )
     return tuple(records)

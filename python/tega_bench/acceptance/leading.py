@@ -230,14 +230,14 @@ def _input_limits(rest: list[InputReading], moved: list[InputReading]) -> Accept
     most = max((abs(x) for one in moved for x in one.motion), default=0.0)
     away = any(not one.live for one in rest)
     bad = bool(held) or most > 1
-    text = [f"untouched, its axes stay within {100 * drift:.1f} %"]
-    text += [f"{', '.join(held)} reads as held although it is untouched"] if held else []
-    text += [f"an axis went to {100 * most:.0f} %, beyond full deflection"] if most > 1 else []
-    text += ["for a while it had no data"] if away else []
+    findings = [f"untouched, its axes stay within {100 * drift:.1f} %"]
+    findings += [f"{', '.join(held)} reads as held although it is untouched"] if held else []
+    findings += [f"an axis went to {100 * most:.0f} %, beyond full deflection"] if most > 1 else []
+    findings += ["for a while it had no data"] if away else []
     return AcceptanceStep(
         name="limits",
         status="failed" if bad else "look" if drift > _DRIFT or away else "passed",
-        said="; ".join(text),
+        said="; ".join(findings),
         todo="a switch that is held by itself is no dead-man: another device" if held else "",
         measured={"drift_percent": round(100 * drift, 2), "largest_percent": round(100 * most, 1)},
     )

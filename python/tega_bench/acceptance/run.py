@@ -101,8 +101,8 @@ def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> I
         section = msgspec.structs.replace(config.vest, options=least)
         layout: Any = config.vest.layout or DEFAULT_LAYOUT[config.session.preset]
         with worn_vest(section, dose_file(config.calibration)) as vest:
-            text = (vest.info.label, optional(vest, "condition"), *vest.info.notes)
-            yield AcceptanceStep(name="identity", status="passed", said="; ".join(filter(None, text)))
+            parts = (vest.info.label, optional(vest, "condition"), *vest.info.notes)
+            yield AcceptanceStep(name="identity", status="passed", said="; ".join(filter(None, parts)))
             yield from accept_vest(vest, layout, least.limit, guide)
         return
     found = _found(case)

@@ -169,7 +169,7 @@ def status(*, folder: Path, as_json: bool) -> None:
 
     made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []
-    message: dict[str, str] = {}
+    by_person: dict[str, str] = {}
     for person in made.participants:
         mine = made.of(person)
         if person in gone:
@@ -191,7 +191,7 @@ def status(*, folder: Path, as_json: bool) -> None:
             trial = mine[number - 1]
             row |= {"next": number, "attempt": attempt, "object": trial.object, "condition": trial.condition}
         rows.append(row)
-        message[person] = state.said()
+        by_person[person] = state.said()
     if as_json:
         echo_json({"participants": rows})
         return
@@ -202,6 +202,6 @@ def status(*, folder: Path, as_json: bool) -> None:
         if "next" in row:
             again = ", again" if row["attempt"] > 1 else ""
             text += f"  next: trial {row['next']}, {row['object']}, {row['condition']}{again}"
-        if message.get(row["participant"]):
-            text += f"  ({message[row['participant']]})"
+        if by_person.get(row["participant"]):
+            text += f"  ({by_person[row['participant']]})"
         click.echo(text)

@@ -77,8 +77,8 @@ class BlockQuestions:
             return Screen("questions", self._heading, "questions", lines, [("Enter", "begin")])
         back = [("Backspace", "take the last answer back")] if answers else []
         if requested is None:
-            message = [_short(event) for event in answers]
-            lines = [", ".join(message[n : n + 4]) for n in range(0, len(message), 4)]
+            texts = [_short(event) for event in answers]
+            lines = [", ".join(texts[n : n + 4]) for n in range(0, len(texts), 4)]
             return Screen("questions", self._heading, "all answered", lines, [("Enter", "keep"), *back])
         pairs = [f"{key} {STEP * n}" for n, key in enumerate(KEYS)]
         scale = ["   ".join(pairs[n : n + _IN_A_LINE]) for n in range(0, len(pairs), _IN_A_LINE)]

@@ -76,10 +76,10 @@ def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) 
 def ended(led: LedTrial, end: JournalEvent) -> list[str]:
     """Return the messages for an ended trial."""
     status = "" if end.status == "done" else f" ({end.status})"
-    message = [f"trial {led.trial.trial}: {end.text}{status}{beep_sentence(led.events(), end.t_ns)}"]
+    parts = [f"trial {led.trial.trial}: {end.text}{status}{beep_sentence(led.events(), end.t_ns)}"]
     if led.lift_off_s is None and any(event.kind == "slip" for event in led.events()):
-        message.append("No lift-off was marked, so the slips of this trial count as before lift-off.")
-    return message
+        parts.append("No lift-off was marked, so the slips of this trial count as before lift-off.")
+    return parts
 
 
 def _about(led: LedTrial) -> str:

@@ -76,17 +76,17 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
             if end.status not in {"done", "failed_task"}:
                 continue
             own = counting(main, start.trial, start.attempt)
-            message: dict[str, Sequence[JournalEvent]] = {}
+            journal: dict[str, Sequence[JournalEvent]] = {}
             if simulated:
-                message[TRUTH] = [event for event in own if event.source == "auto"]
+                journal[TRUTH] = [event for event in own if event.source == "auto"]
             for rater, events in raters.items():
                 if saw_whole(events, start.trial, start.attempt):
-                    message[rater] = counting(events, start.trial, start.attempt)
+                    journal[rater] = counting(events, start.trial, start.attempt)
             if arm := [event for event in own if event.source == ARM]:
-                message[ARM] = arm
+                journal[ARM] = arm
             if pressed:
-                message[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
-            for name, seen in message.items():
+                journal[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
+            for name, seen in journal.items():
                 key = person, start.trial, start.attempt
                 kinds = (*KINDS, *plan.settings.behaviours)
                 accounts.setdefault(name, []).append(_scored(key, start, end, seen, kinds))

@@ -324,9 +324,10 @@ def read_record(path: Path, wanted: type[_Any]) -> _Any:
     try:
         record = msgspec.convert(tree, wanted)
     except msgspec.ValidationError as error:
-        sentence: ConfigError = explain(error, tree, wanted, prefix="", origins={})
+        explained: ConfigError = explain(error, tree, wanted, prefix="", origins={})
         raise CalibrationError(
-            f"{path.name}: {sentence.message.removeprefix('settings: ')}", sentence.hint or "calibrate again"
+            f"{path.name}: {explained.message.removeprefix('settings: ')}",
+            explained.hint or "calibrate again",
         ) from None
     if not record.made.tzinfo:
         raise CalibrationError(f"{path.name}: made has no time zone", "write it as in 2026-11-21T15:04:05Z")

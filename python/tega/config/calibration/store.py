@@ -220,9 +220,9 @@ def parse_calibration(text: str, name: str) -> Calibration:
     try:
         return msgspec.convert(tree, Calibration)
     except msgspec.ValidationError as error:
-        sentence: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
-        message = sentence.message.removeprefix("settings: ")
-        raise CalibrationError(f"{name}: {message}", sentence.hint or "calibrate again") from None
+        explained: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
+        message = explained.message.removeprefix("settings: ")
+        raise CalibrationError(f"{name}: {message}", explained.hint or "calibrate again") from None
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:

@@ -119,15 +119,17 @@ class BrainFlowEmg(LiveEmg):
         for name in ("serial_port", "serial_number", "mac_address", "ip_address", "ip_port", "other_info"):
             setattr(parameters, name, getattr(o, name))
         try:
-            text = shim.BoardShim.get_board_descr(shim.BoardIds[described].value)
-            self._rows = list(text.get("emg_channels") or text.get("eeg_channels") or ())
-            self._stated_hz = float(text["sampling_rate"])
-            self._counter_row = text.get("package_num_channel") if described in _COUNTS_TO_256 else None
+            description = shim.BoardShim.get_board_descr(shim.BoardIds[described].value)
+            self._rows = list(description.get("emg_channels") or description.get("eeg_channels") or ())
+            self._stated_hz = float(description["sampling_rate"])
+            self._counter_row = (
+                description.get("package_num_channel") if described in _COUNTS_TO_256 else None
+            )
             self._last_count, self._stamps = None, StampCheck()
             is_cyton = described == "CYTON_BOARD"
             self._alternation = AlternationCheck(range(1, 9), step_uv=_CYTON_STEP_UV) if is_cyton else None
             # Another program's stream has that program's stamps, perhaps of another machine.
-            self._stamp_row = None if o.master_board else text.get("timestamp_channel")
+            self._stamp_row = None if o.master_board else description.get("timestamp_channel")
             self._board = shim.BoardShim(board_id, parameters)
             self._board.prepare_session()
             self._board.start_stream(max(1, round(_BUFFER_S * self._stated_hz)), "")

@@ -155,17 +155,17 @@ class Chords(LiveSerialEmg):
     @staticmethod
     def _ask(port: SerialPort) -> tuple[str, bytes]:
         """Ask for the name, and again after stopping the board; return it with all received bytes."""
-        text = b""
+        answer = b""
         for again in (False, True):
             if again:
                 port.write(b"STOP\n")
                 port.drain(quiet_s=_SILENCE_S, timeout_s=2 * _SILENCE_S)
             port.write(b"WHORU\n")
             received = port.read_until(b"\n", _ANSWER_S)
-            text += received
+            answer += received
             if match := _NAME.fullmatch(received):
-                return match[1].decode("ascii"), text
-        return "", text
+                return match[1].decode("ascii"), answer
+        return "", answer
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()

@@ -131,8 +131,8 @@ def _converted(path: Path) -> Iterator[IO[str]]:
         if done.returncode == _NO_PACKAGE:
             raise NotImplementedError("asammdf")
         if done.returncode:
-            text = done.stderr.decode(errors="replace").strip().splitlines()
-            raise ValueError(text[-1][:200] if text else "asammdf gave up")
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            raise ValueError(lines[-1][:200] if lines else "asammdf gave up")
         file.seek(0)
         yield file
 

@@ -144,9 +144,9 @@ class GuardProcess:
         process = start_child(self._module, *self._arguments, stdout=subprocess.PIPE)
         late = threading.Timer(_READY_S, process.kill)
         late.start()
-        text = process.stdout.readline() if process.stdout else b""
+        answer = process.stdout.readline() if process.stdout else b""
         late.cancel()
-        if text.strip() != b"ready":
+        if answer.strip() != b"ready":
             process.kill()
             _forget(process)
             raise DeviceUnavailableError(
@@ -214,11 +214,11 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
     """
     _answer(b"ready\n")
     pieces = receive()
-    received, stuck, text = False, False, b""
+    received, stuck, tail = False, False, b""
     while True:
         piece = _next(pieces, STUCK_S if received and not stuck else None)
-        text = (text + (piece or b""))[-64:]
-        if b"done" in text:
+        tail = (tail + (piece or b""))[-64:]
+        if b"done" in tail:
             return
         if piece:
             _answer(b".\n" * piece.count(b"."))
@@ -254,18 +254,18 @@ def receive() -> SimpleQueue[bytes]:
 
     A thread reads, since Windows cannot wait for a pipe and a time at once.
     """
-    text: SimpleQueue[bytes] = SimpleQueue()
+    orders: SimpleQueue[bytes] = SimpleQueue()
     fd = sys.stdin.fileno()
 
     def listen() -> None:
         while True:
             piece = os.read(fd, 4096)
-            text.put(piece)
+            orders.put(piece)
             if not piece:
                 return
 
     threading.Thread(target=listen, name="tega-hears", daemon=True).start()
-    return text
+    return orders
 
 
 def stay_alone() -> None:

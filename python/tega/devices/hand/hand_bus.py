@@ -224,13 +224,13 @@ class HandBus:
                 ask_s = now_s + _ASK_S
                 self.send([*frames, question])
             for got in self.receive(may_reopen=True):
-                text = allegro_decode(
+                report = allegro_decode(
                     CanFrame(got.id, bytes(got.data), got.remote),
                     device_id=device_id,
                     extended=got.extended,
                     error=got.error,
                 )
-                if ask_s and isinstance(text, AllegroInfo) and not text.servo_on:
+                if ask_s and isinstance(report, AllegroInfo) and not report.servo_on:
                     return True
         return False
 

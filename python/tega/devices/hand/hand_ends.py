@@ -206,12 +206,12 @@ class HandProcess:
                 os.write(process.stdin.fileno(), _WORD.pack(*self._word))
 
     @run_realtime("act")
-    def _receive(self, text: BufferedReader) -> None:
+    def _receive(self, pipe: BufferedReader) -> None:
         """Read the process's output until it ends, and keep reporting to it that this program is alive."""
         self._write()
         try:
             while True:
-                reported = receive_object(text)
+                reported = receive_object(pipe)
                 self._received_s = time.monotonic()
                 if reported:  # else that it goes on
                     self._news = reported[1]

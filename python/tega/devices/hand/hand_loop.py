@@ -188,8 +188,8 @@ class HandLoop:
             self._left_to = guard.leave_to_it()
             self._let_go = guard.confirmed
 
-    def _note(self, text: HandSpoken) -> None:
-        self._spoken.append(text if self.whole else text._replace(received=[]))
+    def _note(self, exchange: HandSpoken) -> None:
+        self._spoken.append(exchange if self.whole else exchange._replace(received=[]))
 
     def _flush(self, t_ns: int, *, ended: bool = False) -> None:
         """Report the exchanges since the last call, and the current state."""

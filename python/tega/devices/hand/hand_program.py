@@ -30,7 +30,7 @@ _Reported = tuple[list[HandSpoken], HandNews]
 
 
 @run_realtime("hand")
-def _pass_on(reported: SimpleQueue[_Reported | None], text: BufferedWriter) -> None:
+def _pass_on(reported: SimpleQueue[_Reported | None], answers: BufferedWriter) -> None:
     """Report to the run, which may be slow, without delaying the hand; report being alive when idle."""
     while True:
         subject: _Reported | tuple[()] | None = ()
@@ -39,35 +39,35 @@ def _pass_on(reported: SimpleQueue[_Reported | None], text: BufferedWriter) -> N
         if subject is None:
             return
         with suppress(OSError):  # the run was killed
-            send_object(text, subject)
+            send_object(answers, subject)
 
 
-def _makes_ready(text: BufferedWriter) -> None:
+def _makes_ready(answers: BufferedWriter) -> None:
     with suppress(OSError):  # the run has given up, which is seen where its word is waited for
-        send_object(text, MAKES_READY)
+        send_object(answers, MAKES_READY)
 
 
-def _steer(options: Any, *, requested: FileIO, orders: HandOrders, text: BufferedWriter) -> None:
+def _steer(options: Any, *, requested: FileIO, orders: HandOrders, answers: BufferedWriter) -> None:
     """Make ready, wait until the run opens the hand, and steer it."""
     reported: SimpleQueue[_Reported | None] = SimpleQueue()
     loop = HandLoop(options, orders, lambda spoken, seen: reported.put((spoken, seen)))
     lock = SleepLock("a robot hand's motors are on", lambda: orders.leave(" (the computer goes to sleep)"))
     try:
-        _makes_ready(text)
+        _makes_ready(answers)
         loop.warm_up()
         lock.load()
-        _makes_ready(text)
+        _makes_ready(answers)
         loop.whole = receive_object(requested)
         loop.open()
     except EOFError:  # the run has given up, or was killed, before it opened the hand
         loop.dismiss()
         return
     except Exception as error:  # the run tells it
-        send_object(text, error)
+        send_object(answers, error)
         return
-    send_object(text, None)
+    send_object(answers, None)
     threading.Thread(target=read_words, args=(sys.stdin.fileno(), orders), daemon=True).start()
-    telling = threading.Thread(target=_pass_on, args=(reported, text), daemon=True)
+    telling = threading.Thread(target=_pass_on, args=(reported, answers), daemon=True)
     telling.start()
     if options.torque:
         lock.take()
@@ -83,7 +83,7 @@ def main() -> None:
     """Steer until the run says that it is over, or is no more."""
     load_can()
     orders = HandOrders(received=True)
-    text = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     try:
         # Not through a buffer, which would keep the words behind it.
@@ -92,7 +92,7 @@ def main() -> None:
     except EOFError:  # the run was killed as soon
         return
     with realtime(allowed=allowed), short_turns():
-        _steer(options, requested=requested, orders=orders, text=text)
+        _steer(options, requested=requested, orders=orders, answers=answers)
 
 
 if __name__ == "__main__":

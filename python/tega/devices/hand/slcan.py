@@ -56,10 +56,10 @@ def slcan_bus() -> Any:
             until_s = None if timeout is None else time.monotonic() + timeout
             while True:
                 while (line := _LINE.match(buffer)) is not None:
-                    text = line[0]
-                    del buffer[: len(text)]
-                    if text not in _DONE:
-                        return text.decode()
+                    answer = line[0]
+                    del buffer[: len(answer)]
+                    if answer not in _DONE:
+                        return answer.decode()
                 if len(buffer) > _LONGEST_BYTES:
                     n_bytes = len(buffer)
                     buffer.clear()

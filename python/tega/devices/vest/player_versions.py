@@ -200,11 +200,11 @@ class PlayerVersion3:
 
     def receive(self, message: str) -> None:
         """Process a message: a Player reports its devices only after it has admitted the program."""
-        text = sdk3_server_message(message)
-        self.admitted = self.admitted or text.kind in {"ServerReady", "ServerDevices"}
-        if text.kind != "ServerDevices":
+        answer = sdk3_server_message(message)
+        self.admitted = self.admitted or answer.kind in {"ServerReady", "ServerDevices"}
+        if answer.kind != "ServerDevices":
             return
-        vests = sorted((d for d in text.devices if d.is_vest), key=lambda d: not d.connected)
+        vests = sorted((d for d in answer.devices if d.is_vest), key=lambda d: not d.connected)
         self.has_vest = bool(vests) and vests[0].connected
         self.vest_name = vests[0].name if vests else ""
         self.battery_percent = vests[0].battery_percent if self.has_vest else None

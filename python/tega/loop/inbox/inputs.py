@@ -98,9 +98,9 @@ class Inputs:
     def _notify(self, events: Mapping[str, list[InputEvent]], bus: Bus, pacer: Pacer) -> None:
         for seat, seen in self.seen.items():
             state = seen.state
-            message = state[1:]  # without the time at which the device was last heard
-            if self._text.get(seat) != message:
-                self._text[seat] = message
+            content = state[1:]  # without the time at which the device was last heard
+            if self._text.get(seat) != content:
+                self._text[seat] = content
                 held = tuple(sorted(state.held))
                 t_ns = pacer.elapsed_ns()
                 bus.publish(

@@ -109,14 +109,14 @@ def take_base_yaw(
         CalibrationError: The movement is not conclusive, and there is no answer about another attempt.
     """
     try:
-        text = guide.ask(
+        answer = guide.ask(
             "Seen from where you work, which way does the robot's base point, from its column to where its hand works?",
             _BASE_ANSWERS,
         )
     except Undecided:
         return reported_rad
-    if text in _BASE_POINTS:
-        return kept_yaw(_BASE_POINTS[text])
+    if answer in _BASE_POINTS:
+        return kept_yaw(_BASE_POINTS[answer])
 
     def attempt() -> tuple[float, str]:
         guide.ready("Hold the forearm still; then move it by 20 cm the way the robot's base points, and stop")

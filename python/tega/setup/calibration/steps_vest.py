@@ -120,11 +120,11 @@ def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, t
             "Something will vibrate in one column at a time. Say where: f1 to f4 on the front, b1 to b4 on "
             "the back, 1 at your own left"
         )
-        text = {}
+        places = {}
         for site in random.Random(seed).sample(SITES, len(SITES)):
             with pulses.silence():
-                text[site] = _requested(guide, "Where?", answers, partial(pulses.one, site, pulses.ceiling))
-        return judge_wearing(text)
+                places[site] = _requested(guide, "Where?", answers, partial(pulses.one, site, pulses.ceiling))
+        return judge_wearing(places)
 
     wearing, notes = until_good(guide, "vest: places", attempt, lambda w: w.problems)
     guide.say(f"vest: {wearing.n_right} of {wearing.n_asked} places named right", tone="good")
@@ -199,8 +199,8 @@ def take_steps(
         second = chance.random() < 0.5
         pair = (middle(site), middle(site) + level) if second else (middle(site) + level, middle(site))
         answers = {"1": "the first", "2": "the second", "s": "the same", "r": "again"}
-        text = _requested(guide, "Which was stronger?", answers, lambda: pulses.pair(site, *pair))
-        return text != "s" if level == 0 else text == ("2" if second else "1")
+        answer = _requested(guide, "Which was stronger?", answers, lambda: pulses.pair(site, *pair))
+        return answer != "s" if level == 0 else answer == ("2" if second else "1")
 
     sites = tuple(s for s in sites if thresholds[s].level and middle(s) < pulses.ceiling)
     _each(pulses, sites, done, guide, keep=keep, title="step", percent=lambda level: 100 * level / TOP_LEVEL,

@@ -138,11 +138,11 @@ def _calibration_error(
     if confidence is None:
         return float("nan")
     sure = np.asarray(confidence, np.float64)
-    text = np.isfinite(sure)
-    if not text.any():
+    answered = np.isfinite(sure)
+    if not answered.any():
         return float("nan")
-    right = (np.abs(reported - wanted) <= 0.25)[text]
-    sure = sure[text]
+    right = (np.abs(reported - wanted) <= 0.25)[answered]
+    sure = sure[answered]
     bins = np.minimum((_CONFIDENCE_BINS * sure).astype(int), _CONFIDENCE_BINS - 1)
     gaps = [
         abs(sure[bins == n].mean() - right[bins == n].mean()) * (bins == n).mean()

@@ -55,7 +55,7 @@ def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bo
             ]
         )
         return
-    text = {
+    by_kind = {
         key: _text(value) if value is None else f"{_text(value)} {unit_of(key)}".rstrip()
         for key, (value, _) in values.items()
     }
@@ -63,9 +63,9 @@ def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bo
         click.echo("every setting has its default value")
         return
     width = max(map(len, values))
-    value_width = min(_VALUE_WIDTH, max(map(len, text.values())))
+    value_width = min(_VALUE_WIDTH, max(map(len, by_kind.values())))
     for key, (_, origin) in values.items():
-        click.echo(f"{key:<{width}}  {text[key]:<{value_width}}  {origin}")
+        click.echo(f"{key:<{width}}  {by_kind[key]:<{value_width}}  {origin}")
 
 
 @config.command(epilog="Example: tega-teleop config check session.toml")

@@ -132,8 +132,8 @@ def _paragraph(finding: Finding, width: int) -> list[str]:
     sentence = finding.finding
     if not (finding.driver and sentence.startswith(finding.driver)):
         sentence = sentence[:1].upper() + sentence[1:]
-    message = _wrapped(sentence, margin)
-    lines = [head + message[0].removeprefix(margin), *message[1:]]
+    wrapped = _wrapped(sentence, margin)
+    lines = [head + wrapped[0].removeprefix(margin), *wrapped[1:]]
     if finding.why:
         label = "" if finding.status == "ok" else "why: "
         lines += _wrapped(label + finding.why, margin)

@@ -52,12 +52,14 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
             click.echo(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
         _ask("Go back and hold still; now the check.", as_json=as_json)
         again = _watch(tracker, seconds, yaw_rad=None if as_json else yaw_rad)
-        text = check_forward(again.places, frame=frame, yaw_rad=yaw_rad)
+        judged = check_forward(again.places, frame=frame, yaw_rad=yaw_rad)
     if as_json:
-        echo_json({"yaw_rad": yaw_rad, "ok": text.ok, "off_rad": round(text.off_rad, 4), "words": text.words})
+        echo_json(
+            {"yaw_rad": yaw_rad, "ok": judged.ok, "off_rad": round(judged.off_rad, 4), "words": judged.words}
+        )
     else:
-        click.echo(text.words)
-        if text.ok:
+        click.echo(judged.words)
+        if judged.ok:
             click.echo("Put this into the settings, in the robot's file where there are two machines:")
             click.echo(f"  [arm.mapping]\n  yaw_rad = {yaw_rad}")
             click.echo(
@@ -65,7 +67,7 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
                 "to your left, 3.1415 towards you."
             )
             click.echo("tega-teleop calibrate keeps both for a person instead, as one of its steps.")
-    if not text.ok:
+    if not judged.ok:
         sys.exit(1)
 
 

@@ -118,18 +118,18 @@ class TerminalGuide:
         if any(len(key) > 1 for key in answers):
             self._still()
             self._console.print(f"[bold cyan]{question}[/]   {choices}")
-            while (message := _received().strip().lower()) not in answers:
+            while (answer := _received().strip().lower()) not in answers:
                 self._console.print(f"one of: {', '.join(answers)}", style="yellow")
-            return message
+            return answer
         prompt, bars = self._displayed if self._live is not None else ("", ())
 
         def draw() -> None:
             self._update(self._panel(f"{prompt}\n\n{question}".strip(), choices, bars), at_once=True)
 
-        message = _key(draw, answers)
+        answer = _key(draw, answers)
         # A question that still stands while the next vibration comes would be answered again, for nothing.
-        self._update(self._panel(prompt or f"{question} {answers[message]}", "", bars), at_once=True)
-        return message
+        self._update(self._panel(prompt or f"{question} {answers[answer]}", "", bars), at_once=True)
+        return answer
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
         """Redraw prompt and bars."""

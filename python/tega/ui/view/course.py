@@ -116,8 +116,8 @@ class RunCourse:
         Args:
             pose_base: Number of the most open level, 0 or 1.
         """
-        text = [f"{finger}: {_finger_words(course)}" for finger, course in self.fingers.items()]
-        return [*text, *_level_words(*self.levels, pose_base), *_vest_words(self.vest)]
+        lines = [f"{finger}: {_finger_words(course)}" for finger, course in self.fingers.items()]
+        return [*lines, *_level_words(*self.levels, pose_base), *_vest_words(self.vest)]
 
 
 def _finger_words(course: FingerCourse) -> str:

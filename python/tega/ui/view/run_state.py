@@ -38,17 +38,17 @@ def meaning(view: LoopView) -> str:
     if view.state == "stopped":
         return ""
     with_hand, with_vest = "hand" in view.devices, "vest" in view.devices
-    text = []
+    parts = []
     if "emg" in view.devices or with_hand or view.state == "armed":
-        text.append((_WITH_HAND if with_hand else _WITHOUT_HAND)[view.state])
+        parts.append((_WITH_HAND if with_hand else _WITHOUT_HAND)[view.state])
     if with_vest and view.state == "active":
-        text.append("the vest shows touch")
+        parts.append("the vest shows touch")
     elif with_vest and view.state == "idle":
-        text.append("the vest rests")
+        parts.append("the vest rests")
     missing = [name for name in ("hand", "vest") if name not in view.devices]
     if missing:
-        text.append(f"no {' and no '.join(missing)} connected")
-    return ", ".join(text)
+        parts.append(f"no {' and no '.join(missing)} connected")
+    return ", ".join(parts)
 
 
 def lines_beside(view: LoopView) -> tuple[str, list[str]]:

@@ -180,10 +180,10 @@ def _time_of(table: Table, channels: Sequence[int], reading: Reading) -> int:
 
 
 def _of(columns: list[Column]) -> str:
-    text = [f"{c.called} {_WORDS[c.holds]}" for c in columns[:_MOST_NAMED]]
+    parts = [f"{c.called} {_WORDS[c.holds]}" for c in columns[:_MOST_NAMED]]
     if len(columns) > _MOST_NAMED:
-        text.append(f"{len(columns) - _MOST_NAMED} more are left out")
-    return ", ".join(text)
+        parts.append(f"{len(columns) - _MOST_NAMED} more are left out")
+    return ", ".join(parts)
 
 
 def _words(decision: Decision, *, requested: bool) -> str:
