@@ -11,10 +11,16 @@ from tega.runtime.features import Feature, features, load_target
 
 def test_a_feature_that_is_not_installed_is_named_with_its_package() -> None:
     here = next(iter(features()))
-    (text,) = absent_features({"features": {"grip": "own-feature[lab]", here: "tega"}})
+    (text,) = absent_features({"features": {"grip": "tega[lab]", here: "tega"}})
     assert "'grip'" in text
-    assert text.endswith("pip install 'own-feature[lab]'")
+    assert text.endswith("pip install 'tega[lab]'")
     assert absent_features({}) == []
+
+
+def test_a_package_that_only_a_recording_names_is_not_recommended() -> None:
+    (text,) = absent_features({"features": {"grip": "own-feature[lab]"}})
+    assert "pip install" not in text
+    assert "'own-feature[lab]'; ask who made it" in text
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,7 @@ def test_locks_are_held_until_they_are_released(logind: Emulator) -> None:
     lock = SleepLock("a test", asleep.set)
     lock.take()
     until(lambda: logind.say("look")["locks"] == BOTH)
+    assert lock.requested.wait(10)  # the answers have come, too
     assert lock.problem == ""
     logind.say("wake")
     assert not asleep.is_set()
