@@ -183,9 +183,12 @@ def _roles(targets: str) -> list[str]:
 
 
 def _send(pids: list[int], number: signal.Signals) -> None:
-    for pid in pids:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, number)
+    # Of processes that are killed together none sees another end: they stand still before the first is killed.
+    first = [signal.SIGSTOP] if number == signal.SIGKILL else []
+    for one in (*first, number):
+        for pid in pids:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, one)
 
 
 def _watched(outcome: Outcome, started: Started, begun_s: float, goes_on_s: list[float]) -> Seen:
