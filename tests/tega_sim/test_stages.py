@@ -490,3 +490,4 @@ def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
     assert levels[0, :, 0].tolist() == [0, 0, 50, 100, 100]
     assert levels[1, :, 0].tolist() == [100] * 5
     assert not levels[:, :, 1:].any()
+    assert loop.mapping.levels(0, {"thumb": contact(cci=0.08, eda=8000)}, ()).max() == 100

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import itertools
+import json
 import math
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from reference.parts import observed
@@ -78,12 +80,13 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
         script = _Script(lab)
         tree = {**lab.tree, "recording": {"dir": str(folder / "session")}}
         until_s = time.monotonic() + 60
-        run_session(
+        summary = run_session(
             check_tree(tree, {}, base=folder).config,
             controls=Controls(stop=lambda: script.over or time.monotonic() > until_s),
             bus=observed(script.observe),
         )
         assert script.over
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return folder / "session"
 
 
@@ -152,6 +155,26 @@ def test_viewers_see_forearm_target_and_hand_as_poses_of_a_well_known_kind(sessi
     assert displayed == [turn.target[0] for turn in turns if turn.target]
     assert {p.frame_id for p in _values(found, "/arm/forearm")} == {"tracker"}
     assert {p.frame_id for p in _values(found, "/arm/target")} == {"arm_base"}
+
+
+def test_the_arm_s_health_is_recorded_every_second(session: Path) -> None:
+    found = _messages(session)
+    at_ns = [health.t_ns for health in _values(found, "/arm/health")]
+    turns_ns = [turn.t_ns for turn in _values(found, "/arm/turn")]
+    assert len(at_ns) >= 2
+    assert min(np.diff([*at_ns, max(at_ns[-1] + 10**9, turns_ns[-1])])) >= 10**9
+    assert max(np.diff(at_ns)) < 1.1e9
+
+
+def test_the_summary_s_distance_from_the_target_is_that_of_the_recorded_turns(session: Path) -> None:
+    turns = [turn for turn in _values(_messages(session), "/arm/turn") if turn.state == "following"]
+    off_mm = np.array(
+        [1e3 * math.dist(t.target[:3], t.measured[0].position) for t in turns if t.target and t.measured]
+    )
+    summary = json.loads((session.parent / "summary.json").read_text(encoding="utf-8"))
+    assert summary["arm"]["off_target_mm"] == pytest.approx(
+        {"rms": np.sqrt(np.mean(off_mm**2)), "worst": off_mm.max()}, abs=0.006
+    )
 
 
 def test_what_the_arm_was_really_sent_keeps_to_its_own_speed(session: Path) -> None:

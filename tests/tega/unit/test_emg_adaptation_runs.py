@@ -64,6 +64,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Adaptation
     def say(intent: Intent) -> None:
         if intent.t_ns == 32_000_000_000:
             bus.publish(HeardMarker(t_ns=intent.t_ns, received_ns=intent.t_ns, text="target:0.5"))
+        if intent.t_ns == 45_000_000_000:  # neither is the key pressed
+            bus.publish(Button(seat="undo", t_ns=intent.t_ns, seq=1, button="Enter", pressed=False))
+            bus.publish(Button(seat="stop", t_ns=intent.t_ns, seq=1, button="Escape", pressed=True))
         if intent.t_ns == 60_000_000_000:
             bus.publish(Button(seat="undo", t_ns=intent.t_ns, seq=1, button="Enter", pressed=True))
 
