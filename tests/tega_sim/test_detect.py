@@ -118,6 +118,10 @@ def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> No
     assert live.known_s - live.t_s < 0.3 < later.known_s - later.t_s
     assert UNSURE / 2 <= live.confidence <= later.confidence <= UNSURE  # no joints, no height
     assert slips(0.0, [NOTHING] * 6 + [FIRM] * 600) == []
+    # A record that ends before the look-ahead is over has the slip all the same.
+    end = round(live.known_s * HZ) + 6
+    [last] = slips(0.5, slide(3.0)[:end])
+    assert (last.t_s, last.known_s) == (live.t_s, end / HZ)
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 100.0, 333.0])
@@ -195,6 +199,16 @@ def test_fingertips_without_touch_have_as_many_features_as_with_it() -> None:
     features = detector.features(0.0)
     assert len(features) == len(SINK_FEATURES)
     assert features[-len(SETTINGS.sink_s) - 2 :] == (0.0,) * (len(SETTINGS.sink_s) + 2)
+
+
+def test_fingertips_sink_over_each_of_the_settings_times() -> None:
+    detector = Detector()
+    for n in range(30):
+        detector.touch(n / 100, "thumb", FIRM)
+        detector.hand(n / 100, level=3, closure=2.5, height_m=0.0, tips_mm={"thumb": 40.0 - 0.1 * n})
+    names = ("over_20_ms", "over_40_ms", "over_80_ms", "over_200_ms", "fastest", "slowest")
+    seen = dict(zip(SINK_FEATURES, detector.features(0.29), strict=True))
+    assert [seen[name] for name in names] == pytest.approx([10.0] * len(names))
 
 
 def test_a_rule_adds_weighed_products_to_weighed_features() -> None:
