@@ -67,6 +67,10 @@ def test_a_spectrum_that_falls_is_told_as_a_tired_muscle_and_a_steady_one_is_not
     assert 0.55 < fell < 0.85
     assert found[-1].slope_percent_per_min[0] == pytest.approx(-30 / 4, rel=0.25)
     assert abs(found[-1].slope_percent_per_min[1]) < 1.0
+    # A slope takes twenty seconds of effort before it, and twenty after them.
+    known = np.isfinite([one.slope_percent_per_min for one in found])
+    assert not known[:39].any()
+    assert known[39:].all()
     assert not any(one.said for one in watched(effort(4.0, 1.0, seed=2), 1000.0))
 
 
