@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,8 @@ def test_ball_presses_with_each_kind_of_emg(
     # 31 presses; the baseline is no frame, nor is the picture of a calliper beside them.
     assert summary["tactile"]["thumb"]["frames"] == 31
     assert any("caliper.png: not named as the 31 other pictures" in note for note in summary["notes"])
-    rows = (tmp_path / "contacts.csv").read_text().splitlines()[1:]
-    assert all(row.split(",")[7] == "1" for row in rows)
+    with (tmp_path / "contacts.csv").open(encoding="utf-8", newline="") as file:
+        assert all(row["in_contact"] == "1" for row in csv.DictReader(file))
     seconds_at = {int(k): v for k, v in summary["hand"]["level_s"].items()}
     assert seconds_at[1] > 0
     assert sum(seconds_at[k] for k in (3, 4, 5)) > 0
@@ -62,9 +63,9 @@ def test_two_fingers_of_one_grip(
     assert summary["duration_s"] == pytest.approx(141 / 25)
     assert all(f["baseline"].startswith("estimated") for f in summary["tactile"].values())
     contact: dict[str, list[str]] = {"thumb": [], "index": []}
-    for row in (tmp_path / "one" / "contacts.csv").read_text().splitlines()[1:]:
-        _, finger, *_, in_contact, _, _ = row.split(",")
-        contact[finger].append(in_contact)
+    with (tmp_path / "one" / "contacts.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            contact[row["finger"]].append(row["in_contact"])
     for course in contact.values():
         assert course[40:90].count("1") == 50  # held
         assert course[125:].count("0") > 10  # released
