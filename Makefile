@@ -123,12 +123,8 @@ shots: ## the pictures that take a Chromium (Debian: apt install chromium) and t
 	$(BIN)/tega-teleop study simulate --operators 4 --trials 3 --seed 1 --out target/study
 	$(BIN)/python -m tega_figures.report_shots target/study/report.html docs/images
 
-measured: ## the pictures of what takes hours to measure, and their tables; TEGA_DATA names the shared recordings
-	$(BIN)/python -m tega_figures.check_arm docs/images
-	$(BIN)/python -m tega_figures.check_touch docs/images
-	$(BIN)/python -m tega_figures.world.check --pictures docs/images
-	$(BIN)/python -m tega_figures.felt.compare --people 16 --picture docs/images/mappings.png
-	$(BIN)/python -m tega_figures.pareto.page
+measured: ## the picture of the simulated world, and that of an hour of faults
+	$(BIN)/python -m tega_figures.world.pictures docs/images
 	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
 

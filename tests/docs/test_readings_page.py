@@ -64,24 +64,6 @@ def _is_everywhere(place: OpenPlace) -> bool:
     return "everywhere" in next(row for row in places_table().splitlines() if place.what in row)
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("place", "item"),
-    [choice for choice in CHOICES if _is_everywhere(choice[0])],
-    ids=lambda one: getattr(one, "number", one),
-)
-def test_a_setting_of_the_table_steers_a_simulated_lift(place: OpenPlace, item: str) -> None:
-    """Demo, study and sim trials make their lifts this way; one for each choice, which takes long."""
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega_sim.trials import plan_trials, run_trials
-
-    sets = (*place.needs, item)
-    (lift,) = run_trials(plan_trials(["bottle"], ["haptic"], [1], settings=sets), jobs=1)
-    assert lift.settings == sets
-    assert lift.duration_s > 1.0
-    assert lift.peak_force_n > 0.0
-
-
 # One of each group at every turn; the others, a minute and more of them, by make slow.
 OFTEN = ("front=trend_mm_s", "before=band", "pose_base=0", "threshold=D7", "fusion=median", "layout=x16")
 RUN_WITH = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import threading
@@ -18,6 +17,7 @@ from tega.loop.controls import Controls
 from tega.loop.session import run_session
 from tega.loop.snapshot import LoopView
 from tega.records import RunState
+from tega.runtime.files.toml_text import tree_text
 from tega.safety.stop import Stop
 from tega_emulators.lab import EmulatedLab, emulated_lab
 
@@ -135,19 +135,8 @@ class Lab:
 
     def write_settings(self) -> Path:
         """Write the settings as a file for the command line."""
-
-        def table(name: str, tree: dict[str, Any]) -> list[str]:
-            plain = {k: v for k, v in tree.items() if not isinstance(v, dict)}
-            lines = [f"[{name}]"] if plain else []
-            lines += [f"{key} = {json.dumps(value)}" for key, value in plain.items()]
-            for key, value in tree.items():
-                if isinstance(value, dict):
-                    lines += table(f"{name}.{key}", value)
-            return lines
-
         path = self.folder / "lab.toml"
-        lines = [line for name, tree in self.tree.items() for line in table(name, tree)]
-        path.write_text("\n".join(lines) + "\n")
+        path.write_text(tree_text(self.tree))
         return path
 
 

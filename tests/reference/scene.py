@@ -72,7 +72,6 @@ def rendered(trial: TrueTrial, *, rate_hz: float = 30.0) -> RenderedTrial:
         end_s=float(trial.t_s[-1]),
         seed=2,
         lens=SMALL,
-        lost=0.0,
         eye_m=EYE_M,
     )
 

@@ -33,7 +33,6 @@ from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.state import ViewState
 from tega.wire import vest_levels
 from tega_bench.acceptance.outputs import accept_vest
-from tega_campaigns.faults.vests import trouble
 from tega_emulators.hid_port import HidPort
 from tega_emulators.process import Emulator
 from tega_emulators.vest_bench import LIVE_VESTS, vest_bench
@@ -613,14 +612,6 @@ def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
             careless.vest.divisor = 1  # type: ignore[attr-defined]
             careless.feed(lambda: careless.shows(TOUCH))
         assert seen_by(careless.peer).motors == SILENT
-
-
-def test_the_fault_table_tells_rest_and_recovery() -> None:
-    with bench("bhaptics-player") as made, made.vest:
-        row = trouble("bhaptics-player", "no writes", made.vest, made.peer, fault_s=1.0)
-    assert row.lost == 0
-    assert row.rest_s is not None
-    assert row.back_s is not None
 
 
 def test_a_session_in_real_time_is_felt_and_ends_silent(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import until
-from tega_campaigns.station_faults import StationScene
+from tega_campaigns.station_scene import StationScene
 
 pytestmark = pytest.mark.slow
 

@@ -20,13 +20,11 @@ from click.testing import CliRunner
 from tega.haptics import FINGERS
 from tega_figures.bench import command as cli_bench
 from tega_figures.bench import error as errors
-from tega_figures.bench import filters, peers, report, scenes, simulation, start, tick, timing, variants
+from tega_figures.bench import filters, peers, report, scenes, simulation, tables, tick, timing, variants
 from tega_figures.bench.beside import processor_s
-from tega_figures.bench.variants import CONTACT_LAWS, Law
-from tega_figures.exact import exact_contact, exact_paper
+from tega_figures.bench.variants import CONTACT_LAWS
+from tega_figures.exact import exact_contact
 
-ROUNDING = 1e-12
-LAWS = [*CONTACT_LAWS, Law("rectified", "spatial", "bilinear"), Law("signed", "intensity", "bilinear")]
 SMALL = (24, 32)
 
 
@@ -36,26 +34,6 @@ def test_scenes_are_contacts_of_the_size_asked_for(size):
         assert frame.shape == baseline.shape == (*size, 3)
         assert frame.flags.c_contiguous
         assert variants.preset_kernel("live")(frame, baseline).eda > 0
-
-
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
-def test_our_contact_metrics_are_exact(law):
-    for frame, baseline in scenes.scenes(scenes.SIZE_OF_A_FINGER):
-        truth = exact_contact(frame, baseline, **law._asdict())
-        error = errors.measure_error(variants.law_kernel(law)(frame, baseline), truth)
-        assert error is not None
-        assert error.eda_pixels == 0
-        assert max(error.centroid_px, error.spread_relative, error.cci_relative) < ROUNDING
-
-
-def test_our_paper_preset_is_exact():
-    for frame, baseline in scenes.scenes(scenes.SIZE_OF_A_FINGER):
-        error = errors.measure_error(
-            variants.preset_kernel("paper")(frame, baseline), exact_paper(frame, baseline)
-        )
-        assert error is not None
-        assert error.eda_pixels == 0
-        assert max(error.centroid_px, error.spread_relative, error.cci_relative) < ROUNDING
 
 
 @pytest.mark.slow
@@ -116,7 +94,7 @@ def test_a_tick_makes_packets_of_the_fingers_that_are_pressed(reading):
         one = tick.Tick(reading, pressed)
         for _ in range(tick.PICTURES):
             stages, packet, data = one.run()
-        assert len(stages) == len(tick.STAGES) + 2
+        assert len(stages) == len(tick.STAGES)
         assert (len(packet), len(data)) == (20, 32)
         assert any(packet) == (pressed > 0)
 
@@ -190,11 +168,10 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
         (reading, n) for reading in ("live", "paper") for n in range(5)
     }
     assert all(set(row["stages_us"]) == set(tick.STAGES) for row in printed["tick"])
-    assert all(set(row["saved_us"]) == set(tick.SKIPS) for row in printed["tick"])
     assert picture.read_bytes().startswith(b"\x89PNG")
 
-    cli_bench._print(msgspec.convert(printed, report.BenchReport))
-    tables = capsys.readouterr().out
+    tables.print_bench(msgspec.convert(printed, report.BenchReport))
+    text = capsys.readouterr().out
     for name in (
         "TEGA, bilinear",
         "NumPy, as printed",
@@ -203,7 +180,7 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
         "in contact",
         "take turns",
     ):
-        assert name in tables
+        assert name in text
 
 
 def _module_of_benches(name):
@@ -267,7 +244,7 @@ def test_the_time_of_a_simulated_lift_adds_up():
     ]
     # What was timed is left as it was.
     assert World.advance_to is advance_to
-    cli_bench._print_simulation(msgspec.convert(report, simulation.SimReport))
+    tables.print_simulation(msgspec.convert(report, simulation.SimReport))
 
 
 def test_the_page_s_figures_are_those_of_the_committed_results():
@@ -300,16 +277,6 @@ def test_a_bare_clock_in_a_process_of_its_own_tells_how_late_each_tick_was():
     counted = LateTicks.of([0, 100_000, 1_000_001, 200_000_000])
     assert counted.late == (2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1)
     assert (counted.over_1_ms, counted.worst_ms) == (2, 200.0)
-
-
-@pytest.mark.slow
-def test_a_start_tells_its_stages_in_their_order():
-    report = start.bench_start(repeats=1, record=True, emg_hz=250)
-    times_s = [reached_s for (reached_s,) in report.stages_s.values()]
-    assert times_s == sorted(times_s)
-    first, *_, last = report.stages_s
-    assert (first, last) == ("interpreter", "first tick")
-    assert report.first_tick_s == times_s[-1:]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="read from /proc")

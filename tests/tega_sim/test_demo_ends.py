@@ -47,17 +47,8 @@ def test_preparing_is_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 @pytest.mark.slow
 def test_a_running_demo_leaves_its_tables_and_draws_nothing(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    words = [
-        sys.executable,
-        "-m",
-        "tega.ui.cli",
-        "demo",
-        "--json",
-        "--out",
-        str(out),
-        "--record",
-        str(tmp_path / "rec"),
-    ]
+    words = [sys.executable, "-m", "tega.ui.cli", "demo", "--json", "--out", str(out)]
+    words += ["--record", str(tmp_path / "rec")]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         until(lambda: any((tmp_path / "rec").glob("*.mcap*")))
         process.send_signal(signal.SIGINT)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError
-from tega_figures.gel_sequences import SHAPES, press_sequence, pressing, ramp
+from tega_figures.gel_sequences import SHAPES, press_sequence, ramp
 from tega_sim.gel import Gel
 
 CURVE = ramp(peak_n=2.0, wait_s=0.1, rise_s=0.2, hold_s=0.2, fall_s=0.1)
@@ -27,27 +27,6 @@ def test_a_sequence_is_labelled_from_before_the_press_to_after(name: str) -> Non
     after = Gel(3, memory=True).frame([], 55)
     assert not np.array_equal(moments[55].image, after)
     assert len({id(m.image) for m in moments}) == 60
-
-
-def test_the_same_arguments_give_the_same_bits_and_another_unit_others() -> None:
-    def frames(seed: int, *, memory: bool = True) -> list[bytes]:
-        return [
-            m.image.tobytes()
-            for m in press_sequence("bar", seed=seed, force_n=CURVE, duration_s=0.5, memory=memory)
-        ]
-
-    assert frames(1) == frames(1)
-    assert frames(1) != frames(2)
-    assert frames(1) != frames(1, memory=False)
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_more_force_goes_deeper_and_touches_more(name: str) -> None:
-    gel = Gel(2)
-    found = [gel.press(pressing(name, force_n)) for force_n in (0.3, 1.0, 3.0, 8.0)]
-    assert [t.depth_mm for t in found] == sorted(t.depth_mm for t in found)
-    areas = [t.area_mm2 for t in found]
-    assert areas == pytest.approx(sorted(areas), rel=0.03)
 
 
 def test_a_sequence_of_another_rate_and_place_is_the_same_press() -> None:

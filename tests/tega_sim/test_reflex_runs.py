@@ -287,13 +287,3 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
     # Closing onto the object is no give of it.
     assert reported() == pytest.approx(3.5)
     assert set(FINGERS) == set(true.reflex._fingers)
-
-
-@pytest.mark.slow
-def test_a_trial_whose_pictures_nobody_asks_for_has_the_result_of_one_that_renders_them() -> None:
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega_sim.streams import Streams
-    from tega_sim.trial import TrialPlan, run_trial
-
-    plan = TrialPlan(object="container", condition="non-haptic", seed=3, operator="scripted")
-    assert run_trial(plan) == run_trial(plan, streams=Streams())

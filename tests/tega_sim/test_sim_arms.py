@@ -289,22 +289,6 @@ def test_practice_shows_the_bench_s_own_vest_level_by_level_and_only_to_the_seco
     assert untaught.log_odds == ConfirmedClosure(without.person.grip, without.person.vest.threshold).log_odds
 
 
-@pytest.mark.slow
-def test_a_vest_that_tells_nothing_changes_nothing_by_the_second_version_either() -> None:
-    """A check of plumbing: the same person with the same chance does exactly the same."""
-    without, *shams = (
-        msgspec.structs.replace(
-            run_trial(TrialPlan(object="bag", condition=condition, seed=1, rules=2)),
-            condition="haptic",
-            simulated_s=0.0,
-        )
-        for condition in ("non-haptic", "silent", "unfelt")
-    )
-    assert without.lift_off_s is not None
-    assert shams == [without, without]
-    assert without.person == people_digest(load_parameters().digest, 2)[:16]
-
-
 def fingerprint(plan: TrialPlan) -> str:
     """Return a digest of a trial's result, of what was true at each look, and of each frame that was sent."""
     streams = Streams()

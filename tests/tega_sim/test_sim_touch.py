@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from tega.tactile import read_contact
-from tega_figures import check_touch
-from tega_figures.audit import Mark
 from tega_figures.check_touch import (
     GOLDEN,
     GOLDEN_RADIUS_MM,
@@ -20,7 +18,7 @@ from tega_figures.check_touch import (
     load_presses,
     readings,
 )
-from tega_figures.closeness import TOLERANCES, match_press, statistics
+from tega_figures.closeness import match_press
 from tega_sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
 
 
@@ -102,14 +100,6 @@ def test_untouched_frames_are_never_contact() -> None:
         assert all(read_contact(gel.frame([], n * 37), still).eda == 0 for n in range(1, 60))
 
 
-def test_statistics_are_off_by_nothing_for_the_same_kind_of_press() -> None:
-    gel, mark = Gel(6), Mark((110.0, 150.0), 55.0)
-    frames = [gel.frame([ball(force_n=4.0, centre_xy=mark.centre_xy)], n) for n in (10, 20)]
-    one, two = (statistics(frame, gel.frame([], 500 + n), mark) for n, frame in enumerate(frames))
-    assert set(one) == set(TOLERANCES)
-    assert all(one[name] == pytest.approx(two[name], rel=0.1, abs=0.05) for name in one)
-
-
 @pytest.mark.slow
 def test_simulated_presses_are_close_to_recorded_ones(presses: RecordedPresses) -> None:
     gel = Gel(0, spread=0.0)
@@ -130,15 +120,3 @@ def test_a_ball_pressed_to_a_like_difference_covers_what_was_marked(presses: Rec
     assert 0.85 < np.median(areas) < 1.15
     # The marks are where the dent ends; the gel touches on some 0.53 to 0.70 of their area.
     assert 0.5 < np.median(touching) < 0.75
-
-
-@pytest.mark.slow
-def test_the_command_says_what_it_leaves_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("TEGA_DATA", str(tmp_path / "none"))
-    check_touch.main([str(tmp_path)], standalone_mode=False)
-    text = capsys.readouterr().out
-    assert "left out: no recordings" in text
-    assert "## what live reads" in text
-    assert {p.name for p in tmp_path.iterdir()} == {"sim-touch.png", "sim-touch-readings.png"}

@@ -228,18 +228,8 @@ def run_verb(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str,
 
 @pytest.mark.slow
 def test_the_verb_prints_trials_and_means(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    words = [
-        "sim",
-        "trials",
-        "--objects",
-        "bag",
-        "--conditions",
-        "non-haptic",
-        "--seeds",
-        "1",
-        "--operator",
-        "scripted",
-    ]
+    words = ["sim", "trials", "--objects", "bag", "--conditions", "non-haptic", "--seeds", "1"]
+    words += ["--operator", "scripted"]
     code, out, err = run_verb(capsys, *words, "--jobs", "1", "--out", str(tmp_path / "a.jsonl"), "--json")
     assert code == 0, err
     report = json.loads(out)

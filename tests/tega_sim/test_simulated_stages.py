@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from reference.command import call
 from tega.config import file_sets, load_config
 from tega.errors import ConfigError
-from tega.ui.cli.main import main
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
@@ -36,11 +36,7 @@ options = { intervals = 5 }
 
 
 def verb(*words: object, capsys: Any) -> Any:
-    with pytest.raises(SystemExit) as done:
-        main([*map(str, words)])
-    out = capsys.readouterr()
-    assert done.value.code == 0, out.err
-    return json.loads(out.out)
+    return json.loads(call(capsys, *words)[0])
 
 
 @pytest.mark.slow
@@ -90,18 +86,8 @@ def test_a_demo_writes_what_stages_beside_say(tmp_path: Path, capsys: Any) -> No
 def test_sim_trials_take_a_labs_settings_and_keep_them(tmp_path: Path, capsys: Any) -> None:
     lab, out = tmp_path / "lab.toml", tmp_path / "trials.jsonl"
     lab.write_text(LAB)
-    words = (
-        "sim",
-        "trials",
-        "--objects",
-        "bottle",
-        "--conditions",
-        "haptic",
-        "--seeds",
-        1,
-        "--operator",
-        "scripted",
-    )
+    words = ["sim", "trials", "--objects", "bottle", "--conditions", "haptic", "--seeds", "1"]
+    words += ["--operator", "scripted"]
     more = ("--config", lab, "--set", "stages.metric.options.factor=1.0", "--jobs", 1, "--out", out, "--json")
     (trial,) = verb(*words, *more, capsys=capsys)["trials"]
     assert "stages.metric.options.factor=2.0" in trial["settings"]
@@ -137,25 +123,13 @@ def test_a_study_in_silico_is_run_with_the_stages_it_says(tmp_path: Path, capsys
     assert kept["settings"] == list(settings)
     (job,) = jobs_of(tmp_path / "s", plan, stated, plan.participants)
     assert job.assumptions.settings == settings
-    words = (
-        "study",
-        "simulate",
-        "--operators",
-        1,
-        "--out",
-        tmp_path / "t",
-        "--objects",
-        "bottle",
-        "--trials",
-        1,
-    )
-    with pytest.raises(SystemExit) as done:
-        main([*map(str, words), "--set", "stages.metric.nme=paper"])
-    assert done.value.code == 1
-    assert "did you mean 'name'" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main([*map(str, words), "--set", "safety.hold_s=1"])
-    assert "has no such setting" in capsys.readouterr().err
+    words = ["study", "simulate", "--operators", "1", "--objects", "bottle", "--trials", "1"]
+    words += ["--out", str(tmp_path / "t")]
+    for item, message in (
+        ("stages.metric.nme=paper", "did you mean 'name'"),
+        ("safety.hold_s=1", "has no such setting"),
+    ):
+        assert message in call(capsys, *words, "--set", item, code=1)[1]
 
 
 @pytest.mark.slow

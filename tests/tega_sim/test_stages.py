@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from reference.command import call
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import Chosen
@@ -26,7 +27,6 @@ from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.stages.metrics import contact_record
 from tega.stages.readings import ReadingMetric, ReadingOptions
 from tega.tactile import ContactMetrics, contact_metrics, read_contact
-from tega.ui.cli.main import main
 
 
 def pressed(seed: int, depth: float) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
@@ -72,15 +72,10 @@ def test_the_stages_of_the_package_keep_the_contract(stage: Any) -> None:
 
 
 def test_every_stage_and_option_can_be_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["stages", "--json"])
-    assert ended.value.code == 0
-    reported = json.loads(capsys.readouterr().out)
+    reported = json.loads(call(capsys, "stages", "--json")[0])
     names = {stage["name"]: [option["name"] for option in stage["options"]] for stage in reported}
     assert {"columns", "x16"} <= set(names)
-    with pytest.raises(SystemExit):
-        main(["stages"])
-    out = capsys.readouterr().out
+    out, _ = call(capsys, "stages")
     for name, options in names.items():
         assert all(word in out for word in (name, *options))
 
@@ -391,9 +386,7 @@ def test_a_stage_beside_is_checked_and_shown(tmp_path: Path, capsys: pytest.Capt
         load_config(file, environ={})
     file.write_text('[[stages.beside]]\ngroup = "metric"\nname = "reading"\n')
     for words in (["config", "show", str(file)], ["config", "show", str(file), "--json"]):
-        with pytest.raises(SystemExit):
-            main(words)
-        assert "reading" in capsys.readouterr().out
+        assert "reading" in call(capsys, *words)[0]
 
 
 # The hand.

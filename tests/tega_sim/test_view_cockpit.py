@@ -100,14 +100,6 @@ def test_delays_have_their_percentile_and_the_budget() -> None:
     ET.fromstring(svg)
 
 
-def test_the_page_has_a_title_and_an_icon_of_its_own() -> None:
-    with BrowserView("a run <1>", port=0) as view:
-        text = urllib.request.urlopen(view.url, timeout=10).read().decode()
-    assert "<title>a run &lt;1&gt;</title>" in text
-    assert "Viser</title>" not in text
-    assert "%231f5fbf" in text
-
-
 def test_an_address_for_a_second_screen_is_asked_for_with_its_token() -> None:
     urls: list[str] = []
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.command import call
 from reference.parts import observed
 from reference.recordings import write_folder
 from reference.scripted import ScriptedCamera, live_frame, touching
@@ -25,7 +26,6 @@ from tega.loop.inbox.stream import PulledStream
 from tega.loop.snapshot import LoopView
 from tega.records.bus import Bus
 from tega.runtime.clock import PausableClock
-from tega.ui.cli.main import main
 from tega.ui.view.browser import BrowserView
 from tega.ui.view.browser.feed import SessionFeed
 from tega.ui.view.browser.hand_figure import HandFigure
@@ -122,33 +122,6 @@ def test_a_pausable_clock_leaves_the_pause_out():
     assert clock.held_ns > 100_000_000
 
 
-@pytest.mark.parametrize(
-    ("angles", "tips_mm"),
-    [
-        (
-            {12: 0.263},
-            [(0, 55.310, 133.442), (0, 0, 136.200), (0, -55.310, 133.442), (25.963, 161.226, -85.504)],
-        ),
-        ({}, [(0, 55.310, 133.442), (0, 0, 136.200), (0, -55.310, 133.442), (-13.200, 167.704, -86.071)]),
-    ],
-)
-def test_the_figures_fingertips_are_where_the_published_kinematics_has_them(angles, tips_mm):
-    figure = HandFigure()
-    angles_rad = np.zeros(16)
-    for joint, angle in angles.items():
-        angles_rad[joint] = angle
-    poses = figure.poses(angles_rad)
-    names = [name for name, *_ in figure.shapes]
-    palm_m = np.array([0.0, 0.0, 0.11])
-    for finger, tip in zip(("index", "middle", "ring", "thumb"), tips_mm, strict=True):
-        # A pad's capsule ends one straight half length beyond its middle, at the published tip.
-        row = names.index(f"{finger}_pad")
-        w, x, y, z = poses[row, 3:]
-        own_z = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-        end = poses[row, :3] + figure.shapes[row][2][1] * own_z - palm_m
-        np.testing.assert_allclose(1000 * end, tip, atol=2e-3)
-
-
 def test_the_figure_is_the_simulated_hand():
     pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
     from tega_sim.world import World
@@ -170,10 +143,7 @@ def test_run_with_view_says_where_and_prints_the_summary(tmp_path, capsys):
     config.write_text(
         '[session]\npace = "fast"\n[emg]\ndriver = "synthetic-emg"\nkind = "raw"\noptions = {duration_s = 3.0}\n'
     )
-    with pytest.raises(SystemExit) as ended:
-        main(["run", str(config), "--view", "--view-port", "0", "--json"])
-    out, err = capsys.readouterr()
-    assert ended.value.code == 0, err
+    out, err = call(capsys, "run", config, "--view", "--view-port", "0", "--json")
     assert err.splitlines()[1].startswith("http://127.0.0.1:")
     assert err.splitlines()[-1] == err.splitlines()[1]
     assert json.loads(out)["ended"] == "complete"
@@ -211,19 +181,8 @@ def test_replay_with_view_keeps_time_and_takes_in_the_same(tmp_path, capsys):
     write_folder(tmp_path / "presses", 30)
     tables = {}
     for out, more in (("plain", []), ("seen", ["--view", "--view-port", "0"])):
-        words = [
-            "replay",
-            "--tactile",
-            f"thumb={tmp_path / 'presses'}",
-            "--out",
-            str(tmp_path / out),
-            "--json",
-            *more,
-        ]
-        with pytest.raises(SystemExit) as ended:
-            main(words)
-        printed, err = capsys.readouterr()
-        assert ended.value.code == 0, err
+        words = "replay", "--tactile", f"thumb={tmp_path / 'presses'}", "--out", tmp_path / out, "--json"
+        printed, _ = call(capsys, *words, *more)
         measured = json.loads(printed)["measured"]
         tables[out] = [(tmp_path / out / name).read_bytes() for name in ("contacts.csv", "calibration.toml")]
     assert tables["plain"] == tables["seen"]

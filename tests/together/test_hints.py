@@ -8,10 +8,8 @@ import pytest
 
 from reference.command import call
 from tega.config import load_config
-from tega.errors import ConfigError, InvalidValueError
+from tega.errors import ConfigError
 from tega.setup.contract.command import main as contract
-from tega_sim.plan import TrialPlan
-from tega_sim.world.objects import OBJECTS
 
 
 def _refused(*sets: str) -> ConfigError:
@@ -54,18 +52,6 @@ def test_numbers_of_the_settings_have_no_rounding_noise(
     assert [line.split()[1] for line in out.splitlines()] == ["0.00006", "30"]
 
 
-def test_a_missing_settings_file_can_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, err = call(capsys, "run", tmp_path / "lab.toml", code=1)
-    assert "lab.toml: no such file" in err
-    assert "tega-teleop init --out" in err
-
-
-def test_replay_without_a_folder_names_verify(capsys: pytest.CaptureFixture[str]) -> None:
-    _, err = call(capsys, "replay", "--tactile", "thumb=press.avi", code=2)
-    assert "Missing option '--out'" in err
-    assert "tega-teleop verify" in err
-
-
 @pytest.mark.parametrize("verb", ["play", "verify"])
 def test_a_folder_of_tables_is_no_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
@@ -85,18 +71,6 @@ def test_a_picture_that_is_no_png_is_refused_before_the_work(
     for verb in ("audit", "verify", "replay"):
         _, err = call(capsys, verb, tmp_path, "--picture", tmp_path / name, code=2)
         assert "name it x.png" in err
-
-
-def test_a_near_object_is_suggested() -> None:
-    with pytest.raises(InvalidValueError) as error:
-        TrialPlan.checked({"object": "botle"})
-    assert error.value.hint == "did you mean 'bottle'?"
-
-
-def test_a_mass_out_of_range_is_refused_in_words() -> None:
-    with pytest.raises(InvalidValueError) as error:
-        OBJECTS["bottle"].with_(mass_kg=0.1)
-    assert error.value.message == "object 'bottle': mass_kg = 0.1: expected a number >= 0.15 (kilograms)"
 
 
 def test_a_contract_of_no_driver_and_no_stage(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from reference.command import call
 from reference.sessions import SECONDS, attached, messages, record, reported, rewritten, stream, tree
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
@@ -79,15 +80,9 @@ def test_without_what_came_before_a_replay_says_why_it_cannot(
 ) -> None:
     out = tmp_path / "part"
     words = ["recording", "trim", str(lossless), "--from", "0.5", "--no-lead-in", "--out", str(out)]
-    with pytest.raises(SystemExit) as ended:
-        main([*words, "--json"])
-    assert ended.value.code == 0
-    assert json.loads(capsys.readouterr().out) == [str(out / "trial-001.mcap")]
+    assert json.loads(call(capsys, *words, "--json")[0]) == [str(out / "trial-001.mcap")]
     assert LEAD_IN not in attached(out / "trial-001.mcap")
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", str(out)])
-    assert ended.value.code == 1
-    assert "trimmed from 0.5 s on without its lead-in" in capsys.readouterr().err
+    assert "trimmed from 0.5 s on without its lead-in" in call(capsys, "verify", out, code=1)[1]
     # What is cut out of it later does not compute either.
     later = trim_session(out, from_s=0.8, to_s=None, out=tmp_path / "later")
     with pytest.raises(RecordingError, match="without its lead-in"):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.command import call
 from tega.config import load_config
 from tega.ui.cli.main import main
 
@@ -89,42 +90,23 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     assert any("law logistic" in text for text in replay["changed"])
     assert next(s for s in replay["streams"] if s["stream"] == "/tactile/index/contact")["differ"] > 0
     assert next(s for s in replay["streams"] if s["stream"] == "/emg/levels")["differ"] == 0
-    with pytest.raises(SystemExit):
-        main(["verify", str(recording), "--set", "stages.metric.options.outlin=dent"])
-    assert "did you mean 'outline'" in capsys.readouterr().err
+    wrong = "--set", "stages.metric.options.outlin=dent"
+    assert "did you mean 'outline'" in call(capsys, "verify", recording, *wrong, code=1)[1]
 
 
 def test_loose_files_are_replayed_through_a_stage(tmp_path: Path, capsys: Any) -> None:
     samples = np.random.default_rng(1).standard_normal((1000, 3)) * np.repeat([0.1, 1.0], 500)[:, None]
     np.save(tmp_path / "squeeze.npy", samples)
-    words = (
-        "--emg",
-        tmp_path / "squeeze.npy",
-        "--emg-rate-hz",
-        250,
-        "--emg-kind",
-        "raw",
-        "--preset",
-        "paper",
-    )
+    words = ["--emg-rate-hz", "250", "--emg-kind", "raw", "--preset", "paper"]
+    words += ["--emg", str(tmp_path / "squeeze.npy")]
     levels = []
     for name, sets in (("a", ()), ("b", ("--set", "stages.decoder.options.tau_s=0.2"))):
         _, code = replayed(*words, *sets, "--out", tmp_path / name, capsys=capsys)
         assert code == 0
         levels.append((tmp_path / name / "levels.csv").read_text().splitlines())
     assert len(levels[0]) - 1 == 2 * (len(levels[1]) - 1)
-    with pytest.raises(SystemExit):
-        main(
-            [
-                "replay",
-                *map(str, words),
-                "--out",
-                str(tmp_path / "c"),
-                "--set",
-                "stages.decoder.options.tu_s=1",
-            ]
-        )
-    assert "did you mean 'tau_s'" in capsys.readouterr().err
+    wrong = "--out", tmp_path / "c", "--set", "stages.decoder.options.tu_s=1"
+    assert "did you mean 'tau_s'" in call(capsys, "replay", *words, *wrong, code=1)[1]
 
 
 MAPPINGS = ("slip-row", "equal-steps", "changes", "place")

@@ -74,6 +74,33 @@ def measured(flags: list[bool]) -> list[Any]:
     return found
 
 
+def stream_of(
+    stack: ExitStack,
+    name: str,
+    finger: Finger,
+    metric: LiveMetric,
+    bus: Bus,
+    *,
+    touching: Touching | None = None,
+    recorded: RecordedFingers | None = None,
+    start_ns: int = STARTED_NS,
+) -> Any:
+    """Return the stream of a finger's contacts as a run makes it."""
+    return contact_stream(
+        stack,
+        name,
+        finger,
+        metric=metric,
+        fed=False,
+        touching=touching or Touching(),
+        recorded=recorded or RecordedFingers(),
+        start_ns=start_ns,
+        trace=None,
+        bell=None,
+        bus=bus,
+    )
+
+
 def test_no_rest_is_taken_anew_while_another_finger_is_loaded() -> None:
     alone, loaded = measured([False] * N_FRAMES), measured([True] * N_FRAMES)
     assert [c.in_contact for c in alone[30:70]] == [True] * 40
@@ -100,19 +127,8 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
             return super().update(frame, t_ns)
 
     with ExitStack() as stack:
-        contacts = contact_stream(
-            stack,
-            "thumb",
-            finger,
-            metric=Listening(FingerSetup("thumb", frames[0].image), LiveOptions()),
-            fed=False,
-            touching=touched,
-            recorded=RecordedFingers(),
-            start_ns=STARTED_NS,
-            trace=None,
-            bell=None,
-            bus=bus,
-        )
+        metric = Listening(FingerSetup("thumb", frames[0].image), LiveOptions())
+        contacts = stream_of(stack, "thumb", finger, metric, bus, touching=touched)
         while not contacts.ended:
             contacts.next_until(10**12)
     assert [picture.loaded for picture in reported] == given
@@ -203,18 +219,14 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
         recorded = RecordedFingers()
         stack.callback(recorded.close)
         streams = {
-            name: contact_stream(
+            name: stream_of(
                 stack,
                 name,
                 finger,
-                metric=LiveMetric(FingerSetup(name, finger.baseline), LiveOptions()),
-                fed=False,
-                touching=Touching(),
+                LiveMetric(FingerSetup(name, finger.baseline), LiveOptions()),
+                bus,
                 recorded=recorded,
                 start_ns=0,
-                trace=None,
-                bell=None,
-                bus=bus,
             )
             for name, finger in recorded_fingers().items()
         }
@@ -299,19 +311,9 @@ def test_nothing_is_drawn_where_nobody_looks() -> None:
         if watched:
             bus.subscribe(MeasuredPicture, lambda picture: picture.metric.touch_map(), vital=True)
         with ExitStack() as stack:
-            contacts = contact_stream(
-                stack,
-                "thumb",
-                Finger(camera, frames[0].image, "given", SourceReport()),
-                metric=Asked(FingerSetup("thumb", frames[0].image), LiveOptions()),
-                fed=False,
-                touching=Touching(),
-                recorded=RecordedFingers(),
-                start_ns=STARTED_NS,
-                trace=None,
-                bell=None,
-                bus=bus,
-            )
+            finger = Finger(camera, frames[0].image, "given", SourceReport())
+            metric = Asked(FingerSetup("thumb", frames[0].image), LiveOptions())
+            contacts = stream_of(stack, "thumb", finger, metric, bus)
             while not contacts.ended:
                 contacts.next_until(10**12)
         # In the thread that measures: the loop's deadlines do not pay.
@@ -526,14 +528,8 @@ def test_reading_outline_and_rezero_are_settings_of_a_replay_and_of_the_demo(
         ("contact", ("stages.metric.options.outline=contact",)),
         ("paper", ("stages.metric.name=reading", "stages.metric.options.threshold=D3")),
     ):
-        words = [
-            "replay",
-            "--tactile",
-            f"thumb={tmp_path / 'press'}",
-            "--out",
-            str(tmp_path / name),
-            "--json",
-        ]
+        words = ["replay", "--tactile", f"thumb={tmp_path / 'press'}", "--json"]
+        words += ["--out", str(tmp_path / name)]
         words += ["--baseline", f"thumb={next((tmp_path / 'still').iterdir())}", "--tactile-rate-hz", "30"]
         words += ["--picture", str(tmp_path / f"{name}.png")]
         with pytest.raises(SystemExit) as ended:
@@ -547,17 +543,7 @@ def test_reading_outline_and_rezero_are_settings_of_a_replay_and_of_the_demo(
     assert area["contact"] < 0.8 * area["dent"]
     assert len({round(one) for one in area.values()}) == 3
     with pytest.raises(SystemExit) as ended:
-        main(
-            [
-                "replay",
-                "--tactile",
-                f"thumb={tmp_path / 'press'}",
-                "--out",
-                str(tmp_path / "x"),
-                "--set",
-                "stages.metric.options.outlin=contact",
-            ]
-        )
+        main([*words, "--set", "stages.metric.options.outlin=contact"])
     assert ended.value.code == 1
     assert "outlin" in capsys.readouterr().err
     options = loop_settings(

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tega.devices.tracker.sources import write_poses
-from tega_figures.arm_path import CASES, Followed, follow_path, hand_path, tracked
-from tega_figures.check_arm import arm_figure, hand_of, table
+from tega_figures.arm_path import CASES, Followed, follow_path, hand_of, hand_path, tracked
 
 SECONDS = 3.5
 BY_NAME = {case.name: case for case in CASES}
@@ -40,9 +39,6 @@ def test_a_recorded_hand_picks_and_places(tmp_path: Path) -> None:
     assert default.placed is not None
     assert default.placed.lifted_m > 0.19
     assert default.placed.placed
-    (*_, line) = table([("default, not late", default)])
-    assert line.startswith("| default, not late | ")
-    assert "| placed, " in line
 
 
 @pytest.mark.slow
@@ -65,30 +61,3 @@ def test_a_tracker_that_fails_for_moments_changes_little(followed: dict[str, Fol
     # It jumps by 73 cm three times on this way; the gate lets none of that through.
     assert failed.following > 0.9
     assert failed.shape_mm < default.shape_mm + 5
-
-
-@pytest.mark.slow
-def test_the_table_says_where_the_arm_stays(followed: dict[str, Followed]) -> None:
-    lines = table(list(followed.items()))
-    assert "| 200 ms late | – | – | – | – | – | – | 0 %: the arm stays | stays |" in lines
-
-
-@pytest.mark.slow
-def test_the_picture_names_every_line_and_the_grey_behind_them(followed: dict[str, Followed]) -> None:
-    pytest.importorskip("matplotlib", reason="pip install '.[pictures]'")
-    path = hand_path()
-    displayed = [
-        ("default, not late", followed["default, for as long"]),
-        ("without filter", followed["without filter"]),
-    ]
-    whole, still = arm_figure(path, displayed).axes
-    assert (whole.get_xlabel(), whole.get_ylabel()) == ("time, s", "height, cm")
-    assert (still.get_xlabel(), still.get_ylabel()) == ("time, s", "off its mean along x, mm")
-    legend = whole.get_legend()
-    assert legend is not None
-    named = [text.get_text() for text in legend.get_texts()]
-    assert named == ["hand", "default, not late", "without filter", "hand told to grip"]
-    # The patch that stands for the grey is seen: the legend's own ground is white and hides the grey behind it.
-    ground = legend.get_frame()
-    assert legend.get_frame_on()
-    assert ground.get_facecolor() == (1.0, 1.0, 1.0, 1.0)

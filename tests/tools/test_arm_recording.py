@@ -27,7 +27,7 @@ from tega.recording.replay.poses_file import PosesFile, PosesFileOptions
 from tega.recording.replay.recompute import forearm
 from tega.recording.trim import trim_session
 from tega_emulators.lab import emulated_lab
-from tega_figures.check_arm import hand_of
+from tega_figures.arm_path import hand_of
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 pytest.importorskip("foxglove", reason="comes with the extra record")

@@ -91,19 +91,8 @@ class Mover:
 
 
 def calibrate(file: Path, answer: Any, *more: str) -> Wizard:
-    words = [
-        "calibrate",
-        str(file),
-        "--person",
-        "p01",
-        "--json",
-        "--time-scale",
-        "0.2",
-        "--pause-s",
-        "0",
-        *more,
-    ]
-    wizard = Wizard(words, answer)
+    how = "--person", "p01", "--json", "--time-scale", "0.2", "--pause-s", "0"
+    wizard = Wizard(["calibrate", str(file), *how, *more], answer)
     wizard.run()
     return wizard
 
@@ -217,17 +206,8 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
     with Emulator("bhaptics_player", "--port", "0") as peer:
         file = lab(tmp_path, vest(peer))
         wearer = Wearer(lambda: seen_by(peer).history, THRESHOLD)
-        words = [
-            "calibrate",
-            str(file),
-            "--person",
-            "p01",
-            "--json",
-            "--time-scale",
-            "0.2",
-            "--ceiling",
-            "90",
-        ]
+        how = "--person", "p01", "--json", "--time-scale", "0.2", "--ceiling", "90"
+        words = ["calibrate", str(file), *how]
 
         def interrupted(line: str) -> None:
             if "ok front, column 3" in line:

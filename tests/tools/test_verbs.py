@@ -92,25 +92,5 @@ def test_an_argument_that_belongs_to_another_verb_now_is_passed_on(
     assert error in rest
 
 
-@pytest.mark.parametrize("name", ["", *VERBS])
-def test_the_help_of_an_option_names_what_it_is(name: str) -> None:
-    """A phrase such as "Of the order." makes its reader look for its noun elsewhere."""
-    command = VERBS[name] if name else cli
-    for option in command.params:
-        if isinstance(option, click.Option) and not option.hidden:
-            words = (option.help or "").split()
-            assert len(words) >= 3, f"{name} {option.opts[0]}: {option.help}"
-            assert words[0].lower() not in {
-                "of",
-                "per",
-                "between",
-                "in",
-                "to",
-                "then",
-                "instead",
-                "likewise",
-            }, option.help
-
-
 def test_debug_is_one_option_of_all_verbs() -> None:
     assert [name for name, verb in VERBS.items() if any("--debug" in p.opts for p in verb.params)] == [""]

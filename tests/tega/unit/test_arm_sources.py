@@ -14,7 +14,6 @@ from tega.arm import rotation as so3
 from tega.devices.base import InputReading
 from tega.devices.tracker.sources import RatePoses, RecordedPoses, read_poses, write_poses
 from tega.errors import InvalidValueError, RecordingError
-from tega_emulators.keyboard_poses import KeyboardPoses
 from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through
 
 MS = 1_000_000
@@ -132,18 +131,3 @@ def test_a_device_without_data_gives_no_valid_pose_and_a_pause_no_way() -> None:
     assert source.read(5_000 * MS)[0].position_m[0] == 0
     assert source.read(5_010 * MS)[0].position_m[0] == pytest.approx(0.0015)
     assert source.read(5_010 * MS + 10) == ()
-
-
-def test_keys_move_by_steps_and_held_keys_do_not_pile_up() -> None:
-    presses = {10: ["w", "w"], 11: ["j"], 20: ["s"]}
-    count = iter(range(10_000))
-    arm = steer(KeyboardPoses(lambda: presses.get(next(count), [])), 3000)
-    np.testing.assert_allclose(arm.position_m - START.position_m, [0.01, 0, 0], atol=1e-4)
-    assert so3.between(START[1], arm.quaternion_xyzw)[2] == pytest.approx(0.05, abs=1e-3)
-    many = KeyboardPoses(lambda: ["w"] * 50)
-    many.read(0)
-    far = many.read(10 * MS)[0].position_m[0]
-    silent = KeyboardPoses(iter([["w"] * 50, ["w"] * 50, *[[]] * 99]).__next__)
-    for n in range(80):
-        last = silent.read(n * 10 * MS)[0].position_m[0]
-    assert far < last < 0.03

@@ -11,6 +11,7 @@ The run is fed by the emulated DIGIT, Cyton and Allegro Hand in processes of the
 
 from __future__ import annotations
 
+import argparse
 import random
 import sys
 import tempfile
@@ -31,7 +32,7 @@ from tega.recording.replay import replay_file
 from tega.runtime.files.toml_text import tree_text
 from tega_campaigns.program import noted_tick_ns
 from tega_campaigns.report import put_table, table
-from tega_campaigns.runner import CampaignCase, campaign_parser, report_cases, until
+from tega_campaigns.runner import CampaignCase, report_cases, until
 from tega_campaigns.supervisor import Supervisor
 
 __all__ = ["Kill", "kill_one", "kill_table", "main", "settings"]
@@ -223,7 +224,9 @@ def _public_reader(path: Path) -> tuple[dict[str, int], dict[str, int], str]:
 
 def main() -> int:
     """Kill and look; return 1 unless every kill left what is promised."""
-    parser = campaign_parser("kills", "Kill recordings at random instants and look at what is left.")
+    parser = argparse.ArgumentParser(prog="python -m tega_campaigns.kills", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print one object a case")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page's table there")
     parser.add_argument("--instants", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--longest-s", type=float, default=4.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-__all__ = ["put_table", "seconds", "table"]
+__all__ = ["put_table", "table"]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -25,8 +25,3 @@ def put_table(page: Path, text: str, *, name: str) -> None:
     head, rest = page.read_text(encoding="utf-8").split(begin)
     _, tail = rest.split(end)
     page.write_text(f"{head}{begin}\n{text}\n{end}{tail}", encoding="utf-8", newline="\n")
-
-
-def seconds(value: float | None, *, never: str = "–") -> str:
-    """Write a time, or what stands for none."""
-    return never if value is None else f"{value:.2f} s"

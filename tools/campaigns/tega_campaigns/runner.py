@@ -6,12 +6,10 @@ A case that the machine stood still in is tried again, or reported as such to a 
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -19,7 +17,7 @@ import msgspec
 from tega.errors import TegaError
 from tega_campaigns.standstill import Standstills
 
-__all__ = ["CampaignCase", "campaign_parser", "report_cases", "run_cases", "until"]
+__all__ = ["CampaignCase", "report_cases", "run_cases", "until"]
 
 Found = TypeVar("Found")
 Reported = TypeVar("Reported", bound=msgspec.Struct)
@@ -77,15 +75,6 @@ def run_cases(
             if not still_ns or not left:
                 yield found, still_ns
                 break
-
-
-def campaign_parser(module: str, description: str, *, table: bool = True) -> argparse.ArgumentParser:
-    """Return a command line that ``--json`` is an option of, and ``--markdown`` if a page has a table of it."""
-    parser = argparse.ArgumentParser(prog=f"python -m tega_campaigns.{module}", description=description)
-    parser.add_argument("--json", action="store_true", help="print one object a case")
-    if table:
-        parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page's table there")
-    return parser
 
 
 def report_cases(

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import takewhile
 from pathlib import Path
 from types import TracebackType
@@ -38,7 +38,6 @@ class Supervisor:
         words: Further words of its command line.
         errors: The file that its error output is added to; ``None`` for this program's own.
         environment: What it finds in its environment besides this program's.
-        before: Words in front of the command, such as those that run it in another network namespace.
 
     Attributes:
         lines: What the present one and those before it have said, oldest first.
@@ -52,9 +51,8 @@ class Supervisor:
         *words: str,
         errors: Path | None = None,
         environment: Mapping[str, str] | None = None,
-        before: Sequence[str] = (),
     ) -> None:
-        self._command = [*before, *python_command("tega_campaigns.program", str(settings), *words)]
+        self._command = python_command("tega_campaigns.program", str(settings), *words)
         self._environment = python_environment({**os.environ, **(environment or {})})
         self._errors = None if errors is None else errors.open("ab")
         self._process: subprocess.Popen[str] | None = None

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import sys
 import time
 from typing import Any
 
@@ -19,7 +18,7 @@ from dbus_fast import Message, MessageType
 from dbus_fast.aio import MessageBus
 
 from tega_emulators.message_bus import PrivateBus
-from tega_emulators.pipe import notify
+from tega_emulators.pipe import notify, typed
 
 _PATH = "/org/freedesktop/login1"
 _MANAGER = "org.freedesktop.login1.Manager"
@@ -99,13 +98,9 @@ class Logind:
 
 async def _run() -> None:
     logind = Logind()
-    reader = asyncio.StreamReader()
-    await asyncio.get_running_loop().connect_read_pipe(
-        lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
-    )
     try:
         notify(await logind.start())
-        while line := (await reader.readline()).decode("ascii", "replace"):
+        async for line in typed():
             notify(await logind.act(line.strip()))
     finally:
         logind.stop()

@@ -7,18 +7,29 @@ ends the program, so that an emulator does not outlive who started it.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from typing import Any
 
-__all__ = ["notify", "obey"]
+__all__ = ["notify", "obey", "typed"]
 
 
 def notify(text: Mapping[str, Any]) -> None:
     """Say something to who started this."""
     sys.stdout.write(json.dumps(text) + "\n")
     sys.stdout.flush()
+
+
+async def typed() -> AsyncIterator[str]:
+    """Yield the lines of standard input until it ends."""
+    reader = asyncio.StreamReader()
+    await asyncio.get_running_loop().connect_read_pipe(
+        lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
+    )
+    while line := (await reader.readline()).decode("ascii", "replace"):
+        yield line
 
 
 def obey(line: str, act: Callable[[list[str]], Mapping[str, Any] | None]) -> None:

@@ -12,14 +12,13 @@ time.
 
 from __future__ import annotations
 
-import asyncio
 import math
 import sys
 import time
 from typing import Any, ClassVar, Protocol
 
 from tega_emulators.motor_sound import RATE_HZ, MotorSound
-from tega_emulators.pipe import notify, obey
+from tega_emulators.pipe import notify, obey, typed
 
 __all__ = ["EmulatedVest", "Motors", "serve"]
 
@@ -78,11 +77,6 @@ class EmulatedVest(Protocol):
 
 async def serve(vest: EmulatedVest) -> None:
     """Run an emulator until its standard input ends."""
-    reader = asyncio.StreamReader()
-    await asyncio.get_running_loop().connect_read_pipe(
-        lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
-    )
-
     received = _Heard(vest.motors)
 
     def act(words: list[str]) -> dict[str, Any]:
@@ -100,7 +94,7 @@ async def serve(vest: EmulatedVest) -> None:
     known = (*vest.faults, "clear", "glance", "look")
 
     notify(await vest.start())
-    while line := (await reader.readline()).decode("ascii", "replace"):
+    async for line in typed():
         if (name := line.strip()) in vest.faults or name == "clear":
             await vest.fault("" if name == "clear" else name)
         obey(line, act)

@@ -19,19 +19,6 @@ from tega_figures.gel_sequences import pressing
 from tega_sim.gel import Gel
 from tega_sim.seams import Indenter
 
-__all__ = [
-    "DISC_MM",
-    "TOLERANCES",
-    "Broad",
-    "broad",
-    "disc_table",
-    "grasp_table",
-    "recorded_disc",
-    "recorded_grasps",
-    "simulated_disc",
-    "simulated_grasps",
-]
-
 TOLERANCES: Final = {"share": 2.0, "elongation": 1.5, "mean": 1.5, "steepness": 1.5}
 """Factors within which medians of recorded and simulated statistics have to lie."""
 DISC_MM: Final = 3.75
@@ -93,29 +80,6 @@ def simulated_disc(gel: Gel, forces_n: list[float], *, baseline_n: float) -> lis
     return [broad(press(force_n, 1 + k), still) for k, force_n in enumerate(forces_n)]
 
 
-def disc_table(folder: Path) -> list[str]:
-    """Return lines of a table of the recorded and the simulated disc."""
-    recorded = recorded_disc(folder)
-    picked = [recorded[k] for k in (2, 5, 8, 12, len(recorded) - 1)]
-    forces = [force for force, _ in picked]
-    simulated = [simulated_disc(Gel(seed), forces, baseline_n=1.08) for seed in _UNITS]
-    lines = [
-        "| force N | mean: recorded | simulated | share: recorded | simulated | elongation: recorded | simulated |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for k, (force, one) in enumerate(picked):
-        units = [unit[k] for unit in simulated]
-        cells = [f"{force:.1f}"]
-        for of, digits in (("mean", 1), ("share", 2), ("elongation", 2)):
-            values = [getattr(unit, of) for unit in units]
-            cells += [
-                f"{getattr(one, of):.{digits}f}",
-                f"{min(values):.{digits}f} to {max(values):.{digits}f}",
-            ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
-
-
 def recorded_grasps(folder: Path) -> list[Broad]:
     """Return the statistics of each picture of ``derived/digit_grasp_masks``."""
     still = read_image(folder / "baseline.png", driver="touch check")
@@ -132,16 +96,3 @@ def simulated_grasps() -> list[Broad]:
         untouched = gel.frame([], 1000)
         found += [broad(gel.frame(pressing(name, force_n), 1), untouched) for name, force_n in _GRASPS]
     return found
-
-
-def grasp_table(folder: Path) -> list[str]:
-    """Return lines of a table of the recorded grasps and of simulated presses."""
-    lines = ["| statistic | recorded: least, median, most | simulated |", "|---|---|---|"]
-    sets = (recorded_grasps(folder), simulated_grasps())
-    for of in Broad._fields:
-        cells = []
-        for found in sets:
-            values = [getattr(one, of) for one in found if np.isfinite(getattr(one, of))]
-            cells.append(f"{min(values):.2f}, {np.median(values):.2f}, {max(values):.2f}")
-        lines.append("| " + " | ".join([of, *cells]) + " |")
-    return lines

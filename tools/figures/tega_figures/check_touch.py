@@ -1,19 +1,11 @@
-"""What the simulated touch is worth, as numbers and pictures: ``python -m tega_figures.check_touch``.
-
-Prints the tables of ``docs/evidence/sim-touch.md`` and writes its two pictures into ``docs/images`` or the folder told.
-Recorded presses are looked for in the folder that ``TEGA_DATA`` names; without them the tables that need them are left
-out.
-Needs the extras ``lab`` and ``view``.
-"""
+"""Compare the simulated touch with its closed form, a published test and recorded presses; see sim-touch.md."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import click
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,21 +13,9 @@ from tega.runtime.lifecycle import require
 from tega.runtime.opencv import read_image
 from tega.tactile import read_contact
 from tega_figures.audit import Mark, read_marks
-from tega_figures.broad import disc_table, grasp_table
-from tega_figures.closeness import TOLERANCES, Match, difference, match_press
+from tega_figures.closeness import difference
 from tega_sim.gel import LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
 from tega_sim.seams import Indenter
-
-__all__ = [
-    "GOLDEN",
-    "SHAPES",
-    "PressReading",
-    "RecordedPresses",
-    "ball_press",
-    "like_presses",
-    "readings",
-    "shape",
-]
 
 # Depth in millimetres and force in newtons of a published test: a 15 mm ball on a GelSight Mini's 4 mm gel (feats).
 GOLDEN = ((0.5, 1.650), (1.0, 5.964), (1.5, 13.526), (2.0, 23.253))
@@ -65,13 +45,10 @@ class PressReading(NamedTuple):
     """One simulated press: what is true and what ``live`` reads."""
 
     force_n: float
-    depth_mm: float
     area_px: int
     dent_px: int
     eda: int
-    eda_contact: int
     cci: float
-    centre_off_px: float
 
 
 def ball_press(radius_mm: float, contact_mm: float) -> tuple[float, float]:
@@ -110,12 +87,9 @@ def readings(name: str, gel: Gel) -> list[PressReading]:
     for index, force_n in enumerate(FORCES_N):
         image = gel.frame([shape(name, force_n)], index)
         truth, height = gel.truth, gel.displacement_mm()
-        dent, touch = read_contact(image, still), read_contact(image, still, outline="contact")
-        off = float(np.hypot(*np.subtract(dent.centroid_xy, truth.centre_xy)))
+        dent = read_contact(image, still)
         dent_px = 16 * int((height > 0.2 * height.max()).sum())
-        found.append(
-            PressReading(force_n, truth.depth_mm, truth.area_px, dent_px, dent.eda, touch.eda, dent.cci, off)
-        )
+        found.append(PressReading(force_n, truth.area_px, dent_px, dent.eda, dent.cci))
     return found
 
 
@@ -144,162 +118,3 @@ def like_presses(presses: RecordedPresses, gel: Gel) -> Iterator[tuple[float, fl
             low, high = (force_n, high) if deeper else (low, force_n)
         inside = int((mark.distance(frame.shape) <= 1).sum())
         yield read_contact(made, untouched).eda / inside, gel.truth.area_px / inside, force_n
-
-
-def _golden_table() -> list[str]:
-    gel = Gel(1, shape="flat")
-    lines = ["| depth mm | measured N | simulated N | |", "|---|---|---|---|"]
-    for depth_mm, measured_n in GOLDEN:
-        low, high = 0.05, 60.0
-        for _ in range(30):
-            force_n = (low * high) ** 0.5
-            deep = gel.press([ball(force_n=force_n, radius_mm=GOLDEN_RADIUS_MM)]).depth_mm > depth_mm
-            low, high = (low, force_n) if deep else (force_n, high)
-        lines.append(f"| {depth_mm} | {measured_n:.2f} | {force_n:.2f} | {force_n / measured_n - 1:+.0%} |")
-    return lines
-
-
-def _radius_table() -> list[str]:
-    gel = Gel(1, shape="flat")
-    lines = [
-        "| ball mm | force N | depth mm | closed form | touching radius mm | closed form | 1.2 √(R d) |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for radius_mm, contact_mm in ((4.4, 1.0), (4.4, 2.0), (4.4, 2.8), (12.0, 2.0), (12.0, 3.5), (33.0, 4.0)):
-        depth_mm, force_n = ball_press(radius_mm, contact_mm)
-        truth = gel.press([ball(force_n=force_n, radius_mm=radius_mm)])
-        seen_mm = (truth.area_mm2 / np.pi) ** 0.5
-        cells = (f"{radius_mm}", f"{force_n:.2f}", f"{truth.depth_mm:.3f}", f"{depth_mm:.3f}")
-        more = (f"{seen_mm:.2f}", f"{contact_mm:.2f}", f"{1.2 * (radius_mm * depth_mm) ** 0.5:.2f}")
-        lines.append("| " + " | ".join(cells + more) + " |")
-    return lines
-
-
-def _reading_table() -> list[str]:
-    spearman = require("scipy.stats", driver="touch check", extra="lab").spearmanr
-    gel = Gel(3)
-    lines = [
-        "| shape | seen from N | EDA over dent | EDA over touching area | with `contact` | centroid off px | "
-        "rank correlation: EDA, area | CCI, depth |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for name in SHAPES:
-        found = [r for r in readings(name, gel) if r.eda]
-        if len(found) < 2:
-            lines.append(f"| {name} | not up to {FORCES_N[-1]} N | | | | | | |")
-            continue
-        ratios = [
-            sorted(top / bottom for top, bottom in zip(tops, bottoms, strict=True))
-            for tops, bottoms in (
-                ([r.eda for r in found], [r.dent_px for r in found]),
-                ([r.eda for r in found], [r.area_px for r in found]),
-                ([r.eda_contact for r in found], [r.area_px for r in found]),
-            )
-        ]
-        spans = [f"{np.median(r):.2f} [{r[0]:.2f}, {r[-1]:.2f}]" for r in ratios]
-        same = len({r.area_px for r in found}) == 1
-        area = (
-            "same area"
-            if same
-            else f"{spearman(*zip(*((r.eda, r.area_px) for r in found), strict=True))[0]:.2f}"
-        )
-        depth = spearman([r.cci for r in found], [r.depth_mm for r in found]).statistic
-        off = np.median([r.centre_off_px for r in found])
-        cells = (name, f"{found[0].force_n}", *spans, f"{off:.1f}", area, f"{depth:.2f}")
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
-
-
-def _leftover_table() -> list[str]:
-    lines = [
-        "| force N | held s | creep | left at once | 0.13 s | 1 s | 2.7 s | 10 s | 30 s |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for force_n in (1.0, 5.0):
-        for held_s in (0.5, 1.5, 5.0, 30.0):
-            gel = Gel(0, spread=0.0, memory=True)
-            first_mm = gel.press([ball(force_n=force_n)], t_s=0.0).depth_mm
-            for frame in range(1, round(held_s * 60) + 1):
-                gel.press([ball(force_n=force_n)], t_s=frame / 60)
-            peak_mm = gel.truth.depth_mm
-            left = []
-            for after_s in (0.0, 0.13, 1.0, 2.7, 10.0, 30.0):
-                gel.press([], t_s=held_s + after_s)
-                left.append(f"{gel.displacement_mm().max() / peak_mm:.1%}")
-            lines.append(
-                "| " + " | ".join([f"{force_n}", f"{held_s}", f"{peak_mm / first_mm - 1:+.0%}", *left]) + " |"
-            )
-    return lines
-
-
-def _match_table(matches: list[Match]) -> list[str]:
-    lines = ["| statistic | recorded | simulated | off by, tolerances: median, most |", "|---|---|---|---|"]
-    for name in TOLERANCES:
-        recorded, simulated, off = (
-            [getattr(match, field)[name] for match in matches] for field in ("recorded", "simulated", "off")
-        )
-        first = "–" if name.startswith("centroid") else f"{np.median(recorded):.3g}"
-        cells = (name, first, f"{np.median(simulated):.3g}", f"{np.median(off):.2f}, {max(off):.2f}")
-        lines.append("| " + " | ".join(cells) + " |")
-    scores, correlations = [m.score for m in matches], [m.correlation for m in matches]
-    return [
-        *lines,
-        "",
-        f"score: median {np.median(scores):.2f}, worst {max(scores):.2f}; pixel correlation: median "
-        f"{np.median(correlations):.2f}, worst {min(correlations):.2f}; RMS {np.median([m.rms for m in matches]):.1f}; "
-        f"force {np.median([m.force_n for m in matches]):.1f} N",
-    ]
-
-
-def _spread(values: list[float]) -> str:
-    low, middle, high = np.percentile(values, [10, 50, 90])
-    return f"{middle:.2f} [{low:.2f}, {high:.2f}]"
-
-
-@click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument(
-    "out", type=click.Path(exists=True, file_okay=False, path_type=Path), default=Path("docs/images")
-)
-def main(out: Path) -> None:
-    """Print the tables of docs/evidence/sim-touch.md and write its pictures into the folder OUT, else docs/images.
-
-    Recorded presses are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
-    """
-    from tega_figures.gel_figure import draw_presses, draw_readings
-
-    sections = {
-        "force and depth": _golden_table(),
-        "touching radius": _radius_table(),
-        "what live reads": _reading_table(),
-        "left after release": _leftover_table(),
-    }
-    recordings = Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit"
-    folder = recordings / "digit_ball_D20641"
-    for title, name, table in (
-        ("recorded disc", "digit_disc_force", disc_table),
-        ("recorded grasps", "derived/digit_grasp_masks", grasp_table),
-    ):
-        there = (recordings / name).is_dir()
-        sections[title] = (
-            table(recordings / name) if there else [f"left out: no recordings at {recordings / name}"]
-        )
-    if folder.is_dir():
-        presses, gel = load_presses(folder), Gel(0, spread=0.0)
-        pairs = enumerate(zip(presses.frames, presses.marks, strict=True))
-        matches = [match_press(frame, presses.still, mark, gel, index=100 * k) for k, (frame, mark) in pairs]
-        sections["recorded presses"] = _match_table(matches)
-        areas, touching, forces = (list(values) for values in zip(*like_presses(presses, gel), strict=True))
-        sections["area at like difference"] = [
-            f"live area over the marked circle's {_spread(areas)}, touching area over it {_spread(touching)}, "
-            f"force {_spread(forces)} N"
-        ]
-    else:
-        sections["recorded presses"] = [f"left out: no recordings at {folder}"]
-    for title, lines in sections.items():
-        click.echo("\n".join(["", f"## {title}", "", *lines]))
-    draw_presses(out / "sim-touch.png")
-    draw_readings(out / "sim-touch-readings.png")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
-"""Print and draw what the page on the simulated person shows: parameters, holds and a picture of EMG.
+"""Print and draw what the page on the simulated person shows: parameters and a picture of EMG.
 
-``python -m tega_figures.simulated_person parameters``, ``holds`` or ``picture FILE``.
+``python -m tega_figures.simulated_person parameters`` or ``picture FILE``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 
 from tega.emg import GraspIntent
 from tega.errors import MissingExtraError, TegaError
-from tega_figures.holds import hold_shares, unsteady
 from tega_sim.operator import ForearmEmg, ScriptedOperator, calibrate, load_parameters, typical_person
 
 
@@ -25,22 +24,6 @@ def main() -> None:
 def parameters() -> None:
     """Print the parameters as Markdown."""
     click.echo(parameter_table())
-
-
-@main.command()
-@click.option("--holds", "n_holds", default=40, show_default=True, help="Holds of each level.")
-def holds(n_holds: int) -> None:
-    """Print how well levels can be held, as Markdown."""
-    click.echo(
-        "| aim error, electrode gain | preset | L1 | L2 | L3 | L4 | L5 |\n|---|---|---|---|---|---|---|"
-    )
-    for error in (0.0, 0.05, 0.10, 0.20):
-        gain = min(error, 0.15)
-        who = unsteady(typical_person(), aim_sd=error, gain_sd=gain)
-        for preset in ("paper", "live"):
-            shares = hold_shares(who, preset=preset, n_holds=n_holds)
-            cells = " | ".join(f"{share:.2f}" for share in shares)
-            click.echo(f"| {error:.2f}, {gain:.2f} | `{preset}` | {cells} |")
 
 
 @main.command()

@@ -36,8 +36,6 @@ _JUMP: Final = 0.15
 class DemoScore(NamedTuple):
     """How one finger's touch follows the truth over the lifts."""
 
-    frames: int
-    """All frames."""
     loaded: int
     """Frames in which the finger carries 0.5 N or more."""
     missed: int
@@ -51,10 +49,8 @@ class DemoScore(NamedTuple):
     in_view: int
     """Loaded frames in which a quarter or more is."""
     missed_in_view: int
-    told_after: int
-    """Frames with a contact up to 0.1 s after the last true one, which a release may take."""
     told_late: int
-    """Frames with a contact later than that."""
+    """Frames with a contact later than 0.1 s after the last true one, which a release may take."""
     steady: int
     """Pairs of frames in contact, 0.5 N and more, whose force differs by less than 5 %."""
     jumps: int
@@ -63,8 +59,6 @@ class DemoScore(NamedTuple):
     """Frames in which a column of the vest stands at 100."""
     rank: float
     """Rank correlation of force with front plus back of the vest over all frames."""
-    rank_touching: float
-    """The same over frames with force."""
 
 
 class _Kept(Streams):
@@ -92,7 +86,7 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
     Args:
         seed: Of the person and of all noise; the demo's own is 1.
     """
-    counts = {finger: np.zeros(len(DemoScore._fields) - 2, np.int64) for finger in FINGERS}
+    counts = {finger: np.zeros(len(DemoScore._fields) - 1, np.int64) for finger in FINGERS}
     felt: dict[str, list[tuple[float, float]]] = {finger: [] for finger in FINGERS}
     for name in DEMO_OBJECTS:
         kept = _Kept(lab_of(seed, "live", ()))
@@ -111,9 +105,8 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
             felt[finger] += list(zip(np.interp(displayed_s, at_s, force), front + back, strict=True))
     scores = {}
     for finger, pairs in felt.items():
-        touching = [pair for pair in pairs if pair[0] > 0.05]
-        ranks = [rank_correlation(*zip(*some, strict=True)) for some in (pairs, touching)]
-        scores[finger] = DemoScore(*(int(n) for n in counts[finger]), *ranks)
+        rank = rank_correlation(*zip(*pairs, strict=True))
+        scores[finger] = DemoScore._make([*counts[finger].tolist(), rank])
     return scores
 
 
@@ -128,5 +121,5 @@ def _count(rows: np.ndarray[tuple[int, int], np.dtype[np.float64]], force: np.nd
     pair = on[1:] & on[:-1] & loaded[1:] & (np.abs(np.diff(force)) < _STEADY * force[1:])
     wide = np.ptp(eda[on]) if on.any() else 1.0
     which = [some for part in (loaded, beyond, partly, in_view) for some in (part, part & ~on)]
-    which += [on & (since_s > 0) & ~late, on & late, pair, pair & (np.abs(np.diff(eda)) > _JUMP * wide)]
-    return [len(rows), *(int(some.sum()) for some in which)]
+    which += [on & late, pair, pair & (np.abs(np.diff(eda)) > _JUMP * wide)]
+    return [int(some.sum()) for some in which]

@@ -9,22 +9,21 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from tega.errors import DeviceUnavailableError, TegaError
-from tega.hand import TORQUE_LIMITS
 from tega.haptics import FINGERS
 from tega.recording.mcap_folder import SessionFolder
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.threads import short_turns
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import CampaignCase, run_cases, until
-from tega_campaigns.soak.faults import Breaker, link_board
+from tega_campaigns.soak.faults import Breaker
 from tega_campaigns.soak.lost import KeptCounts, check
 from tega_campaigns.soak.operator import SoakOperator
 from tega_campaigns.soak.plan import KINDS, STATION_KINDS, Kind, Planned, plan
 from tega_campaigns.soak.programs import Programs
 from tega_campaigns.soak.report import NOT_JUDGED, SoakFault, SoakReport
+from tega_campaigns.soak.settings import soak_settings
 from tega_campaigns.standstill import Standstills, within_ns
 from tega_campaigns.supervisor import SaidLine, Supervisor
 from tega_emulators.lab import EmulatedLab, emulated_lab
@@ -33,12 +32,6 @@ from tega_emulators.vests import felt_now, seen_by
 
 __all__ = ["soak"]
 
-VEST_LIMIT = 60
-HEAT_SHARE = 0.3
-TORQUE_SHARE = 0.2
-SLEW = 0.05
-# The emulated vest's sum of heat is taken in other steps than the driver's.
-_HEAT_SLACK = 0.02
 _READY_S = 40.0
 _REPORT_S = 8.0
 _LIMP_S = 3.0
@@ -107,7 +100,7 @@ def soak(
                 camera_hz=camera_hz,
             )
         )
-        tree = _tree(lab, folder, patient=patient)
+        tree = soak_settings(lab, folder, patient=patient)
         link, files = None, {"program": folder / "soak.toml"}
         if stations:
             port = free_port()
@@ -137,24 +130,6 @@ def soak(
         stack.enter_context(soaked.operator.at_work())
         chosen = kinds if kinds is not None else STATION_KINDS if stations else KINDS
         return soaked.run(seconds, plan(seed, kinds=chosen), seed, progress)
-
-
-def _tree(lab: EmulatedLab, folder: Path, *, patient: bool) -> dict[str, Any]:
-    """Return settings with limits that a run without them would break, and tell the emulators what to count."""
-    tree = lab.tree
-    lab.vest.say(f"limit {VEST_LIMIT} {HEAT_SHARE + _HEAT_SLACK}")
-    lab.hand.say("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))
-    tree["vest"]["options"] |= {"limit": VEST_LIMIT, "heat_share": HEAT_SHARE}
-    hand = tree["hand"]["options"]
-    hand["torque_share"] = TORQUE_SHARE
-    for name in ("silent_after_ms", "lowest_rate_hz", "reconnects"):
-        hand.pop(name, None)  # as they come
-    if patient:
-        # A machine that is shared holds an emulated hand up now and then.
-        hand |= {"silent_after_ms": 1000.0, "reconnects": 20, "lowest_rate_hz": 0.0}
-    tree["emg"]["options"]["port"] = str(link_board(folder, lab))
-    tree["recording"] = {"dir": str(folder / "session"), "stop_free_mib": 64.0, "warn_free_mib": 64.0}
-    return tree
 
 
 class _Soak:

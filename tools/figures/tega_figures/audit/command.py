@@ -83,13 +83,8 @@ _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 )
 @click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
 @click.option("--picture", type=PngPath(), help="Draw the comparison, or the sweep, into this PNG.")
-@click.option(
-    "--curves",
-    type=PngPath(),
-    help="Draw EDA and CCI of the presets over the pictures into this PNG; no recorded picture is in it.",
-)
 @json_option
-def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json: bool, **flags: Any) -> None:
+def audit(*, recording: Path, picture: Path | None, as_json: bool, **flags: Any) -> None:
     """Compare readings of touch, EMG and vest on RECORDING, with the stages that a run uses.
 
     RECORDING is a folder of pictures or a video of one finger, a file of EMG samples (.csv, .txt, .npy, .mat), a
@@ -113,8 +108,8 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
         found = audit_recording(
             recording, _requested(flags), baseline=flags["baseline"], emg=_emg(flags), progress=progress
         )
-    if picture is not None or curves is not None:
-        _draw(found, picture, curves)
+    if picture is not None:
+        _draw(found, picture)
     if as_json:
         echo_json(msgspec.to_builtins([one.report for one in found]))
         return
@@ -152,24 +147,22 @@ def _emg(flags: dict[str, Any]) -> EmgColumns | None:
     )
 
 
-def _draw(found: Sequence[Audited], picture: Path | None, curves: Path | None) -> None:
+def _draw(found: Sequence[Audited], picture: Path) -> None:
     """Draw each recording; of several, and of several fingers, the name goes into the file's."""
-    from tega_figures.audit.pictures import draw_audit, draw_courses, draw_curves, draw_sweep
+    from tega_figures.audit.pictures import draw_audit, draw_courses, draw_sweep
 
     for one in found:
         report: AuditReport = one.report
         name = "" if len(found) == 1 else Path(report.recording).stem
-        if picture is not None and report.sweep:
+        if report.sweep:
             draw_sweep(_named(picture, name), report)
-        elif picture is not None and not report.touch:
+        elif not report.touch:
             draw_courses(_named(picture, name), report)
-        for finger, seen in one.fingers.items():
-            own = [score for score in report.touch if score.finger == finger]
-            part = name if len(one.fingers) == 1 else f"{name}-{finger}".strip("-")
-            if picture is not None and own and not report.sweep:
+        else:
+            for finger, seen in one.fingers.items():
+                own = [score for score in report.touch if score.finger == finger]
+                part = name if len(one.fingers) == 1 else f"{name}-{finger}".strip("-")
                 draw_audit(_named(picture, part), seen, own)
-            if curves is not None and own:
-                draw_curves(_named(curves, part), seen, own, title=Path(report.recording).stem)
 
 
 def _named(path: Path, part: str) -> Path:

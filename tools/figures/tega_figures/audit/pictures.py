@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-from tega.ui.view.figures import CCI_BLUE, EDA_GREEN, new_figure
+from tega.ui.view.figures import new_figure
 from tega_figures.audit import AuditReport, EmgScore, FingerAudit, Mark, TouchScore, VestScore
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_audit", "draw_courses", "draw_curves", "draw_sweep"]
+__all__ = ["draw_audit", "draw_courses", "draw_sweep"]
 
 MARK_YELLOW, AREA_BLUE = "#ffd23f", "#3b8cff"
 
@@ -82,45 +82,6 @@ def draw_audit(path: Path, seen: FingerAudit, scores: Sequence[TouchScore]) -> N
     ax.set_ylabel("EDA, share of the picture")
     ax.set_ylim(-0.02, 1.05)
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
-    figure.savefig(path, metadata={"Software": None})
-
-
-def draw_curves(path: Path, seen: FingerAudit, scores: Sequence[TouchScore], *, title: str) -> None:
-    """Draw EDA and CCI of the presets over the pictures, each as a share of its largest value.
-
-    Args:
-        path: The PNG to write.
-        seen: The finger's pictures.
-        scores: One a reading, of this finger; where presets are among them, the others are left out.
-        title: Over the picture.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
-    presets = [score for score in scores if score.reading.split(" ")[0] in ("paper", "live")] or list(scores)
-    figure = new_figure(figsize=(8, 2.2 * len(presets) + 0.6))
-    figure.suptitle(title, fontsize=9)
-    press = np.array(seen.press)
-    for ax, score in zip(
-        figure.subplots(len(presets), 1, sharex=True, squeeze=False)[:, 0], presets, strict=True
-    ):
-        ax.fill_between(
-            range(len(press)), press / max(press.max(), 1e-9), color="0.88", label="mean difference"
-        )
-        for values, name, form, colour in (
-            (score.eda, "EDA", "d", EDA_GREEN),
-            (score.cci, "CCI", ".3f", CCI_BLUE),
-        ):
-            ax.plot(
-                np.array(values) / max(*values, 1e-9),
-                color=colour,
-                lw=1.3,
-                label=f"{name}, most {max(values):{form}}",
-            )
-        ax.set_ylabel(f"{score.reading}\nshare of the most", fontsize=8)
-        ax.set_ylim(-0.02, 1.05)
-        ax.legend(loc="upper right", fontsize=7, frameon=False)
-    ax.set_xlabel("picture")
     figure.savefig(path, metadata={"Software": None})
 
 

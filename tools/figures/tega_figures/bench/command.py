@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
 from tega.ui.cli.options import NameList, PngPath, json_option
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from tega_figures.bench.report import BenchReport, ContactRow
-    from tega_figures.bench.simulation import SimReport
 
 __all__ = ["bench"]
 
@@ -46,8 +40,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
                 to_best_peer, error: {centroid_px, spread_relative, eda_pixels, cci_relative} or null}]
       emg       [{case: block|bulk, variant, n_rows, time, ns_per_sample, to_best_peer, error_of_full_scale}]
       batches   [{reading, n_frames, one_by_one: {median_us, ...}, at_once: {median_us, ...}, to_one_by_one}]
-      tick      [{reading, n_in_contact, stages_us: {stage: ...}, total: {median_us, p99_us, n_calls},
-                saved_us: {skip: ...}}]
+      tick      [{reading, n_in_contact, stages_us: {stage: ...}, total: {median_us, p99_us, n_calls}}]
     to_floor and to_best_peer are times over the time of the reference: below 1 is faster.
     """  # noqa: D301  # click keeps the lines after \b as they are
     if ctx.invoked_subcommand is not None:
@@ -56,6 +49,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
 
     from tega.ui.cli.options import echo_json, progress_bar
     from tega_figures.bench.report import run_bench
+    from tega_figures.bench.tables import print_bench
 
     with progress_bar() as progress:
         report = run_bench(quick=quick, progress=progress)
@@ -66,7 +60,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
     if as_json:
         echo_json(msgspec.to_builtins(report))
     else:
-        _print(report)
+        print_bench(report)
 
 
 @bench.command(epilog="Example: tega-teleop bench sim --repeats 3 --json")
@@ -106,13 +100,14 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
 
     from tega.ui.cli.options import echo_json, progress_bar
     from tega_figures.bench.simulation import bench_simulation
+    from tega_figures.bench.tables import print_simulation
 
     with progress_bar() as progress:
         report = bench_simulation(objects=objects, repeats=repeats, preset=preset, progress=progress)
     if as_json:
         echo_json(msgspec.to_builtins(report))
     else:
-        _print_simulation(report)
+        print_simulation(report)
 
 
 @bench.command(epilog="Example: tega-teleop bench loop --seconds 20")
@@ -153,14 +148,6 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     show_default=True,
     help="Whether the run and the bare clock beside it ask for real-time priority.",
 )
-@click.option("--page", is_flag=True, help="Have a Chromium without a window show the run's page meanwhile.")
-@click.option(
-    "--busy",
-    type=click.IntRange(0, 64),
-    default=0,
-    show_default=True,
-    help="Programs that keep a core busy each, at ordinary priority.",
-)
 @json_option
 def loop(
     *,
@@ -170,8 +157,6 @@ def loop(
     most_hz: float | None,
     preset: Literal["paper", "live"],
     realtime: bool,
-    page: bool,
-    busy: int,
     as_json: bool,
 ) -> None:
     """Run the whole loop in real time on emulated devices and measure how long each stage takes.
@@ -189,8 +174,8 @@ def loop(
                   by how long after its positions the emulated hand had its torques; and of a bare native clock of
                   3 ms in a process beside them; "late" counts ticks by the bins whose upper bounds are late_edges_ms
       vest        {frames, sent, skipped, ...}
-      frames_hz, samples_hz, hand_hz, held_ticks, threads, page, busy
-      cpu_cores, run_cores, emulators_cores, browser_cores
+      frames_hz, samples_hz, hand_hz, held_ticks, threads
+      cpu_cores, run_cores, emulators_cores
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
@@ -208,8 +193,6 @@ def loop(
         most_hz=most_hz,
         preset=preset,
         realtime=realtime,
-        page=page,
-        busy=busy,
     )
     if as_json:
         echo_json(msgspec.to_builtins(report))
@@ -226,7 +209,7 @@ def loop(
     )
     out.print(
         f"{report.run_cores:.2f} cores for the run, {report.cpu_cores:.2f} with its hand, guard and recorder; "
-        f"{report.emulators_cores:.2f} for the emulated devices, {report.browser_cores:.2f} for the browser"
+        f"{report.emulators_cores:.2f} for the emulated devices"
     )
     vest = report.vest
     out.print(
@@ -244,47 +227,6 @@ def loop(
         f"(worst {hand.worst_ms:.1f} ms); {bare.over_1_ms} of {bare.ticks} of a bare clock "
         f"(worst {bare.worst_ms:.1f} ms)"
     )
-
-
-@bench.command(epilog="Example: tega-teleop bench start --repeats 5")
-@click.option(
-    "--repeats",
-    type=click.IntRange(1, 1000),
-    default=5,
-    show_default=True,
-    help="How often the run is started.",
-)
-@click.option("--record", is_flag=True, help="Record the runs, into a folder that is removed.")
-@click.option(
-    "--emg-hz",
-    type=click.Choice(["250", "1000"]),
-    default="1000",
-    show_default=True,
-    help="Samples a second: 250 for a Cyton, 1000 for a board that blinks for 0.4 s and is measured for 1 s.",
-)
-@json_option
-def start(*, repeats: int, record: bool, emg_hz: str, as_json: bool) -> None:
-    """Start the command run on emulated devices, and tell how long until its first tick.
-
-    Each run is a process of its own, and the time counts from its start. The devices are those of bench loop.
-
-    \b
-    --json prints one object:
-      machine, emg_hz
-      first_tick_s  [seconds, one a run]
-      stages_s      {stage: [seconds until it was reached, one a run]}
-    """  # noqa: D301  # click keeps the lines after \b as they are
-    import msgspec
-
-    from tega.ui.cli.options import echo_json
-    from tega_figures.bench.start import bench_start
-
-    report = bench_start(repeats=repeats, record=record, emg_hz=1000 if emg_hz == "1000" else 250)
-    if as_json:
-        echo_json(msgspec.to_builtins(report))
-        return
-    for stage, reached_s in report.stages_s.items():
-        click.echo(f"{stage:22} " + " ".join(f"{s:6.2f}" for s in reached_s) + " s")
 
 
 @bench.command(epilog="Example: tega-teleop bench stations --seconds 20 --keys")
@@ -322,181 +264,10 @@ def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> 
 
     from tega.ui.cli.options import echo_json
     from tega_figures.bench.stations import bench_stations
+    from tega_figures.bench.tables import print_stations
 
     report = bench_stations(seconds=seconds, keys=keys, images_hz=images_hz)
     if as_json:
         echo_json(msgspec.to_builtins(report))
         return
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    out = Console(highlight=False, width=100)
-    table = Table(title="two stations on one machine, ms", title_justify="left", box=SIMPLE)
-    table.add_column("way", no_wrap=True)
-    for name in ("n", "p50", "p95", "p99", "worst"):
-        table.add_column(name, justify="right")
-    for name, route in (
-        ("a command over the link", report.command_ms),
-        ("a picture's touch over the link", report.feature_ms),
-        ("muscle to hand, all of it", report.intent_ms["whole"]),
-        ("camera to vest, all of it", report.touch_ms["whole"]),
-    ):
-        table.add_row(name, str(route["n"]), *(f"{route[p]:.2f}" for p in ("p50", "p95", "p99", "worst")))
-    out.print(table)
-    refused = ", ".join(f"{n} {why}" for why, n in report.refused.items()) or "none"
-    clock = report.clock
-    out.print(
-        f"{report.features / report.seconds:.0f} touches and {report.images / report.seconds:.0f} pictures a second"
-    )
-    out.print(f"not used: {refused}; link {'encrypted' if report.keys else 'not encrypted'}")
-    out.print(f"clock {clock['offset_ms']:+.3f} ms, by a round trip of {clock['round_trip_ms']:.3f} ms")
-
-
-def _print_simulation(report: SimReport) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    out = Console(highlight=False, width=130)
-    machine = report.machine
-    load = "" if machine.load_per_core is None else f", load {machine.load_per_core:g} a core"
-    out.print(f"{machine.cpu}, {machine.n_cores} cores{load}, one thread")
-    table = Table(title="ms per simulated second", title_justify="left", box=SIMPLE)
-    table.add_column("stage", no_wrap=True)
-    for row in report.rows:
-        table.add_column(f"{row.object}\n{row.part}", justify="right")
-    for stage in dict.fromkeys(stage for row in report.rows for stage in row.stages_ms):
-        table.add_row(stage, *(f"{row.stages_ms.get(stage, 0.0):.1f}" for row in report.rows))
-    table.add_row("in all", *(f"{1e3 / row.real_time_factor:.1f}" for row in report.rows))
-    table.add_row("× real time", *(f"{row.real_time_factor:.1f}" for row in report.rows), style="bold")
-    table.add_row("by the wall clock", *(f"{row.wall_factor:.1f}" for row in report.rows))
-    out.print(table)
-    table = Table(title="what a skip saves", title_justify="left", box=SIMPLE)
-    for name in ("object", "skip"):
-        table.add_column(name, no_wrap=True)
-    for name in ("ms per simulated second", "share"):
-        table.add_column(name, justify="right")
-    for skip in report.skips:
-        table.add_row(skip.object, skip.skip, f"{skip.saved_ms:.1f}", f"{skip.share:.0%}")
-    out.print(table)
-    out.print(report.method, style="dim")
-
-
-def _print(report: BenchReport) -> None:
-    from rich.console import Console
-
-    out = Console(highlight=False, width=130)
-    machine = report.machine
-    load = "" if machine.load_per_core is None else f", load {machine.load_per_core:g} a core"
-    out.print(
-        f"{machine.cpu}, {machine.n_cores} cores{load}, kernels in {machine.instruction_set}, one thread"
-    )
-    out.print(", ".join(f"{name} {version}" for name, version in machine.versions.items()))
-    for reading, size in dict.fromkeys((row.reading, row.size) for row in report.contact):
-        rows = [row for row in report.contact if (row.reading, row.size) == (reading, size)]
-        _print_contact(out, f"{reading}, {size[0]}×{size[1]}", rows)
-    _print_emg(out, report)
-    _print_batches(out, report)
-    _print_ticks(out, report)
-    for name in report.missing:
-        out.print(f"note: {name} is not installed, so what needs it was not measured")
-    out.print(report.method, style="dim")
-
-
-def _print_contact(out: Console, title: str, rows: list[ContactRow]) -> None:
-    from rich.box import SIMPLE
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=SIMPLE)
-    table.add_column("contact metrics", no_wrap=True, min_width=21)
-    for name in (
-        "median µs",
-        "p99 µs",
-        "× floor",
-        "× best peer",
-        "centroid px",
-        "σ rel.",
-        "EDA px",
-        "CCI rel.",
-    ):
-        table.add_column(name, justify="right", min_width=8)
-    for row in rows:
-        e = row.error
-        errors = (e.centroid_px, e.spread_relative, e.eda_pixels, e.cci_relative) if e is not None else ()
-        table.add_row(
-            row.variant,
-            f"{row.time.median_us:.1f}",
-            f"{row.time.p99_us:.1f}",
-            f"{row.to_floor:.2f}",
-            "–" if row.to_best_peer is None else f"{row.to_best_peer:.2f}",
-            *(f"{error:.0e}" if 0 < error < 0.01 else f"{error:.3g}" for error in errors),
-        )
-    out.print(table)
-
-
-def _print_emg(out: Console, report: BenchReport) -> None:
-    from rich.box import SIMPLE
-    from rich.table import Table
-
-    table = Table(title="EMG low-pass, 4th order, 3 channels", title_justify="left", box=SIMPLE)
-    table.add_column("rows", justify="right")
-    table.add_column("variant", no_wrap=True)
-    for name in ("median µs", "p99 µs", "ns/sample", "× best peer", "error/full scale"):
-        table.add_column(name, justify="right")
-    for row in report.emg:
-        table.add_row(
-            str(row.n_rows),
-            row.variant,
-            f"{row.time.median_us:.2f}",
-            f"{row.time.p99_us:.2f}",
-            f"{row.ns_per_sample:.2f}",
-            "–" if row.to_best_peer is None else f"{row.to_best_peer:.2f}",
-            f"{row.error_of_full_scale:.0e}",
-        )
-    out.print(table)
-
-
-def _print_batches(out: Console, report: BenchReport) -> None:
-    from rich.box import SIMPLE
-    from rich.table import Table
-
-    table = Table(
-        title="many frames, 240×320, all cores: median µs a frame", title_justify="left", box=SIMPLE
-    )
-    table.add_column("reading", no_wrap=True)
-    for name in ("frames", "one by one", "at once", "× one by one"):
-        table.add_column(name, justify="right")
-    for row in report.batches:
-        times = (f"{time.median_us / row.n_frames:.1f}" for time in (row.one_by_one, row.at_once))
-        table.add_row(row.reading, str(row.n_frames), *times, f"{row.to_one_by_one:.2f}")
-    out.print(table)
-
-
-def _print_ticks(out: Console, report: BenchReport) -> None:
-    from rich.box import SIMPLE
-    from rich.table import Table
-
-    title = "one tick: four frames and 10 ms of EMG to a vest packet and CAN bytes, median µs"
-    table = Table(title=title, title_justify="left", box=SIMPLE)
-    table.add_column("touch", no_wrap=True)
-    stages = list(report.tick[0].stages_us)
-    for name in ("in contact", *stages, "in all", "p99"):
-        table.add_column(name, justify="right")
-    for row in report.tick:
-        table.add_row(
-            row.reading,
-            str(row.n_in_contact),
-            *(f"{row.stages_us[name]:.1f}" for name in stages),
-            f"{row.total.median_us:.0f}",
-            f"{row.total.p99_us:.0f}",
-        )
-    out.print(table)
-    skips = list(report.tick[0].saved_us)
-    table = Table(title="what a skip saves of such a tick, median µs", title_justify="left", box=SIMPLE)
-    table.add_column("touch", no_wrap=True)
-    for name in ("in contact", *skips):
-        table.add_column(name, justify="right")
-    for row in report.tick:
-        table.add_row(row.reading, str(row.n_in_contact), *(f"{row.saved_us[name]:.1f}" for name in skips))
-    out.print(table)
+    print_stations(report)

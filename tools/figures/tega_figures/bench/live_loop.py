@@ -13,7 +13,7 @@ import msgspec
 
 from tega.config import FINGERS, Pace, check_tree
 from tega.loop.pacing import LATE_EDGES_NS
-from tega_figures.bench.beside import Viewer, busy_cores, processor_s
+from tega_figures.bench.beside import processor_s
 from tega_figures.bench.machine import Machine, describe_machine
 from tega_figures.bench.witness import LateTicks, witness
 
@@ -44,10 +44,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
             their start included, per second.
         run_cores: That of the run's process alone.
         emulators_cores: That of the emulated devices.
-        browser_cores: That of the browser, if one shows the page.
         threads: Of the run's process, in the middle of the run; the bench's own calls are made by one of them.
-        page: Whether a browser showed the run's page.
-        busy: Programs that kept a core busy each.
         vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
         devices_ahead: Whether the emulators went before every thread of ours, as devices do, which have processors of
@@ -69,10 +66,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     cpu_cores: float
     run_cores: float
     emulators_cores: float
-    browser_cores: float
     threads: int
-    page: bool
-    busy: int
     vest: dict[str, Any]
     held_ticks: int
     devices_ahead: bool
@@ -86,8 +80,6 @@ def bench_loop(
     most_hz: float | None = None,
     preset: Literal["paper", "live"] = "live",
     realtime: bool = True,
-    page: bool = False,
-    busy: int = 0,
 ) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
@@ -98,8 +90,6 @@ def bench_loop(
         most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
         preset: Of the session and its calibration.
         realtime: Whether run and witness ask for real-time priority.
-        page: Whether a browser shows the run's page.
-        busy: Programs that keep a core busy each meanwhile.
 
     Returns:
         What was measured.
@@ -108,7 +98,6 @@ def bench_loop(
         MissingExtraError: A package of the extra ``lab`` is not installed.
     """
     from tega.loop.session import run_session
-    from tega.ui.cli.page import run_viewed
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
@@ -129,7 +118,7 @@ def bench_loop(
 
             def used_s() -> tuple[float, ...]:
                 devices = [device.pid for device in lab.devices]
-                return (*_processor_s(), processor_s(devices), processor_s(viewer.pids))
+                return (*_processor_s(), processor_s(devices))
 
             def progress(subject: str, _done: int, _total: int) -> None:
                 if subject == "running":
@@ -139,25 +128,13 @@ def bench_loop(
                     half.start()
 
             half = threading.Timer(seconds / 2, lambda: threads.append(_n_threads() - 1))
-            with witness(realtime=realtime) as beside, pressing(lab), busy_cores(busy), Viewer() as viewer:
+            with witness(realtime=realtime) as beside, pressing(lab):
                 ahead = lab.go_ahead()
-                if page:
-                    summary = run_viewed(
-                        config,
-                        title="bench",
-                        port=0,
-                        stop=lambda: False,
-                        progress=progress,
-                        opened=viewer.open,
-                    )
-                else:
-                    summary = run_session(config, progress=progress)
+                summary = run_session(config, progress=progress)
                 cpu_s.append(used_s())
                 answers_ms = lab.hand.say("answers")["answers_ms"]
                 witness_ticks = beside.late()
-            whole_s, own_s, devices_s, browser_s = (
-                after - before for before, after in zip(*cpu_s, strict=True)
-            )
+            whole_s, own_s, devices_s = (after - before for before, after in zip(*cpu_s, strict=True))
     wall_s, pacing = summary["duration_s"], summary["pacing"]
     return LoopBench(
         machine=describe_machine(),
@@ -175,10 +152,7 @@ def bench_loop(
         cpu_cores=whole_s / wall_s,
         run_cores=own_s / wall_s,
         emulators_cores=devices_s / wall_s,
-        browser_cores=browser_s / wall_s,
         threads=max(threads, default=0),
-        page=page,
-        busy=busy,
         vest=summary["vest"],
         held_ticks=summary["safety"]["held_ticks"],
         devices_ahead=ahead,

@@ -6,7 +6,6 @@ The stages are those of the dual loop, called as it calls them; devices, threads
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Literal
@@ -18,20 +17,17 @@ from numpy.typing import NDArray
 from tega.config.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
-from tega.haptics import FINGERS, MotorLevels
-from tega.loop.inbox.stuck_frames import is_repeat, kept_picture
+from tega.haptics import FINGERS
 from tega.loop.touch import TouchLoop
-from tega.records import Contact
 from tega.stages.metrics import contact_record
 from tega.tactile import read_contact
 from tega.wire import allegro_torque_frames, x40_ble_frame
 from tega_figures.bench.timing import Timing, in_turns
 from tega_sim.gel import Gel, ball
 
-__all__ = ["SKIPS", "STAGES", "Tick", "TickRow", "time_ticks"]
+__all__ = ["STAGES", "Tick", "TickRow", "time_ticks"]
 
 STAGES = ("read", "map", "vest frame", "vest packet", "emg", "hand step", "can encode")
-SKIPS = ("same number", "same pixels", "equal vest frame", "no finger set")
 # 10 ms of three channels at 1 kHz.
 EMG_RATE_HZ, EMG_ROWS = 1000.0, 10
 # Pictures a finger, so that no two ticks in a row show the same one.
@@ -46,15 +42,12 @@ class TickRow(msgspec.Struct, frozen=True, kw_only=True):
         n_in_contact: Fingers that are pressed; the others are read as well.
         stages_us: Median of each stage, microseconds.
         total: Of all stages together.
-        saved_us: Median of what each skip saves in such a tick: every frame has the number of the one before it, or
-            its pixels, the vest shows this already, or touch is not in the settings at all.
     """
 
     reading: str
     n_in_contact: int
     stages_us: dict[str, float]
     total: Timing
-    saved_us: dict[str, float]
 
 
 @cache
@@ -88,8 +81,7 @@ class Tick:
         """Run one tick.
 
         Returns:
-            Nanoseconds of each stage, then of telling that the pictures and that the vest frame are the same as
-            before; the vest's packet; the CAN frames' data.
+            Nanoseconds of each stage; the vest's packet; the CAN frames' data.
         """
         clock = time.perf_counter_ns
         self._number += 1
@@ -114,27 +106,9 @@ class Tick:
         stepped = clock()
         data = b"".join(can.data for can in allegro_torque_frames(torques))
         ended = clock()
-        alike = self._tell_repeats(t_ns, now, contacts, frame)
         marks = (started, read, mapped, framed, displayed, filtered, stepped, ended)
         stages = tuple(later - sooner for sooner, later in pairwise(marks))
-        return (*stages, *alike), packet, data
-
-    def _tell_repeats(
-        self, t_ns: int, now: int, contacts: Sequence[Contact], frame: MotorLevels
-    ) -> tuple[int, int]:
-        """Time what the skips do instead of the work: four pictures and a vest frame that are the ones before."""
-        clock = time.perf_counter_ns
-        seen = [
-            kept_picture(images[now], contact)
-            for (images, _), contact in zip(self._fingers, contacts, strict=True)
-        ]
-        again = self._touch.frame(t_ns)
-        started = clock()
-        for last, (images, _) in zip(seen, self._fingers, strict=True):
-            is_repeat(images[now], last)
-        compared = clock()
-        bool(again == frame)
-        return compared - started, clock() - compared
+        return stages, packet, data
 
 
 def time_ticks(*, budget_s: float) -> list[TickRow]:
@@ -159,22 +133,12 @@ def _stages(tick: Tick) -> tuple[int, ...]:
 
 
 def _row(reading: str, n_in_contact: int, times_us: NDArray[np.float64]) -> TickRow:
-    stages, (compare, compare_vest) = times_us[:, : len(STAGES)], times_us[:, len(STAGES) :].T
-    totals = stages.sum(axis=1)
-    of = dict(zip(STAGES, stages.T, strict=True))
-    touch = of["read"] + of["map"]
-    saved = (
-        touch,
-        of["read"] - compare,
-        of["vest packet"] - compare_vest,
-        touch + of["vest frame"] + of["vest packet"],
-    )
+    totals = times_us.sum(axis=1)
     return TickRow(
         reading=reading,
         n_in_contact=n_in_contact,
-        stages_us={name: float(np.median(us)) for name, us in of.items()},
+        stages_us={name: float(np.median(us)) for name, us in zip(STAGES, times_us.T, strict=True)},
         total=Timing(
             median_us=float(np.median(totals)), p99_us=float(np.percentile(totals, 99)), n_calls=len(totals)
         ),
-        saved_us={name: float(np.median(us)) for name, us in zip(SKIPS, saved, strict=True)},
     )

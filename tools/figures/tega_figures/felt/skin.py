@@ -1,9 +1,9 @@
 """Simulate what many looks at a vest tell one person, motor by motor, in batches of trials.
 
-It is the skin of :mod:`tega_sim.operator.vest_sense` (link, motor's lag, spread, adaptation, threshold, noise of a
-look), with the same numbers of the same simulated people, but with a place for every motor: that one sums a face up by
-its strongest column. What it adds is marked [P], a proposal that nobody has measured: how often a place is taken for
-its neighbour, and the distance of the rows.
+It is the skin of :mod:`tega_sim.operator.vest_sense` (link, motor's lag, spread, threshold, noise of a look), with
+the same numbers of the same simulated people, but with a place for every motor: that one sums a face up by its
+strongest column. What it adds is marked [P], a proposal that nobody has measured: how often a place is taken for its
+neighbour, and the distance of the rows.
 """
 
 from __future__ import annotations
@@ -48,12 +48,10 @@ class BatchSkin:
 
     Args:
         vest: The person's numbers.
-        adapted: Adaptation of each motor that the trials begin with, (2, 5, 4), 1 for a rested skin.
     """
 
-    def __init__(self, vest: VestSection, adapted: Array | None = None) -> None:
+    def __init__(self, vest: VestSection) -> None:
         self._p = vest
-        self.adapted = np.ones((2, ROWS, 4)) if adapted is None else adapted
         self._look_sd = math.log1p(vest.weber) / _TWO_GLANCES
 
     def moved(self, levels: NDArray[np.uint8]) -> Array:
@@ -83,14 +81,14 @@ class BatchSkin:
         return np.array(looks)
 
     def felt(self, moved: Array) -> Array:
-        """Return intensities on the skin at each look, (looks, 2, 5, 4): spread to the neighbours, and adapted to."""
+        """Return intensities on the skin at each look, (looks, 2, 5, 4): spread to the neighbours."""
         column, row = self._p.spread * moved, _ROW_SPREAD * moved
         out = moved.copy()
         out[..., 1:] = np.maximum(out[..., 1:], column[..., :-1])
         out[..., :-1] = np.maximum(out[..., :-1], column[..., 1:])
         out[..., 1:, :] = np.maximum(out[..., 1:, :], row[..., :-1, :])
         out[..., :-1, :] = np.maximum(out[..., :-1, :], row[..., 1:, :])
-        return out / self.adapted
+        return out
 
     def percepts(self, levels: NDArray[np.uint8], n_trials: int, rng: np.random.Generator) -> Array:
         """Return what trials of one stimulus leave in mind, float64 (trials, features).
@@ -142,12 +140,6 @@ class BatchSkin:
         swapped = rng.random(n_trials) < p.panel_swap
         features[swapped] = features[swapped][:, :, ::-1]
         return features.reshape(n_trials, -1)
-
-    def adapt(self, moved: Array) -> None:
-        """Let the skin adapt to what a motor did, look by look."""
-        p = self._p
-        for amplitude in moved:
-            self.adapted = self.adapted + (1 + p.adapt_gain * amplitude - self.adapted) * (POLL_S / p.adapt_s)
 
 
 def _aside(rng: np.random.Generator, n: int, chance: float) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
@@ -28,22 +28,6 @@ WRIST_MM: Final = tuple((1000 * PALM_ROTATION.T @ np.array([0.09, -0.06, 0.10]))
 """Middle of the hand's box in the palm's axes: on a bracket above the knuckles."""
 
 _GREY_TABLE, _GREY_ROOM = 82.0, 70.0
-
-
-class Occluder(NamedTuple):
-    """Something dark that passes between camera and scene.
-
-    Attributes:
-        begin_s: When.
-        end_s: Until when.
-        at_px: Middle on the picture.
-        size_px: Half width and half height.
-    """
-
-    begin_s: float
-    end_s: float
-    at_px: tuple[float, float]
-    size_px: tuple[float, float]
 
 
 def camera_pose(
@@ -125,18 +109,14 @@ class RenderedTrial:
         rate_hz: Of the camera.
         begin_s: First picture.
         end_s: Last one.
-        seed: Of noise, clock and occluders.
+        seed: Of noise.
         lens: The camera's true lens.
-        layout: Where the tags truly are; as on the sheets where ``None``.
-        lost: Share of pictures that are lost on their way.
-        occluders: What passes before the camera.
         eye_m: Where the camera stands.
 
     Attributes:
         layout: Where the tags truly are.
         world_to_camera: float64 (3, 4).
         t_s: Times of the pictures, seconds.
-        occluders: What passes before the camera.
     """
 
     def __init__(
@@ -149,18 +129,13 @@ class RenderedTrial:
         end_s: float,
         seed: int,
         lens: Lens = LENS,
-        layout: TagLayout | None = None,
-        lost: float = 0.01,
-        occluders: tuple[Occluder, ...] = (),
         eye_m: tuple[float, float, float] = EYE_M,
     ) -> None:
-        self._trial, self.occluders = trial, occluders
-        self._rng = np.random.default_rng(seed)
-        self.layout = layout or bench_layout(trial)
+        self._trial = trial
+        self.layout = bench_layout(trial)
         self._camera = SceneCamera(lens, film, seed=seed + 1)
         self.world_to_camera = camera_pose(eye_m)
-        times = np.arange(begin_s, end_s, 1 / rate_hz)
-        self.t_s = times[self._rng.random(len(times)) >= lost]
+        self.t_s = np.arange(begin_s, end_s, 1 / rate_hz)
         self._lens = lens
         family = self.layout.family
         slide: dict[bool, list[tuple[PlacedTag, str]]] = {True: [], False: []}
@@ -190,11 +165,6 @@ class RenderedTrial:
             narrow = float(np.interp(t_s, trial.t_s, narrowing))
             moved = [face._replace(corners=face.corners - narrow * route) for face, route in self._sliding]
             hulls = self._hulls(int(np.searchsorted(trial.t_s, t_s)))
-            for one in self.occluders:
-                if one.begin_s <= t_s <= one.end_s:
-                    angle = np.linspace(0, 2 * np.pi, 24)
-                    rim = np.column_stack([np.cos(angle), np.sin(angle)]) * one.size_px + one.at_px
-                    hulls.append((0.3, rim, 55.0))
             yield (
                 float(t_s),
                 self._camera.picture(

@@ -46,7 +46,7 @@ def main() -> None:
     cv2 = load_cv2("figures")
     trial = true_trial(TrialPlan(object="container", condition="haptic", seed=1))
     at_s = next(one.t_s for one in trial.events if one.kind == "lifted") - 1.0
-    scene = RenderedTrial(trial, Film(), rate_hz=30, begin_s=at_s, end_s=at_s + 0.01, seed=1, lost=0.0)
+    scene = RenderedTrial(trial, Film(), rate_hz=30, begin_s=at_s, end_s=at_s + 0.01, seed=1)
     _, image = next(iter(scene.pictures()))
     colour = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     wanted = frozenset(tag.id for body in scene.layout.bodies().values() for tag in body.all_tags())

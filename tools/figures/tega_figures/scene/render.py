@@ -8,8 +8,8 @@ reflections on the paper, demosaicing, folds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -243,11 +243,3 @@ class SceneCamera:
         )
         inside = np.clip(np.minimum(np.minimum(u, columns - 1 - u), np.minimum(v, rows - 1 - v)) + 1, 0, 1)
         return ink, inside
-
-
-def joined(poses: Mapping[str, NDArray[np.float64]], world_to_camera: NDArray[np.float64]) -> dict[str, Any]:
-    """Return poses of bodies in the camera's axes."""
-    turn, shift = world_to_camera[:, :3], world_to_camera[:, 3]
-    return {
-        name: np.column_stack([turn @ pose[:, :3], turn @ pose[:, 3] + shift]) for name, pose in poses.items()
-    }

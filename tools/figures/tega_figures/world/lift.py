@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Final, NamedTuple
 
 from tega.hand.mjcf import FULL_DUTY_NM
@@ -29,12 +28,9 @@ class LiftResult(NamedTuple):
         height_m: Of the object over where it stood, at the end.
         slip_m: At the end.
         slips: How many there were, as a trial's score counts them (:class:`tega_sim.score.TrialScorer`).
-        peak_force_n: Highest sum of normal forces on the four pads.
-        grip_force_n: Normal forces on pads, links and palm together at the end.
         narrowing_m: Largest deformation.
         damage_m: At the end.
         lift_off_s: When the object left the table; None: it never did.
-        cpu_us: Processor time that the world took for a simulated millisecond while grasping and after, microseconds.
         trace: What was so every 3 ms.
     """
 
@@ -42,58 +38,46 @@ class LiftResult(NamedTuple):
     height_m: float
     slip_m: float
     slips: int
-    peak_force_n: float
-    grip_force_n: float
     narrowing_m: float
     damage_m: float
     lift_off_s: float | None
-    cpu_us: float
     trace: tuple[WorldTruth, ...]
 
 
 def lift(
-    spec: ObjectSpec | str, level: int, *, seed: int = 0, physics: Physics | None = None, hold_s: float = 2.0
+    spec: ObjectSpec | str, level: int, *, physics: Physics | None = None, hold_s: float = 2.0
 ) -> LiftResult:
     """Lift an object at one closure level.
 
     Args:
         spec: The object, or its name.
         level: Closure level to grip with, 2 to 5.
-        seed: Of the world.
         physics: How the motion is computed.
         hold_s: How long to hold after the hand is up.
     """
-    world, controller = World(spec, seed=seed, physics=physics, start_m=(0.0, 0.12)), hand_controller()
+    world, controller = World(spec, physics=physics, start_m=(0.0, 0.12)), hand_controller()
     trace: list[WorldTruth] = []
     scorer = TrialScorer(world.spec.harm_m)
-    tick, cpu_s, started_s = 0, 0.0, 0.0
+    tick = 0
     for until_s, wanted, height_m, back_m in (*_PLAN, (_PLAN[-1][0] + hold_s, 0, LIFT_M, 0.0)):
         world.set_forearm((height_m, back_m))
-        if wanted == 0 and started_s == 0:
-            started_s = world.t_s
         while tick * _TICK_S < until_s - 1e-9:
             torques = FULL_DUTY_NM * controller.step(world.angles_rad, wanted or level)
             tick += 1
-            began = time.process_time()
             world.set_torques(torques)
             world.advance_to(tick * _TICK_S)
-            cpu_s += time.process_time() - began if wanted == 0 else 0.0
             trace.append(world.truth())
             scorer.take(world.t_s, trace[-1], placing=False)
     scorer.close()
     end = trace[-1]
-    pads, rest = world.hand_forces_n()
     lift_off = next((truth.t_s for truth in trace if truth.lift_off), None)
     return LiftResult(
         held=end.lift_off and not end.dropped and end.object_height_m > LIFT_M / 2,
         height_m=end.object_height_m,
         slip_m=end.slip_m,
         slips=scorer.count("slip"),
-        peak_force_n=max(sum(truth.pad_force_n) for truth in trace),
-        grip_force_n=float(pads.sum()) + rest,
         narrowing_m=max(truth.deformation_m for truth in trace),
         damage_m=end.damage_m,
         lift_off_s=lift_off,
-        cpu_us=1e3 * cpu_s / (world.t_s - started_s),
         trace=tuple(trace),
     )

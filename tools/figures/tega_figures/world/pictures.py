@@ -1,7 +1,8 @@
-"""Picture of the simulated world for the documentation."""
+"""Draw the simulated world: ``python -m tega_figures.world.pictures docs/images``."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any, Final
 
@@ -68,3 +69,7 @@ def _scene(figure: Any) -> Any:
         axes.view_init(elev=20, azim=-12)
         axes.set_axis_off()
     return figure
+
+
+if __name__ == "__main__":
+    draw_scene(Path(sys.argv[1]))

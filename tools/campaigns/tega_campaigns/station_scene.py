@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -13,16 +12,12 @@ from typing import Any, Self
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.runtime.every import every
 from tega_campaigns.impaired import ImpairedLink
-from tega_campaigns.lossy_wire import LossyWire
 from tega_campaigns.runner import until
-from tega_campaigns.supervisor import SaidLine, Supervisor
+from tega_campaigns.supervisor import Supervisor
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import free_port, split, write_trees
 
-__all__ = ["SECOND", "StationScene"]
-
-SECOND = "bob"
-"""Name of an operator besides the one who leads, who is called ``operator``."""
+__all__ = ["StationScene"]
 
 _PATIENCE_S = 60.0
 _DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
@@ -36,36 +31,21 @@ class StationScene:
     Args:
         folder: For settings and calibration.
         net: Further settings of ``[net]`` for both.
-        keys: Folder of keys; none for none.
-        wire: Instead of a proxy, with the operator at its other end; needs keys.
 
     Attributes:
-        folder: Where their files are.
-        keys: Folder of keys; ``None`` for none.
         link: What stands between them.
         robot: The robot's station.
         operator: The operator's.
         lab: Their devices.
-        refused_s: How long after it began another operator's program was told no; ``None`` for never.
-        others_said: With which words.
     """
 
-    refused_s: float | None = None
-    others_said: Sequence[SaidLine] = ()
     link: ImpairedLink
     robot: Supervisor
     operator: Supervisor
     lab: EmulatedLab
 
-    def __init__(
-        self,
-        folder: Path,
-        *,
-        net: dict[str, Any] | None = None,
-        keys: Path | None = None,
-        wire: LossyWire | None = None,
-    ) -> None:
-        self.folder, self._net, self.keys, self.wire = folder, net or {}, keys, wire
+    def __init__(self, folder: Path, *, net: dict[str, Any] | None = None) -> None:
+        self._folder, self._net = folder, net or {}
         self._stack = ExitStack()
         self._held: set[int] = set()
 
@@ -76,7 +56,7 @@ class StationScene:
             DeviceUnavailableError: They do not come together.
         """
         with ExitStack() as stack:
-            folder, port = self.folder, free_port()
+            folder, port = self._folder, free_port()
             lab = stack.enter_context(emulated_lab(folder, emg_hz=250.0, fingers=("thumb",), arm=True))
             self.lab = lab
             self.link = stack.enter_context(ImpairedLink(port))
@@ -85,15 +65,18 @@ class StationScene:
             tree["arm"]["tracker"] = {"driver": "poses-file", "options": {"file": str(_still(folder))}}
             # A button of which nothing is heard for ten seconds is not believed.
             stack.enter_context(every(self._hold_on, every_s=_PRESS_S))
-            self._tree, self._port = tree, port
-            self._robot_file, self._operator_file = self.files("", keys=self.keys)
-            self.robot = stack.enter_context(Supervisor(self._robot_file, "--commands"))
+            listen, connect = (f"tcp/127.0.0.1:{number}" for number in (port, self.link.port))
+            trees = split(tree, listen=listen, connect=connect)
+            for station in trees:
+                station["net"] |= self._net
+            robot_file, operator_file = write_trees(folder, trees)
+            self.robot = stack.enter_context(Supervisor(robot_file, "--commands"))
             self.robot.start()
             if until(lambda: self.robot.has_said("waits for an operator") is not None, _PATIENCE_S) is None:
                 raise DeviceUnavailableError(
                     "the robot's station has not started", str(self.robot.lines[-3:])
                 )
-            self.operator = stack.enter_context(self.station_of(self._operator_file))
+            self.operator = stack.enter_context(Supervisor(operator_file, "--cap", str(lab.cap.port)))
             self.operator.start()
             self.take_hold()
             self._stack = stack.pop_all()
@@ -105,25 +88,6 @@ class StationScene:
         """End everything."""
         self._stack.close()
 
-    def files(self, stem: str, *, keys: Path | None, name: str = "operator") -> tuple[Path, Path]:
-        """Write the settings of the robot's station, and of an operator's of some name."""
-        place = f"{'tcp' if keys is None else 'tls'}/{'127.0.0.1' if self.wire is None else self.wire.here}"
-        port = self.link.port if self.wire is None else self._port
-        listen, connect = f"{place}:{self._port}", f"{place}:{port}"
-        trees = split(self._tree, listen=listen, connect=connect, keys=keys)
-        for tree in trees:
-            tree["net"] |= self._net
-        trees[1]["net"]["name"] = name
-        if keys is not None:
-            trees[0]["net"]["operators"] = ["operator", SECOND]
-            trees[1]["net"]["keys"] = str(keys / name)
-        return write_trees(self.folder, trees, stem)
-
-    def station_of(self, settings: Path) -> Supervisor:
-        """Return an operator's station, with the one SpaceMouse that is there; nothing is started yet."""
-        before = () if self.wire is None else self.wire.inside
-        return Supervisor(settings, "--cap", str(self.lab.cap.port), before=before)
-
     def ready(self) -> bool:
         """Whether muscles steer the hand and touch is felt."""
         return (
@@ -131,10 +95,6 @@ class StationScene:
             and self.operator.now.get("state") == "active"
             and bool(self.operator.now.get("felt"))
         )
-
-    def steers(self) -> bool:
-        """Whether the operator steers hand and arm and feels touch."""
-        return self.ready() and self.robot.leads
 
     def take_hold(self) -> None:
         """Have the arm follow, however it is."""
