@@ -29,7 +29,8 @@ from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_guard import guard_hand
 from tega.devices.input.pedal import Pedal, PedalOptions
 from tega.devices.vest import vest_ble, vest_ble_guard, vest_stream
-from tega.devices.vest.vest_stream import StreamedVest, VestLink, VestOptions
+from tega.devices.vest.vest_link import VestLink
+from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 from tega.hand import HandController
 from tega.hand.link import HandLink, Received
 from tega.haptics import vest_frame
@@ -208,7 +209,6 @@ class _Vest(StreamedVest):
     """A vest whose link is the test's."""
 
     name = "a vest"
-    _label = "here"
 
     def _new_link(self) -> VestLink:
         raise NotImplementedError
@@ -254,7 +254,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> Callable[..., _Link]:
         clock = SimpleNamespace(monotonic=lambda: now.s, monotonic_ns=lambda: round(now.s * 1e9))
         monkeypatch.setattr(vest_stream, "time", clock)
         monkeypatch.setattr(vest_stream, "_POLL_S", 0.0)
-        vest = _Vest(VestOptions(most_hz=1000.0))
+        vest = _Vest(VestOptions(most_hz=1000.0), "here")
         vest._begin()
         vest._thread = SimpleNamespace()  # type: ignore[assignment]
         vest.write(0, vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40"))
@@ -451,9 +451,9 @@ def test_a_dead_man_that_says_nothing_is_let_go_after_its_time() -> None:
     list(pedal._buttons.take(-1000 * MS, {"1"}))
     list(pedal._buttons.settle(0))
     assert pedal._buttons.held
-    pedal._mind_silence(100 * MS)
+    pedal._pass_time(100 * MS)
     assert pedal._buttons.held
-    pedal._mind_silence(101 * MS)
+    pedal._pass_time(101 * MS)
     assert not pedal._buttons.held
 
 

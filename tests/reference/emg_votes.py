@@ -33,7 +33,7 @@ _BACK_S = 0.5
 class ChannelVotes:
     """Judges the channels of one source as :class:`tega.emg.votes.ChannelVotes` does.
 
-    Where ``_returns`` is made false, mains are looked for in every window, not only where its halves are alike.
+    Mains are looked for in every window, not only where its halves are alike.
     """
 
     def __init__(
@@ -50,11 +50,6 @@ class ChannelVotes:
         self._n_still = max(_FEWEST_STILL, math.ceil(_STILL_S * rate_hz))
         self._n_mains = round(_MAINS_S * rate_hz)
         self._lines = {line_hz: _comb(line_hz, rate_hz, self._n_mains) for line_hz in _LINES_HZ}
-        half = self._n_mains // 2
-        # Whether every line and multiple comes back as it was in the second half of what is looked at.
-        self._returns = 2 * half == self._n_mains and all(
-            math.isclose(turns := half * line_hz / rate_hz, round(turns)) for line_hz in _LINES_HZ
-        )
         self._n_back = math.ceil(_BACK_S * rate_hz)
         self._past = np.full((max(self._n_stuck, self._n_mains), len(self._names)), np.nan)
         self._n = 0
@@ -140,10 +135,6 @@ class ChannelVotes:
         found: dict[int, tuple[str, int]] = {}
         # A line has no more power than the whole, so that at rest none is loud enough.
         may_be = _MEAN_OF_RMS * np.sqrt(power / len(recent)) >= _MAINS_LEVEL * self._maxima
-        if self._returns:
-            # What is no line is all that can differ between the halves, with at most twice its power. Muscles differ.
-            change = swing[: len(swing) // 2] - swing[len(swing) // 2 :]
-            may_be &= (change**2).sum(axis=0) <= 2.001 * (1 - _MAINS_SHARE) * power
         if not may_be.any():
             return found
         for line_hz, comb in self._lines.items():

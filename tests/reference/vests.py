@@ -5,32 +5,34 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.devices.vest.vest_link import VestLink
 from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 
-__all__ = ["KeptLink", "KeptVest"]
+__all__ = ["HandedOver", "KeptLink", "KeptVest"]
 
 
-class KeptLink:
+class KeptLink(VestLink):
     """Keeps each frame, and when it came, in seconds of the monotonic clock."""
-
-    present = True
-    notes: tuple[str, ...] = ()
-    condition = ""
-    battery_percent: int | None = None
 
     def __init__(self) -> None:
         self.sent: list[tuple[float, NDArray[np.uint8]]] = []
 
     def connect(self) -> None: ...
-    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002
-        return True
-
     def send(self, intensities: NDArray[np.uint8]) -> None:
         self.sent.append((time.monotonic(), intensities.copy()))
 
-    def poll(self) -> None: ...
     def close(self) -> None: ...
-    def abort(self) -> None: ...
+
+
+class HandedOver:
+    """A vest's account of the frames that have left, filled by hand."""
+
+    def __init__(self) -> None:
+        self.handed: list[tuple[int, int, int]] = []
+
+    def handed_over(self) -> list[tuple[int, int, int]]:
+        handed, self.handed = self.handed, []
+        return handed
 
 
 class KeptVest(StreamedVest):
@@ -39,12 +41,8 @@ class KeptVest(StreamedVest):
     name = "wire-vest"
 
     def __init__(self, options: VestOptions) -> None:
-        super().__init__(options)
+        super().__init__(options, "wire")
         self.wire = KeptLink()
 
     def _new_link(self) -> KeptLink:
         return self.wire
-
-    @property
-    def _label(self) -> str:
-        return "wire"

@@ -640,7 +640,7 @@ def test_an_encrypted_player_answers_every_opening() -> None:
     """Where one thread reads a TLS connection and another writes it, two in a hundred are never answered."""
     with bench("bhaptics-player", **V3) as made:
         for _ in range(300):
-            link = PlayerLink(made.vest._options)  # type: ignore[attr-defined]
+            link = PlayerLink(made.vest._options)  # type: ignore[arg-type]
             try:
                 link.connect()
                 assert link.present

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
 import av
@@ -138,19 +137,4 @@ def test_playlists_and_text_are_no_videos(tmp_path: Path) -> None:
 def test_a_raw_stream_names_the_way_out(tmp_path: Path) -> None:
     path = encode(tmp_path / "v.h264", numbered(4), [0, 40, 80, 120], codec="h264")
     with pytest.raises(RecordingError, match=r"states no frame times; .*ffmpeg -framerate RATE -i v\.h264"):
-        frames_of(path)
-
-
-def test_without_pyav_opencv_reads_and_that_is_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_video(tmp_path / "v.avi", 8, rate_hz=25)
-    with_pyav = [(f.t_ns, f.seq, f.name) for f in frames_of(path)]
-    find_spec = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "av" else find_spec(name))
-    with VideoFile(VideoFileOptions(file=path)) as source:
-        (note,) = source.info.notes
-    assert note.startswith("v.avi: read by OpenCV, since PyAV is not installed")
-    assert [(f.t_ns, f.seq, f.name) for f in frames_of(path)] == with_pyav
-    path = write_video(tmp_path / "v.avi", 40)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-    with pytest.raises(RecordingError, match="cut short"):
         frames_of(path)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tega.arm.clip import clipped
 from tega.arm.clutch import Clutch
 from tega.arm.frames import ToBase
 from tega.arm.gate import PoseGate, malformed
@@ -16,7 +15,7 @@ from tega.arm.pose import ArmCommand, ArmState, Pose, StampedPose
 from tega.arm.rotation import unit
 from tega.arm.settings import ArmSettings, checked
 from tega.arm.watch import ArmWatch, Level, Trouble
-from tega.arm.workspace import Workspace
+from tega.arm.workspace import Workspace, clipped
 
 _AGAIN = "; let the clutch go and press it again"
 

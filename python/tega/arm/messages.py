@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -77,12 +77,12 @@ class Health(msgspec.Struct, frozen=True):
     success_rate: float | None = None
 
 
-class AppliedTarget(msgspec.Struct, frozen=True):
-    """The target that the arm itself was given, after everything that limits it.
+class HandSeen(NamedTuple):
+    """Place and turn of the robot's hand, or of its target, with their time.
 
     Attributes:
-        t_ns: When, monotonic clock.
-        place: Metres.
+        t_ns: When it was there, monotonic clock; does not rise while the robot says nothing new.
+        place: Metres, base's axes.
         turn: x, y, z, w.
     """
 
@@ -95,24 +95,20 @@ class ArmStatusWords(msgspec.Struct, frozen=True, tag="Told"):
     """Pose of the robot's hand and state of the arm, from the arm's process to the run.
 
     Attributes:
-        t_ns: When the hand was there, monotonic clock.
-        place: Metres.
-        turn: x, y, z, w.
+        seen: The hand.
         phase: Phase of the arm.
         reason: Why, in words.
         refusal: Why the last command that was not obeyed was not.
         health: Health of its loop.
-        led: Its newest target; ``None`` while it is not led.
+        led: Its newest target, after everything that limits it; ``None`` while it is not led.
     """
 
-    t_ns: int
-    place: Triple
-    turn: Quaternion
+    seen: HandSeen
     phase: Phase
     reason: str
     refusal: str = ""
     health: Health = Health()
-    led: AppliedTarget | None = None
+    led: HandSeen | None = None
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):

@@ -27,66 +27,36 @@ def _share(cutoff_hz: float, dt_s: float) -> float:
     return around / (1 + around)
 
 
-class _Cutoff:
-    """Smoothing factor of both filters, for a low-pass with a cutoff that rises with the speed."""
-
-    def __init__(self, cutoff_hz: float, beta: float, speed_cutoff_hz: float) -> None:
-        self._cutoff_hz, self._beta, self._speed_cutoff_hz = cutoff_hz, beta, speed_cutoff_hz
-        self._speed: Floats = np.zeros(3)
-
-    def share(self, difference: Floats, dt_s: float) -> float:
-        self._speed += _share(self._speed_cutoff_hz, dt_s) * (difference / dt_s - self._speed)
-        return _share(self._cutoff_hz + self._beta * math.hypot(*self._speed.tolist()), dt_s)
-
-
 class OneEuro:
-    """Filters places.
+    """Filters places or rotations.
 
     Args:
         cutoff_hz: Cutoff at rest.
-        beta_per_m: Rise of the cutoff, Hz per m/s.
+        beta: Rise of the cutoff, Hz per m/s; of rotations Hz per rad/s.
         speed_cutoff_hz: Cutoff of the speed.
+        turns: Whether the samples are unit quaternions; each filtered one is on the side of the last.
 
     Example:
         >>> OneEuro(1.5, 10, 1).step(np.ones(3), 0.01).tolist()
         [1.0, 1.0, 1.0]
     """
 
-    def __init__(self, cutoff_hz: float, beta_per_m: float, speed_cutoff_hz: float) -> None:
-        self._cutoff = _Cutoff(cutoff_hz, beta_per_m, speed_cutoff_hz)
+    def __init__(self, cutoff_hz: float, beta: float, speed_cutoff_hz: float, *, turns: bool = False) -> None:
+        self._cutoff_hz, self._beta, self._speed_cutoff_hz = cutoff_hz, beta, speed_cutoff_hz
+        self._turns = turns
+        self._speed: Floats = np.zeros(3)
         self._filtered: Floats | None = None
 
     def step(self, x: Floats, dt_s: float) -> Floats:
-        """Return the filtered place; ``dt_s`` is the time since the last sample, more than 0."""
-        if self._filtered is None:
+        """Return the filtered sample; ``dt_s`` is the time since the last one, more than 0."""
+        last = self._filtered
+        if last is None:
             self._filtered = x.copy()
-        else:
-            difference = x - self._filtered
-            self._filtered = self._filtered + self._cutoff.share(difference, dt_s) * difference
-        return self._filtered
-
-
-class TurnOneEuro:
-    """Filters rotations.
-
-    Args:
-        cutoff_hz: Cutoff at rest.
-        beta_per_rad: Rise of the cutoff, Hz per rad/s.
-        speed_cutoff_hz: Cutoff of the speed.
-    """
-
-    def __init__(self, cutoff_hz: float, beta_per_rad: float, speed_cutoff_hz: float) -> None:
-        self._cutoff = _Cutoff(cutoff_hz, beta_per_rad, speed_cutoff_hz)
-        self._filtered: Floats | None = None
-
-    def step(self, q: Floats, dt_s: float) -> Floats:
-        """Return the filtered unit quaternion, on the side of the last; ``dt_s`` as for places."""
-        if self._filtered is None:
-            self._filtered = q.copy()
-        else:
-            difference = between(self._filtered, q)
-            turned = multiply(exp(self._cutoff.share(difference, dt_s) * difference), self._filtered)
-            self._filtered = same_side(unit(turned), self._filtered)
+            return self._filtered
+        difference = between(last, x) if self._turns else x - last
+        self._speed += _share(self._speed_cutoff_hz, dt_s) * (difference / dt_s - self._speed)
+        step = _share(self._cutoff_hz + self._beta * math.hypot(*self._speed.tolist()), dt_s) * difference
+        self._filtered = same_side(unit(multiply(exp(step), last)), last) if self._turns else last + step
         return self._filtered
 
 
@@ -105,7 +75,7 @@ class PoseFilter:
         """Reset: the next pose is passed on unfiltered."""
         s = self._s
         self._place = OneEuro(s.cutoff_hz, s.beta_per_m, s.speed_cutoff_hz)
-        self._turn = TurnOneEuro(s.turn_cutoff_hz, s.turn_beta_per_rad, s.speed_cutoff_hz)
+        self._turn = OneEuro(s.turn_cutoff_hz, s.turn_beta_per_rad, s.speed_cutoff_hz, turns=True)
         self._last_ns = 0
 
     def step(self, t_ns: int, pose: Pose) -> Pose:

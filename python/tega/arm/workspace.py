@@ -1,4 +1,4 @@
-"""Limit where the target may be: a box for the place, a cone for the lean of the hand."""
+"""Limit where the target may be: a box for the place, a cone for the lean of the hand, and near the measured pose."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tega.arm.pose import Pose
-from tega.arm.rotation import Floats, cross, exp, multiply, rotate, unit
+from tega.arm.rotation import Floats, between, cross, exp, multiply, rotate, unit
 from tega.arm.settings import LimitSettings
 
 # So much is given for rounding: a nanometre, and a millionth of a degree.
@@ -95,3 +95,22 @@ class Workspace:
 
 def _angle(a: Floats, b: Floats) -> float:
     return math.atan2(math.hypot(*cross(a, b).tolist()), float(a @ b))
+
+
+def clipped(goal: Pose, measured: Pose, limits: LimitSettings) -> Pose:
+    """Return the goal, or the pose on the way to it that is as far from the measured one as is allowed.
+
+    Args:
+        goal: Pose to move to.
+        measured: Where the hand is.
+        limits: ``ahead_m`` and ``ahead_rad``.
+    """
+    away = goal.position_m - measured.position_m
+    turn = between(measured.quaternion_xyzw, goal.quaternion_xyzw)
+    distance, angle = math.hypot(*away.tolist()), math.hypot(*turn.tolist())
+    place, q = goal
+    if distance > limits.ahead_m:
+        place = measured.position_m + away * (limits.ahead_m / distance)
+    if angle > limits.ahead_rad:
+        q = unit(multiply(exp(turn * (limits.ahead_rad / angle)), measured.quaternion_xyzw))
+    return goal if place is goal.position_m and q is goal.quaternion_xyzw else Pose(place, q)

@@ -12,7 +12,7 @@ gives to a sink are always counted from the start of the session.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
 from tega.runtime.device_items import (
@@ -30,49 +30,15 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.arm.messages import Health
-    from tega.arm.pose import ArmCommand, StampedPose
+    from tega.arm.pose import StampedPose
     from tega.hand.link import HandState, Received
     from tega.haptics import MotorLevels
     from tega.runtime.device_items import CameraCounts
     from tega.safety.motor_budget import MotorBudget
     from tega.wire import CanFrame
 
-__all__ = [
-    "OPTIONAL",
-    "AnsweringHand",
-    "ArmDriver",
-    "BudgetedVest",
-    "ComparingSource",
-    "CountingSource",
-    "Device",
-    "DeviceInfo",
-    "DiscoveringDevice",
-    "EmgChunk",
-    "EmgSource",
-    "FeedingSource",
-    "Found",
-    "HandDriver",
-    "HarmlessDevice",
-    "InputEvent",
-    "InputReading",
-    "InputSource",
-    "Kind",
-    "Options",
-    "PreflightedArm",
-    "RepeatingVest",
-    "ReportingHand",
-    "SkippingSource",
-    "StampingVest",
-    "SteeredHand",
-    "TactileFrame",
-    "TactileSource",
-    "TellingArm",
-    "TellingHand",
-    "Tracker",
-    "VestSink",
-    "optional",
-]
+# Items of drivers, which import them from here.
+__all__ = ["DeviceInfo", "EmgChunk", "Found", "InputEvent", "InputReading", "Kind", "Options", "TactileFrame"]
 
 
 @runtime_checkable
@@ -245,25 +211,23 @@ class TellingHand(Protocol):
     )
 
 
-OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
-    {
-        "limits": None,
-        "measured_hz": None,
-        "faults": (),
-        "marked": (),
-        "contradictions": (),
-        "compared": {},
-        "problem": "",
-        "guard_problem": "",
-        "reached": True,
-        "spared": 0,
-        "in_steps": False,
-        "condition": "",
-        "battery_percent": None,
-        "confirmed_rest": False,
-        "silent": False,
-    }
-)
+OPTIONAL: Final[Mapping[str, Any]] = {
+    "limits": None,
+    "measured_hz": None,
+    "faults": (),
+    "marked": (),
+    "contradictions": (),
+    "compared": {},
+    "problem": "",
+    "guard_problem": "",
+    "reached": True,
+    "spared": 0,
+    "in_steps": False,
+    "condition": "",
+    "battery_percent": None,
+    "confirmed_rest": False,
+    "silent": False,
+}
 """Optional attributes of drivers, by name, with the defaults for drivers that lack them.
 
 An amplifier: ``limits``, the smallest and largest value of its converter, in the samples' unit, required to detect
@@ -414,60 +378,5 @@ class Tracker(Device, Protocol):
 
         Args:
             now_ns: The time on the monotonic clock, on which the poses are stamped.
-        """
-        ...
-
-
-@runtime_checkable
-class ArmDriver(Device, Protocol):
-    """A robot arm that follows a target pose of its hand. No call except ``open`` and ``close`` blocks."""
-
-    @property
-    def phase(self) -> str:
-        """Phase of the arm: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
-        ...
-
-    @property
-    def problem(self) -> str:
-        """Trouble with the arm now, for the operator; ``""`` for none."""
-        ...
-
-    @property
-    def health(self) -> Health:
-        """Rate and delays of the arm's loop."""
-        ...
-
-    def measured(self) -> StampedPose | None:
-        """Return where its hand is, base's axes; ``None`` before that is known."""
-        ...
-
-    def follow(self, command: ArmCommand) -> None:
-        """Take the newest command; an arm that gets none holds, and in the end rests by itself."""
-        ...
-
-    def recover(self) -> None:
-        """Clear a fault, on the request of a person who has seen that it is safe."""
-        ...
-
-
-@runtime_checkable
-class TellingArm(ArmDriver, Protocol):
-    """An arm that limits its target itself, and reports the limited target; optional, for recordings."""
-
-    def led(self) -> StampedPose | None:
-        """Return the newest such target, base's axes; ``None`` while it is not led."""
-        ...
-
-
-@runtime_checkable
-class PreflightedArm(Protocol):
-    """An arm's driver that can ask without moving anything whether the arm can be led from here; for ``doctor``."""
-
-    @classmethod
-    def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
-        """Return the findings: for each check whether it passed, a description, and the fix if it failed.
-
-        Raises:
-            TegaError: The arm does not answer, or is none.
         """
         ...

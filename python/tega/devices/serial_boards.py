@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import NamedTuple
 
 from tega.devices.base import Found
 from tega.runtime.lifecycle import require
@@ -21,21 +20,9 @@ _BOARDS = {
     0x2E8A: "Raspberry Pi Pico",
     0x303A: "ESP32",
 }
+# An FT231X adapter.
 _DONGLE = (0x0403, 0x6015)
 _BY_ID = Path("/dev/serial/by-id")
-
-
-class _Port(NamedTuple):
-    device: str
-    vendor: int
-    product: int
-    says: str
-    serial: str
-
-
-def is_dongle(port: _Port) -> bool:
-    """Return whether a port may be a Cyton's dongle: an FT231X adapter."""
-    return (port.vendor, port.product) == _DONGLE
 
 
 def find_boards(driver: str, *, dongles: bool) -> list[Found]:
@@ -51,19 +38,16 @@ def find_boards(driver: str, *, dongles: bool) -> list[Found]:
     list_ports = require("serial.tools.list_ports", driver=driver, extra="lab")
     found = []
     for info in list_ports.comports():
-        if info.vid is None:
+        if info.vid is None or ((info.vid, info.pid or 0) == _DONGLE) is not dongles:
             continue
-        port = _Port(info.device, info.vid, info.pid or 0, info.product or "", info.serial_number or "")
-        if is_dongle(port) is not dongles:
-            continue
-        board = port.says or _BOARDS.get(port.vendor, f"USB {port.vendor:04x}:{port.product:04x}")
-        denied = not os.access(port.device, os.R_OK | os.W_OK) if os.name == "posix" else False
+        board = info.product or _BOARDS.get(info.vid, f"USB {info.vid:04x}:{info.pid or 0:04x}")
+        denied = os.name == "posix" and not os.access(info.device, os.R_OK | os.W_OK)
         found.append(
             Found(
                 driver=driver,
-                label=f"{port.device} ({board}{f', {port.serial}' if port.serial else ''})",
-                options={"port": _lasting_name(port.device)},
-                problem=f"your user may not open {port.device}" if denied else "",
+                label=f"{info.device} ({board}{f', {info.serial_number}' if info.serial_number else ''})",
+                options={"port": _lasting_name(info.device)},
+                problem=f"your user may not open {info.device}" if denied else "",
                 hint="join the group that owns it (sudo usermod -aG dialout $USER) and log in again"
                 if denied
                 else "",

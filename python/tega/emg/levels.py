@@ -33,18 +33,6 @@ from tega import _native
 from tega.errors import DtypeError, ShapeError
 from tega.runtime.leading_axes import each_item, each_number
 
-__all__ = [
-    "BlockMean",
-    "ButterworthLowpass",
-    "Fusion",
-    "GraspIntent",
-    "InputKind",
-    "Preset",
-    "channel_maxima",
-    "fuse_levels",
-    "grasp_level",
-]
-
 InputKind = Literal["raw", "rectified", "envelope"]
 """Kind of a source's samples: EMG about an offset, EMG rectified by the sensor, or a sensor's envelope."""
 

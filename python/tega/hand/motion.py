@@ -25,23 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
-
-__all__ = [
-    "CLOSURE_POSES_RAD",
-    "JOINT_LIMITS_RAD",
-    "JOINT_NAMES",
-    "LEVEL_TORQUE_FACTORS",
-    "MOST_ADDED_LEVELS",
-    "TICK_S",
-    "TORQUE_LIMITS",
-    "HandController",
-    "JointModel",
-    "ModelledHand",
-    "closure_level",
-    "joined_level",
-    "nearest_level",
-    "split_level",
-]
+from tega.wire.arrays import float_array
 
 
 def _constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -159,16 +143,18 @@ class HandController:
         """Check and store the settings; no pose is adopted yet."""
         default_error, default_slew = _native.DEFAULT_ERROR_LIMIT_RAD, _native.DEFAULT_SLEW_PER_TICK
         self._native = _native.HandController(
-            poses_rad=CLOSURE_POSES_RAD if poses_rad is None else _array("poses_rad", poses_rad, (5, 16)),
-            kp=_native.DEFAULT_KP if kp is None else _array("kp", kp, (16,), scalar=True),
-            kd=_native.DEFAULT_KD if kd is None else _array("kd", kd, (16,), scalar=True),
+            poses_rad=CLOSURE_POSES_RAD
+            if poses_rad is None
+            else float_array("poses_rad", poses_rad, (5, 16)),
+            kp=_native.DEFAULT_KP if kp is None else float_array("kp", kp, (16,), scalar=True),
+            kd=_native.DEFAULT_KD if kd is None else float_array("kd", kd, (16,), scalar=True),
             error_limit_rad=default_error if error_limit_rad is None else error_limit_rad,
             torque_limits=TORQUE_LIMITS
             if torque_limits is None
-            else _array("torque_limits", torque_limits, (16,), scalar=True),
+            else float_array("torque_limits", torque_limits, (16,), scalar=True),
             level_factors=LEVEL_TORQUE_FACTORS
             if level_factors is None
-            else _array("level_factors", level_factors, (5,)),
+            else float_array("level_factors", level_factors, (5,)),
             slew_per_tick=default_slew if slew_per_tick is None else slew_per_tick,
         )
 
@@ -204,8 +190,8 @@ class HandController:
             _check_out(out)
         try:
             if velocities_rad_s is not None:
-                velocities_rad_s = _array("velocities_rad_s", velocities_rad_s, (16,))
-            angles_rad = _array("angles_rad", angles_rad, (16,))
+                velocities_rad_s = float_array("velocities_rad_s", velocities_rad_s, (16,))
+            angles_rad = float_array("angles_rad", angles_rad, (16,))
             return self._native.step(angles_rad, level, added, velocities_rad_s=velocities_rad_s, out=out)
         except BaseException:  # Ctrl-C and a panic of native code are no Exception
             if out is not None:
@@ -247,7 +233,7 @@ class HandController:
             ShapeError: The array is not (16,).
             DtypeError: The array is not numeric.
         """
-        self._native.reset(_array("angles_rad", angles_rad, (16,)))
+        self._native.reset(float_array("angles_rad", angles_rad, (16,)))
 
     @property
     def target_rad(self) -> NDArray[np.float64] | None:
@@ -286,7 +272,7 @@ class JointModel:
         time_constant_s: float = _native.TIME_CONSTANT_S,
     ) -> None:
         """Start at rest."""
-        start = CLOSURE_POSES_RAD[0] if angles_rad is None else _array("angles_rad", angles_rad, (16,))
+        start = CLOSURE_POSES_RAD[0] if angles_rad is None else float_array("angles_rad", angles_rad, (16,))
         self._native = _native.JointModel(
             start, full_duty_speed_rad_s=full_duty_speed_rad_s, time_constant_s=time_constant_s
         )
@@ -305,7 +291,7 @@ class JointModel:
             ShapeError: The array is not (16,).
             DtypeError: The array is not numeric.
         """
-        return self._native.step(_array("torques", torques, (16,)))
+        return self._native.step(float_array("torques", torques, (16,)))
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
@@ -354,31 +340,11 @@ class ModelledHand:
         return _native.step_modelled(self.controller._native, self.model._native, level, added)  # noqa: SLF001
 
 
-def _array(
-    name: str, value: ArrayLike, shape: tuple[int, ...], *, scalar: bool = False
-) -> NDArray[np.float64]:
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiu":
-            raise DtypeError(f"{name} is {_kind(value)}, not real numbers")
-        array = array.astype(np.float64, copy=False)
-    except ValueError as error:
-        raise ShapeError(f"{name} is not an array of shape {shape}: {error}") from error
-    if scalar and array.ndim == 0:
-        return np.full(shape, array)
-    if array.shape != shape:
-        raise ShapeError(f"{name} has shape {array.shape}, not {shape}")
-    return array
-
-
 def _check_out(out: object) -> None:
     if not (isinstance(out, np.ndarray) and out.dtype == np.float64):
-        raise DtypeError(f"out is {_kind(out)}, not an array of float64")
+        kind = getattr(out, "dtype", type(out).__name__)
+        raise DtypeError(f"out is {kind}, not an array of float64")
     if out.shape != (16,):
         raise ShapeError(f"out has shape {out.shape}, not (16,)")
     if not out.flags.writeable:
         raise InvalidValueError("out is a read-only array")
-
-
-def _kind(value: object) -> str:
-    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"a {type(value).__name__}"

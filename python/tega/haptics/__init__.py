@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tega.haptics.motor_layout import Mirror
 from tega.haptics.vest import (
     CONTACT_RULES,
     FINGERS,
@@ -10,7 +11,6 @@ from tega.haptics.vest import (
     ContactType,
     FeltMap,
     Layout,
-    Mirror,
     MotorLevels,
     contact_type,
     intensity,

@@ -114,9 +114,7 @@ def _check(name: str, motors: tuple[Motor, ...]) -> None:
     for index, motor in enumerate(motors):
         if motor.face not in {"front", "back"}:
             raise InvalidValueError(f"{text}, motor {index}: face {motor.face!r} is neither front nor back")
-        if not (0 <= motor.number < MOST_MOTORS and 0 <= motor.row < MOST_MOTORS and motor.column >= 0):
-            raise InvalidValueError(f"{text}, motor {index}: row, column and number are 0 to 39: {motor}")
-        if motor.column >= MOST_MOTORS:
+        if not all(0 <= place < MOST_MOTORS for place in (motor.row, motor.column, motor.number)):
             raise InvalidValueError(f"{text}, motor {index}: row, column and number are 0 to 39: {motor}")
     for subject, seen in (
         ("number", [motor.number for motor in motors]),

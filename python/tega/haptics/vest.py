@@ -31,22 +31,6 @@ from tega.haptics.motor_layout import SHIPPED, Mirror, find_layout
 from tega.haptics.torso import torso_svg
 from tega.runtime.leading_axes import each_number
 
-__all__ = [
-    "CONTACT_RULES",
-    "FINGERS",
-    "HIGH_SHARE",
-    "LAYOUTS",
-    "ContactType",
-    "FeltMap",
-    "Layout",
-    "Mirror",
-    "MotorLevels",
-    "contact_type",
-    "intensity",
-    "vest_frame",
-    "vest_intensities",
-]
-
 Layout: TypeAlias = str
 """Name of a layout: one of :data:`LAYOUTS`, or of an installed package's (:mod:`tega.haptics.motor_layout`)."""
 
@@ -238,12 +222,7 @@ def vest_frame(
     faces = _four("front", front), _four("back", back)
     if layout in SHIPPED:
         return MotorLevels(layout, _read_only(_native.vest_intensities(*faces, layout=layout, mirror=mirror)))
-    table = find_layout(layout).mirrored(mirror)
-    percents = dict(zip(("front", "back"), faces, strict=True))
-    displayed = [percents[m.face][m.column] if m.column < 4 else 0.0 for m in table.motors]
-    if not np.isfinite(displayed).all():
-        raise InvalidValueError(f"front = {faces[0]}, back = {faces[1]}: a number is not finite")
-    return MotorLevels(layout, _read_only(_native.vest_percents(np.array(displayed))))
+    return MotorLevels(layout, _read_only(vest_intensities(*faces, layout=layout, mirror=mirror)))
 
 
 def vest_intensities(

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from tega.arm.frames import ToBase
 from tega.arm.rotation import from_matrix
-from tega.devices.base import TellingArm
+from tega.devices.arm.base import TellingArm
 from tega.records import (
     ArmHealth,
     ArmMeasured,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tega.arm.pose import ArmCommand, StampedPose
     from tega.arm.settings import MappingSettings
     from tega.arm.turn import Turn
-    from tega.devices.base import ArmDriver
+    from tega.devices.arm.base import ArmDriver
     from tega.records.bus import Bus
 
 

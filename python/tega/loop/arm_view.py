@@ -11,7 +11,7 @@ from tega.arm.messages import Health
 if TYPE_CHECKING:
     from tega.arm.pose import ArmCommand, ArmState
     from tega.arm.turn import Turn
-    from tega.devices.base import ArmDriver
+    from tega.devices.arm.base import ArmDriver
     from tega.records import ArmTurn
 
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tega.config.calibration import save_calibration
-from tega.devices.hand.can_recorder import CanRecorder, CanRecorderOptions
-from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
+from tega.devices.hand.can_recorder import CanRecorder
+from tega.devices.table_recorder import TableRecorderOptions
+from tega.devices.vest.vest_recorder import VestRecorder
 from tega.haptics import vest as haptics
 from tega.loop.parts import Part, PartContext
 from tega.recording.folder import check_folder, prepare_folder
@@ -98,8 +99,8 @@ def _open_tables(
 ) -> tuple[DeviceInfo, ...]:
     """Open the tables, have the bus fill them, and return the names of the tables of vest and hand."""
     real = config.session.pace == "real"
-    vest = VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))
-    hand = CanRecorder(CanRecorderOptions(file=folder / "can.csv"))
+    vest = VestRecorder(TableRecorderOptions(file=folder / "vest.csv"))
+    hand = CanRecorder(TableRecorderOptions(file=folder / "can.csv"))
     vest.open()
     hand.open()
     tables: dict[type[Record], RecordTable] = {

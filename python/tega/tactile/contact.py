@@ -14,16 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, ca
 
 from tega import _native
 from tega.errors import ShapeError
-from tega.tactile.tracker import (
-    GelLight,
-    Order,
-    Outline,
-    TouchTracker,
-    TrackedContact,
-    nominal_light,
-    sensor_noise,
-    update_fingers,
-)
+from tega.tactile.tracker import Order, Outline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,28 +22,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = [
-    "ContactGate",
-    "ContactMetrics",
-    "ContactReader",
-    "GelLight",
-    "Images",
-    "Order",
-    "Outline",
-    "Reading",
-    "TouchTracker",
-    "TrackedContact",
-    "contact_mask",
-    "contact_metrics",
-    "contact_metrics_many",
-    "estimate_baseline",
-    "nominal_light",
-    "pressure_map",
-    "read_contact",
-    "read_contacts",
-    "sensor_noise",
-    "update_fingers",
-]
 
 Reading = Literal["paper", "live"]
 Images: TypeAlias = "NDArray[np.uint8] | Sequence[NDArray[np.uint8]]"

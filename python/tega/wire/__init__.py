@@ -24,9 +24,8 @@ Example:
 
 from __future__ import annotations
 
+from tega._native import ALLEGRO_PWM_LIMITS, ALLEGRO_RAD_PER_COUNT
 from tega.wire.allegro import (
-    ALLEGRO_PWM_LIMITS,
-    ALLEGRO_RAD_PER_COUNT,
     allegro_angle_counts,
     allegro_angles_rad,
     allegro_limp_frames,

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
-from tega._native import ALLEGRO_PWM_LIMITS, ALLEGRO_RAD_PER_COUNT
 from tega.errors import InvalidValueError, WireError
 from tega.wire.allegro_messages import (
     HAND_FINGERS,
@@ -28,25 +27,6 @@ from tega.wire.allegro_messages import (
     Finger,
 )
 from tega.wire.arrays import float_array, integer_array
-
-__all__ = [
-    "ALLEGRO_PWM_LIMITS",
-    "ALLEGRO_RAD_PER_COUNT",
-    "allegro_angle_counts",
-    "allegro_angles_rad",
-    "allegro_limp_frames",
-    "allegro_position_frames",
-    "allegro_report_frame",
-    "allegro_request_imu",
-    "allegro_request_info",
-    "allegro_request_position",
-    "allegro_request_serial",
-    "allegro_request_temperature",
-    "allegro_servo_off",
-    "allegro_servo_on",
-    "allegro_set_period",
-    "allegro_torque_frames",
-]
 
 _TEMPERATURE_NO_ANSWER: Final = 0xFF
 

@@ -10,21 +10,29 @@ from numpy.typing import ArrayLike, NDArray
 from tega.errors import DtypeError, ShapeError, WireError
 
 
-def float_array(name: str, values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
+def float_array(
+    name: str, values: ArrayLike, shape: tuple[int, ...] | None = None, *, scalar: bool = False
+) -> NDArray[np.float64]:
     """Return real numbers as contiguous float64; what already is that is not copied.
 
     Args:
         name: Name of the values in an error.
         values: The numbers.
         shape: The shape they must have; None for any.
+        scalar: Whether one number may stand for all.
 
     Raises:
         DtypeError: If they are not real numbers.
         ShapeError: If the shape is another.
     """
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ShapeError(f"{name} is not an array of one shape: {error}") from error
     if array.dtype.kind not in "fiu":
         raise DtypeError(f"{name} has dtype {array.dtype}", "real numbers are needed")
+    if scalar and shape is not None and array.ndim == 0:
+        array = np.full(shape, array)
     _check_shape(name, array, shape)
     return np.ascontiguousarray(array, np.float64)
 

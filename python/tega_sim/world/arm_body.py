@@ -7,9 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.arm.messages import Quaternion, Triple
+from tega.arm.messages import HandSeen, Quaternion, Triple
 from tega.arm.rotation import from_matrix, to_matrix
-from tega.devices.arm.robot.body import HandSeen
 from tega.errors import TegaError
 
 _HAND_TICK_S: Final = 3e-3

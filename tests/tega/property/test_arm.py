@@ -27,7 +27,7 @@ from tega.arm import rotation as so3
 from tega.arm.frames import ToBase
 from tega.arm.gate import PoseGate
 from tega.arm.motion import Follower, closing_speed
-from tega.arm.one_euro import OneEuro, TurnOneEuro
+from tega.arm.one_euro import OneEuro
 from tega.arm.workspace import Workspace
 
 MIDDLE = np.array([0.5, 0.0, 0.3])
@@ -115,7 +115,7 @@ def test_along_one_axis_it_is_the_published_filter(data, dts, cutoff, beta, d_cu
     xs = data.draw(st.lists(st.floats(-1, 1), min_size=len(dts), max_size=len(dts)))
     times = np.cumsum(dts).tolist()
     wanted = one_euro(zip(times, xs, strict=True), cutoff, beta, d_cutoff)
-    ours, turns = OneEuro(cutoff, beta, d_cutoff), TurnOneEuro(cutoff, beta, d_cutoff)
+    ours, turns = OneEuro(cutoff, beta, d_cutoff), OneEuro(cutoff, beta, d_cutoff, turns=True)
     for number, (t_s, x, y) in enumerate(zip(times, xs, wanted, strict=True)):
         dt_s = t_s - times[number - 1] if number else 0.0
         np.testing.assert_allclose(ours.step(np.array([0.0, x, 0.0]), dt_s), [0, y, 0], atol=1e-12)
@@ -125,7 +125,7 @@ def test_along_one_axis_it_is_the_published_filter(data, dts, cutoff, beta, d_cu
 
 @given(x=vectors, q=quaternions, dts=steps_s, flips=st.lists(st.booleans(), min_size=40, max_size=40))
 def test_a_constant_is_left_as_it_is_whatever_its_sign(x, q, dts, flips) -> None:
-    place, turn = OneEuro(1.5, 10, 1), TurnOneEuro(1.5, 2, 1)
+    place, turn = OneEuro(1.5, 10, 1), OneEuro(1.5, 2, 1, turns=True)
     for dt_s, flip in zip(dts, flips, strict=False):
         np.testing.assert_array_equal(place.step(x, dt_s), x)
         assert turn_between(turn.step(-q if flip else q, dt_s), q) < 1e-12
@@ -136,7 +136,7 @@ def test_a_constant_is_left_as_it_is_whatever_its_sign(x, q, dts, flips) -> None
 def test_the_filter_does_not_care_for_the_axes(r, dts, data) -> None:
     rotation = Rotation.from_quat(r)
     straight, turned = OneEuro(1.5, 10, 1), OneEuro(1.5, 10, 1)
-    straight_q, turned_q = TurnOneEuro(1.5, 2, 1), TurnOneEuro(1.5, 2, 1)
+    straight_q, turned_q = OneEuro(1.5, 2, 1, turns=True), OneEuro(1.5, 2, 1, turns=True)
     for dt_s in dts:
         x, v = data.draw(vectors), data.draw(vectors)
         np.testing.assert_allclose(

@@ -91,13 +91,6 @@ def test_levels_equal_the_exact_ones_around_borders(mantissa: int, k: int, expon
 
 
 @unhurried
-@given(st.floats(0, 1e9), st.floats(1e-9, 1e9), st.integers(-200, 200))
-def test_levels_do_not_depend_on_the_unit(value: float, maximum: float, exponent: int) -> None:
-    scale = 2.0**exponent
-    assert grasp_level(value * scale, maximum * scale) == grasp_level(value, maximum)
-
-
-@unhurried
 @given(level_lists, st.randoms(use_true_random=False))
 def test_fusion_equals_the_exact_one_in_any_order(levels: list[int], random: Random) -> None:
     assert fuse_levels(levels) == reference.fuse(levels)

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from reference.trackers import wrist_goes
 from tega.arm import StampedPose
-from tega.arm.sweep import ForearmSweep
+from tega.arm.heading import ForearmSweep
 from tega.config import load_config
 from tega.config.calibration.records import ArmRecord, read_record
 from tega.errors import CalibrationError

@@ -19,7 +19,8 @@ from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.devices.fingertip.images import ImageFolder, ImageFolderOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
 from tega.devices.hand.python_can import PythonCan, PythonCanOptions
-from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
+from tega.devices.table_recorder import TableRecorderOptions
+from tega.devices.vest.vest_recorder import VestRecorder
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError, RecordingError
 from tega.haptics import vest_frame
 from tega.wire import CanFrame
@@ -214,7 +215,7 @@ def test_an_adapter_that_is_not_there_is_a_missing_device(interface: str) -> Non
 
 def test_the_vest_recorder_names_motors_by_their_index(tmp_path: Path) -> None:
     path = tmp_path / "vest.csv"
-    with VestRecorder(VestRecorderOptions(file=path)) as vest:
+    with VestRecorder(TableRecorderOptions(file=path)) as vest:
         vest.write(33_333_333, vest_frame([1, 2, 3, 4], [5, 6, 7, 8], layout="x16"))
         with pytest.raises(DeviceUnavailableError, match="40 motors after frames for 16"):
             vest.write(66_666_667, vest_frame([0] * 4, [0] * 4, layout="x40"))

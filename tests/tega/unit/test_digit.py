@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +16,7 @@ import numpy as np
 import pytest
 
 import tega.devices.fingertip.digit
+from reference.waiting import until
 from tega.config import check_tree
 from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.devices.fingertip.picture_check import PictureTally, judge_picture
@@ -38,15 +38,6 @@ from tega_emulators.process import Emulator
 def _driver(sensor: Emulator, **options: Any) -> Digit:
     make: Any = DigitOptions
     return Digit(make(**{"source": sensor.address["source"], "warm_up_s": 0.1, **options}))
-
-
-def _until(done: Callable[[], bool], *, seconds: float = 60.0) -> bool:
-    end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s:
-        if done():
-            return True
-        time.sleep(0.005)
-    return False
 
 
 @pytest.mark.slow
@@ -84,12 +75,12 @@ def test_pictures_that_waited_for_a_busy_program_are_not_taken_for_new_ones(
 
     with Emulator("digit") as sensor, _driver(sensor) as digit:
         digit.feed(take)
-        assert _until(lambda: bool(seen))
+        until(lambda: bool(seen))
         time.sleep(2.0)  # some 120 pictures wait in the stream meanwhile
         sensor.say("black")
         time.sleep(0.2)
         goes_on.set()
-        assert _until(lambda: digit.counts.black > 0)
+        until(lambda: digit.counts.black > 0)
         n_old = len(seen)
         digit.feed(None)
     assert n_old < 20
@@ -153,14 +144,14 @@ def test_an_unknown_fault_is_refused() -> None:
 def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
     with Emulator("digit") as sensor, _driver(sensor) as digit:
         sensor.say(fault)
-        assert _until(lambda: getattr(digit.counts, COUNTED[fault]) > 0)
+        until(lambda: getattr(digit.counts, COUNTED[fault]) > 0)
         if fault in SILENT:
-            assert _until(lambda: digit.read(0.1) is None)
+            until(lambda: digit.read(0.1) is None)
             assert digit.read(0.2) is None
         else:
             assert digit.read(5.0) is not None
         sensor.say("clear")
-        assert _until(lambda: digit.read(0.1) is not None)
+        until(lambda: digit.read(0.1) is not None)
 
 
 @pytest.mark.slow
@@ -179,15 +170,15 @@ def test_another_sensor_s_lines_are_named_and_withheld(orientation: str) -> None
             for fault, share in (("strip", 8), ("other", 100)):
                 one.say(fault)
                 enough = digit.counts.foreign + 4
-                assert _until(partial(lambda n: digit.counts.foreign >= n, enough))
-                assert _until(lambda: digit.read(0.1) is None)
+                until(partial(lambda n: digit.counts.foreign >= n, enough))
+                until(lambda: digit.read(0.1) is None)
                 note = digit.info.notes[0]
                 assert f"lines of the sensor of index (D20002) (up to {share} % of a picture)" in note
                 one.say("clear")
-                assert _until(lambda: digit.read(0.1) is not None)
+                until(lambda: digit.read(0.1) is not None)
             digit.compare_with(own.image, {})
             one.say("other")
-            assert _until(lambda: digit.counts.unlike > 3)
+            until(lambda: digit.counts.unlike > 3)
             assert digit.read(5.0) is not None
             assert "unlike the baseline" in digit.info.notes[-1]
 
@@ -291,9 +282,7 @@ def test_lines_of_another_real_sensor_are_found_and_no_press_is_taken_for_one(re
 def test_a_sensor_that_sends_too_few_pictures_is_told() -> None:
     with Emulator("digit") as sensor, _driver(sensor) as digit:
         sensor.say("slow")
-        assert _until(
-            lambda: any("pictures a second came for a while where 60" in n for n in digit.info.notes)
-        )
+        until(lambda: any("pictures a second came for a while where 60" in n for n in digit.info.notes))
         assert digit.read(5.0) is not None
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from reference.parts import Given, observed
-from tega.config import check_tree
+from tega.config import SessionConfig, check_tree
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.loop.inbox.sources import SourceReport, grasp_blocks
@@ -51,21 +51,26 @@ def test_missing_samples_take_their_time() -> None:
     assert [block.level for block in blocks] == [5] * 11
 
 
-@pytest.mark.slow
-def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> None:
+def _settings(folder: Path, port: str, *, duration_s: float) -> SessionConfig:
+    """Return the settings of a run on a calibrated Cyton."""
     maxima = EmgMaxima(
         kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
     )
     save_calibration(
-        Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), tmp_path / "c.toml"
+        Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), folder / "c.toml"
     )
+    tree: dict[str, Any] = {
+        "session": {"duration_s": duration_s, "out_dir": str(folder / "out")},
+        "calibration": {"file": str(folder / "c.toml")},
+        "emg": {"driver": "cyton", "kind": "raw", "options": {"port": port, "measure_s": 0.25}},
+    }
+    return check_tree(tree, {}, base=folder).config
+
+
+@pytest.mark.slow
+def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> None:
     with Emulator("cyton", "--signal", "emg", "--fault", "loss=0.02") as device:
-        tree: dict[str, Any] = {
-            "session": {"duration_s": 2.5, "out_dir": str(tmp_path / "out")},
-            "calibration": {"file": str(tmp_path / "c.toml")},
-            "emg": {"driver": "cyton", "kind": "raw", "options": {"port": device.port, "measure_s": 0.25}},
-        }
-        config = check_tree(tree, {}, base=tmp_path).config
+        config = _settings(tmp_path, device.port, duration_s=2.5)
         unplugged: list[bool] = []
 
         def watch(view: Any) -> None:
@@ -86,12 +91,6 @@ def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Path) -> None:
     """Another thread asks the source for its notes as fast as it can, as the page's painter once did."""
-    maxima = EmgMaxima(
-        kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
-    )
-    save_calibration(
-        Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), tmp_path / "c.toml"
-    )
     over, failed, requested = threading.Event(), list[BaseException](), [0]
 
     def ask(source: Any, intent: Any) -> None:
@@ -104,11 +103,7 @@ def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Pat
             failed.append(error)
 
     with Emulator("cyton", "--signal", "emg", "--fault", "loss=0.02") as device:
-        tree: dict[str, Any] = {
-            "session": {"duration_s": 3.0, "out_dir": str(tmp_path / "out")},
-            "calibration": {"file": str(tmp_path / "c.toml")},
-            "emg": {"driver": "cyton", "kind": "raw", "options": {"port": device.port, "measure_s": 0.25}},
-        }
+        config = _settings(tmp_path, device.port, duration_s=3.0)
         askers: list[threading.Thread] = []
 
         def prepared(prepared: Any) -> Any:
@@ -118,7 +113,7 @@ def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Pat
             return prepared
 
         try:
-            summary = run_session(check_tree(tree, {}, base=tmp_path).config, parts=[Given(prepared)])
+            summary = run_session(config, parts=[Given(prepared)])
         finally:
             over.set()
             for asker in askers:

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from reference import emg_votes as reference
 from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk
 from tega.emg import InputKind, channel_maxima
@@ -155,33 +154,3 @@ def test_no_channel_of_a_person_loses_its_vote(recordings: Path) -> None:
             assert votes.faults == {}, f"{name} at {at / rate_hz:.1f} s"
         n_channels += len(names)
     assert n_channels == 6 * 8 + 2 * 4 + 8 + 8 + 1
-
-
-@pytest.mark.slow
-@given(
-    st.sampled_from([250.0, 500.0, 1000.0, 2000.0]),
-    st.sampled_from([50.0, 60.0, 100.0, 180.0]),
-    st.floats(0.85, 0.99),
-    st.floats(2, 60),
-    st.integers(0, 2**32 - 1),
-)
-def test_mains_are_found_just_where_the_whole_sum_finds_them(
-    rate_hz: float, line_hz: float, share: float, amplitude: float, seed: int
-) -> None:
-    """Looking at the halves first leaves nothing out."""
-    random, n = np.random.default_rng(seed), round(rate_hz)
-    wave = np.sin(2 * np.pi * line_hz * np.arange(n) / rate_hz + random.uniform(0, 6))[:, None]
-    samples = amplitude * (np.sqrt(2 * share) * wave + np.sqrt(1 - share) * random.normal(size=(n, 2)))
-    source: tuple[float, int, InputKind, list[str], list[float]] = (
-        rate_hz,
-        n // 10,
-        "raw",
-        ["a", "b"],
-        [40.0] * 2,
-    )
-    quick, whole = ChannelVotes(*source), reference.ChannelVotes(*source)
-    whole._returns = False
-    for at in range(0, n, 17):
-        quick.take(samples[at : at + 17])
-        whole.take(samples[at : at + 17])
-        assert quick.faults == whole.faults

@@ -102,8 +102,8 @@ def test_an_origin_that_is_elsewhere_after_a_restart_does_not_move_the_arm(heads
         steered.until(lambda c: c.reason == "the clutch is open", clutch=False)
         assert steered.travel_m(before) < 0.005
         steered.hold()
-        packets = lens.counts.packets
-        steered.until(lambda _: lens.counts.packets > packets + 30)
+        packets = lens.counts.poses
+        steered.until(lambda _: lens.counts.poses > packets + 30)
         assert steered.travel_m(before) < 0.01
         assert lens.counts.connections == 2
 
@@ -116,8 +116,8 @@ def test_what_was_held_up_by_the_network_is_as_old_as_it_is(headset: Emulator) -
         before = steered.at
         headset.say("stall 0.8")
         headset.say("wave 0.3 1")
-        packets = lens.counts.packets
-        steered.until(lambda _: lens.counts.packets > packets + 60)
+        packets = lens.counts.poses
+        steered.until(lambda _: lens.counts.poses > packets + 60)
         assert steered.travel_m(before) < 0.01
         assert any("press it again" in reason for reason in steered.reasons)
         assert lens.counts.connections == 1
@@ -142,9 +142,9 @@ def test_a_wrist_that_jumps_does_not_move_the_arm(headset: Emulator) -> None:
     with opened(headset) as lens:
         steered = Steered(lens)
         steered.hold()
-        before, packets = steered.at, lens.counts.packets
+        before, packets = steered.at, lens.counts.poses
         headset.say("jump 0.4 0 0")
-        steered.until(lambda _: lens.counts.packets > packets + 20)
+        steered.until(lambda _: lens.counts.poses > packets + 20)
         assert steered.travel_m(before) < 0.005
 
 
@@ -157,8 +157,8 @@ def test_the_arm_follows_the_wrist(headset: Emulator) -> None:
         # From -0.4 to -0.5 along the headset's z is 10 cm forward, in steps that a hand can make.
         for step in range(1, 11):
             headset.say(f"at 0.2 -0.3 {-0.4 - step / 100:.2f}")
-            packets = lens.counts.packets
-            steered.until(lambda _, n=packets: lens.counts.packets > n + 4)  # type: ignore[misc]
+            packets = lens.counts.poses
+            steered.until(lambda _, n=packets: lens.counts.poses > n + 4)  # type: ignore[misc]
         moved = steered.until(lambda c: c.target is not None and c.target.position_m[0] > 0.59)
         assert moved.state == "following"
         assert moved.target is not None

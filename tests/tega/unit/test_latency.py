@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.vests import HandedOver
 from tega.config import check_tree
 from tega.config.motor_onset import MotorOnset
 from tega.loop.inbox.histogram import Histogram
@@ -49,17 +50,8 @@ class _Now:
         return self.ns
 
 
-class _Link:
-    def __init__(self) -> None:
-        self.handed: list[tuple[int, int, int]] = []
-
-    def handed_over(self) -> list[tuple[int, int, int]]:
-        handed, self.handed = self.handed, []
-        return handed
-
-
-def _made(budget_ms: float = 5.0) -> tuple[LatencyTrace, _Now, _Link, list[Latency]]:
-    now, link = _Now(), _Link()
+def _made(budget_ms: float = 5.0) -> tuple[LatencyTrace, _Now, HandedOver, list[Latency]]:
+    now, link = _Now(), HandedOver()
     reported: list[Latency] = []
     bus = Bus()
     bus.subscribe(Latency, reported.append)
@@ -124,7 +116,7 @@ def test_beyond_the_budget_it_names_the_stage() -> None:
 
 
 def test_a_measured_motor_adds_its_onset_to_the_line() -> None:
-    now, link = _Now(), _Link()
+    now, link = _Now(), HandedOver()
     motor = MotorOnset(60.0, "vest", (0,), "2026-11-21", 8.0)
     trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=50.0, vests=[link], motor=motor, bus=Bus())
     measured = trace.source("thumb")

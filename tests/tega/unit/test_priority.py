@@ -6,14 +6,13 @@ import gc
 import os
 import sys
 import threading
-import time
 import weakref
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from reference.parts import observed
+from reference.waiting import until
 from tega.config import check_tree
 from tega.loop.gc_pause import settle, settled
 from tega.loop.session import run_session
@@ -28,13 +27,6 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time threads ar
 def _policy(thread: threading.Thread | None = None) -> tuple[int, int]:
     tid = 0 if thread is None else thread.native_id or 0
     return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(tid).sched_priority
-
-
-def _until(subject: Callable[[], bool]) -> bool:
-    end_s = time.monotonic() + 60.0
-    while not subject() and time.monotonic() < end_s:
-        time.sleep(0.01)
-    return subject()
 
 
 @linux
@@ -92,7 +84,7 @@ def test_threads_that_were_there_and_that_begin_are_brought_along_and_let_go(
         threads[0].start()
         with all_along():
             threads[1].start()
-            assert _until(lambda: [_policy(thread) for thread in threads] == [wanted] * 2)
+            until(lambda: [_policy(thread) for thread in threads] == [wanted] * 2)
         assert [_policy(thread) for thread in threads] == [(os.SCHED_OTHER, 0)] * 2
     finally:
         over.set()

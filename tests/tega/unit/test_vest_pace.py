@@ -13,7 +13,7 @@ import pytest
 
 from reference.recorded import read_recorded
 from reference.scripted import MS, Sink, touching
-from reference.vests import KeptVest
+from reference.vests import HandedOver, KeptVest
 from reference.waiting import until
 from reference.wired import wired_loop
 from tega.config import VestConfig, check_tree
@@ -90,12 +90,6 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
     vest, bell = Sink(), Bell()
     pacer = Pacer(SystemClock(), bell=bell)
     felt: list[int] = []
-
-    def until(condition: Callable[[], bool]) -> None:
-        end_s = time.monotonic() + LONG_S
-        while not condition():
-            assert time.monotonic() < end_s
-            time.sleep(0.001)
 
     def camera(stopped: Callable[[], bool]) -> Iterator[Contact]:
         until(lambda: bool(vest.sent))  # the first refresh; the next one comes a minute later
@@ -252,18 +246,9 @@ def test_a_link_gets_the_newest_frame_at_its_greatest_rate() -> None:
     assert vest.counters.superseded > n
 
 
-class _Link:
-    def __init__(self) -> None:
-        self.handed: list[tuple[int, int, int]] = []
-
-    def handed_over(self) -> list[tuple[int, int, int]]:
-        handed, self.handed = self.handed, []
-        return handed
-
-
 def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_offered() -> None:
     now = [0]
-    link = _Link()
+    link = HandedOver()
     reported: list[Latency] = []
     bus = Bus()
     bus.subscribe(Latency, reported.append)

@@ -10,7 +10,8 @@ import pytest
 from reference.scripted import touching
 from tega.config import load_config
 from tega.config.calibration import TouchMaxima
-from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
+from tega.devices.table_recorder import TableRecorderOptions
+from tega.devices.vest.vest_recorder import VestRecorder
 from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, vest_frame
 from tega.loop.touch import TouchLoop
@@ -71,7 +72,7 @@ def test_the_settings_take_one_number_or_forty() -> None:
 
 
 def test_one_motor_is_lit_for_its_time_and_then_none(tmp_path: Path) -> None:
-    with VestRecorder(VestRecorderOptions(file=tmp_path / "v.csv")) as vest:
+    with VestRecorder(TableRecorderOptions(file=tmp_path / "v.csv")) as vest:
         light_motor(vest, 23, layout="x40", percent=40, duration_s=0.2, clock=ManualClock())
         with pytest.raises(
             InvalidValueError, match=r"motor 4 is not one of layout 'x16'.*it has 0, 1, 2, 3, 8"

@@ -64,8 +64,7 @@ class FrankyArm(ProcessArm):
     open_s: ClassVar[float] = 60.0
 
     def __init__(self, options: FrankyArmOptions) -> None:
-        super().__init__(options)
-        self._host = options.host
+        super().__init__(options, f"robot at {options.host}")
 
     @classmethod
     def preflight(cls, options: FrankyArmOptions) -> list[tuple[bool, str, str]]:
@@ -75,10 +74,4 @@ class FrankyArm(ProcessArm):
             DeviceUnavailableError: The robot does not answer.
             WrongDeviceError: The answering device is not a robot.
         """
-        found = preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")
-        return found.findings
-
-    @property
-    def label(self) -> str:
-        """Name of the arm, for people."""
-        return f"robot at {self._host}"
+        return preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")[2]

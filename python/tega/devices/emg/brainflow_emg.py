@@ -6,7 +6,6 @@ import contextlib
 import time
 import warnings
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 import msgspec
@@ -68,24 +67,24 @@ class BrainFlowEmg(LiveEmg):
     """
 
     name: ClassVar[str] = "brainflow"
+    unit: ClassVar[str] = "as BrainFlow gives it, mostly µV"
     summary: ClassVar[str] = "any board that BrainFlow knows"
     extra: ClassVar[str] = "brainflow"
     requires: ClassVar[tuple[str, ...]] = ("brainflow",)
     options_type: ClassVar[type[Options]] = BrainFlowOptions
     counter_turn: ClassVar[int | None] = _TURN
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "counter": "of boards whose counter is known (Cyton, synthetic): each number follows the one before",
-            "banner": "the board of that name has EMG or EEG channels",
-            "stamp": "samples reach BrainFlow less than 0.25 s before they are read",
-            "rate": "the board's rate is the measured one",
-            "values": "of a Cyton: packets of even and odd number show the same electrodes",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "counter": "of boards whose counter is known (Cyton, synthetic): each number follows the one before",
+        "banner": "the board of that name has EMG or EEG channels",
+        "stamp": "samples reach BrainFlow less than 0.25 s before they are read",
+        "rate": "the board's rate is the measured one",
+        "values": "of a Cyton: packets of even and odd number show the same electrodes",
+    }
+
+    _options: BrainFlowOptions
 
     def __init__(self, options: BrainFlowOptions) -> None:
-        super().__init__(options)
-        self._options = options
+        super().__init__(options, options.board)
         self._board: Any = None
         self._error: type[Exception] = Exception
         self._rows: list[int] = []
@@ -94,7 +93,6 @@ class BrainFlowEmg(LiveEmg):
         self._stamp_row: int | None = None
         self._stamps = StampCheck()
         self._alternation: AlternationCheck | None = None
-        self._stated_hz: float | None = None
 
     def _start(self) -> None:
         """Find out about the board, connect to it and start its stream."""
@@ -121,7 +119,8 @@ class BrainFlowEmg(LiveEmg):
         try:
             description = shim.BoardShim.get_board_descr(shim.BoardIds[described].value)
             self._rows = list(description.get("emg_channels") or description.get("eeg_channels") or ())
-            self._stated_hz = float(description["sampling_rate"])
+            self._n_channels = len(self._rows)
+            self._rate_hz = float(description["sampling_rate"])
             self._counter_row = (
                 description.get("package_num_channel") if described in _COUNTS_TO_256 else None
             )
@@ -132,7 +131,7 @@ class BrainFlowEmg(LiveEmg):
             self._stamp_row = None if o.master_board else description.get("timestamp_channel")
             self._board = shim.BoardShim(board_id, parameters)
             self._board.prepare_session()
-            self._board.start_stream(max(1, round(_BUFFER_S * self._stated_hz)), "")
+            self._board.start_stream(max(1, round(_BUFFER_S * self._rate_hz)), "")
         except self._error as error:
             raise DeviceUnavailableError(
                 f"brainflow: {o.board} does not start: {error}",
@@ -161,7 +160,7 @@ class BrainFlowEmg(LiveEmg):
             self._alternation.take(table[self._counter_row].astype(np.uint8), samples[:, :8])
             if found := self._alternation.found:
                 hint = "take the Daisy off the board, or set board to CYTON_DAISY_BOARD"
-                refuse(self.name, self._label(), Contradiction("values", found, hint))
+                refuse(self.name, self._label, Contradiction("values", found, hint))
         return Arrived(samples, missing, time.monotonic_ns())
 
     def _undecided(self) -> bool:
@@ -195,15 +194,3 @@ class BrainFlowEmg(LiveEmg):
         with contextlib.suppress(self._error):
             if board.is_prepared():
                 board.release_session()  # which stops the stream
-
-    def _rate_hz(self) -> float | None:
-        return self._stated_hz
-
-    def _all_channels(self) -> int:
-        return len(self._rows)
-
-    def _unit(self) -> str:
-        return "as BrainFlow gives it, mostly µV"
-
-    def _label(self) -> str:
-        return self._options.board

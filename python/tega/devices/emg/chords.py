@@ -11,7 +11,6 @@ import itertools
 import re
 import time
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Annotated, ClassVar, NamedTuple
 
 import msgspec
@@ -82,22 +81,20 @@ class Chords(LiveSerialEmg):
     summary: ClassVar[str] = "a board with Chords firmware (BioAmp, NPG Lite, UNO R4, ...)"
     options_type: ClassVar[type[Options]] = ChordsOptions
     counter_turn: ClassVar[int | None] = 256
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "counter": "the number of each packet follows the one before; damaged packets are left out",
-            "banner": "the board's name is known, or its rate and bits are set",
-            "rate": "the board's rate is the measured one",
-            "values": "packets have one number of channels; no value is beyond the converter's bits",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "counter": "the number of each packet follows the one before; damaged packets are left out",
+        "banner": "the board's name is known, or its rate and bits are set",
+        "rate": "the board's rate is the measured one",
+        "values": "packets have one number of channels; no value is beyond the converter's bits",
+    }
     stop_command: ClassVar[bytes] = b"STOP\n"
+
+    _options: ChordsOptions
 
     def __init__(self, options: ChordsOptions) -> None:
         super().__init__(options)
-        self._options = options
-        self._board = _Board(options.rate_hz or 0.0, options.bits or 0)
+        self._describe(_Board(0.0, 0))
         self._board_name = ""
-        self._n_channels = 0
         self._waiting = b""
 
     def _start(self) -> None:
@@ -112,9 +109,7 @@ class Chords(LiveSerialEmg):
                 f"chords: the board says it is {self._board_name!r}, which is not known here",
                 f"set rate_hz and bits in its options; known: {', '.join(_BOARDS)}",
             )
-        self._board = _Board(
-            o.rate_hz or (known.rate_hz if known else 0.0), o.bits or (known.bits if known else 0)
-        )
+        self._describe(known or _Board(0.0, 0))
         port.write(b"START\n")
         data, deadline = b"", time.monotonic() + o.start_s
         while (n_channels := chords_channels(data) if len(data) >= _PROBE_BYTES else None) is None:
@@ -127,6 +122,12 @@ class Chords(LiveSerialEmg):
             time.sleep(POLL_S)
         self._n_channels = n_channels
         self._decoder, self._waiting = ChordsDecoder(n_channels), data
+
+    def _describe(self, known: _Board) -> None:
+        """Take rate and range of the settings, or else of a known board."""
+        self._rate_hz = self._options.rate_hz or known.rate_hz or None
+        bits = self._options.bits or known.bits
+        self.limits = (0.0, float(2**bits - 1)) if bits else None
 
     def _find(self) -> tuple[str, SerialPort]:
         """Return the board's name and its port, open at the board's speed.
@@ -147,7 +148,7 @@ class Chords(LiveSerialEmg):
             port.close()
         tried = " and ".join(str(baud) for baud in (_BAUDS if o.baud is None else (o.baud,)))
         raise DeviceUnavailableError(
-            f"chords: {self._label()} did not say which board it is"
+            f"chords: {self._label} did not say which board it is"
             + (f"; it said {text[:40]!r}" if text else ", and nothing came"),
             f"check the port, the baud rate (tried: {tried}), and that the board runs Chords firmware",
         )
@@ -175,27 +176,8 @@ class Chords(LiveSerialEmg):
             return None
         return Arrived(batch.samples.astype(np.float64), batch.missing.astype(np.int64), arrival_ns)
 
-    def _rate_hz(self) -> float | None:
-        return self._board.rate_hz or None
-
-    def _all_channels(self) -> int:
-        return self._n_channels
-
-    def _unit(self) -> str:
-        return "counts"
-
-    def _limits(self) -> tuple[float, float] | None:
-        return (0.0, float(2**self._board.bits - 1)) if self._board.bits else None
-
     def _own_notes(self) -> tuple[str, ...]:
         notes = super()._own_notes()
         if self._board_name:
             notes += (f"Chords board {self._board_name}, {self._n_channels} channels",)
-        if self._port is not None and self._n_channels and (n := self._decoder.skipped_bytes):
-            notes += (f"{n} bytes belonged to no packet",)
         return notes
-
-    def _instead(self) -> str:
-        if not self._n_bytes:
-            return ""
-        return f"since it was opened {self._n_bytes} bytes came, {self._decoder.packets} packets among them"

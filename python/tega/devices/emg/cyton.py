@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
@@ -47,6 +46,8 @@ class Cyton(LiveSerialEmg):
     """A Cyton's channels 1 to 3, or those asked for; the others are switched off."""
 
     name: ClassVar[str] = "cyton"
+    unit: ClassVar[str] = "µV"
+    usual_channels: ClassVar[tuple[int, ...]] = (1, 2, 3)
     summary: ClassVar[str] = "OpenBCI Cyton over its USB dongle, microvolts at 250 Hz"
     options_type: ClassVar[type[Options]] = CytonOptions
     counter_turn: ClassVar[int | None] = 256
@@ -54,18 +55,21 @@ class Cyton(LiveSerialEmg):
         "update the radio firmware of board and dongle to one version: their packets are shifted against each other"
     )
     stop_command: ClassVar[bytes] = b"s"
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "counter": "the number of each packet follows the one before; damaged packets are left out",
-            "banner": "an OpenBCI board with firmware 3; a Daisy is switched off, or refused",
-            "rate": "the board confirms 250 Hz, and sends it",
-            "values": "packets of even and odd number show the same electrodes; unused channels stay off",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "counter": "the number of each packet follows the one before; damaged packets are left out",
+        "banner": "an OpenBCI board with firmware 3; a Daisy is switched off, or refused",
+        "rate": "the board confirms 250 Hz, and sends it",
+        "values": "packets of even and odd number show the same electrodes; unused channels stay off",
+    }
+
+    _options: CytonOptions
 
     def __init__(self, options: CytonOptions) -> None:
         super().__init__(options)
-        self._options = options
+        self._rate_hz, self._n_channels = _RATE_HZ, 8
+        # One count inside the scale, which is 4.5 V / gain / (2^23 - 1) a count.
+        full_uv = 4.5e6 / options.gain * (1 - 2**-22)
+        self.limits = (-full_uv, full_uv)
         self._firmware, self._has_daisy = "", False
 
     @classmethod
@@ -98,7 +102,7 @@ class Cyton(LiveSerialEmg):
         confirmed = self._set(port, b"~6", "250 samples/s")
         if "Sample rate is " in confirmed and "250Hz" not in confirmed.replace(" ", ""):
             found = f"the board answers {_short(confirmed)} where 250 Hz was set"
-            refuse(self.name, self._label(), Contradiction("rate", found, "update the board's firmware"))
+            refuse(self.name, self._label, Contradiction("rate", found, "update the board's firmware"))
         port.drain(quiet_s=0.05, timeout_s=0.5)
         self._decoder, self._check = (
             CytonDecoder(o.gain),
@@ -135,7 +139,7 @@ class Cyton(LiveSerialEmg):
         if self._has_daisy and ("removed" not in text.lower() or "Failure" in text):
             answer = f"answers {_short(text)}" if text else "does not answer"
             found = f"a Daisy is attached, and the board {answer} to the command that takes it off"
-            refuse(self.name, self._label(), Contradiction("banner", found, _DAISY_HINT))
+            refuse(self.name, self._label, Contradiction("banner", found, _DAISY_HINT))
 
     def _set(self, port: SerialPort, command: bytes, subject: str) -> str:
         """Send a setting and return the board's confirmation."""
@@ -155,42 +159,18 @@ class Cyton(LiveSerialEmg):
         batch: CytonBatch = self._decoder.feed(data)
         self._check.take(batch.counters, batch.microvolts)
         if (found := self._check.found) and self._order.contradiction is None:
-            refuse(self.name, self._label(), Contradiction("values", found, _DAISY_HINT))
+            refuse(self.name, self._label, Contradiction("values", found, _DAISY_HINT))
         return Arrived(batch.microvolts, batch.missing.astype(np.int64), arrival_ns) if len(batch) else None
 
     def _undecided(self) -> bool:
         return not self._check.is_decided
-
-    def _rate_hz(self) -> float:
-        return _RATE_HZ
-
-    def _all_channels(self) -> int:
-        return 8
-
-    def _columns(self) -> tuple[int, ...]:
-        return self._options.channels or (1, 2, 3)
-
-    def _unit(self) -> str:
-        return "µV"
-
-    def _limits(self) -> tuple[float, float]:
-        # One count inside the scale, which is 4.5 V / gain / (2^23 - 1) a count.
-        full_uv = 4.5e6 / self._options.gain * (1 - 2**-22)
-        return (-full_uv, full_uv)
 
     def _own_notes(self) -> tuple[str, ...]:
         notes = super()._own_notes()
         if self._firmware:
             daisy = ", its Daisy switched off" if self._has_daisy else ""
             notes += (f"Cyton firmware {self._firmware}, gain {self._options.gain}{daisy}",)
-        if self._port is not None and (n := self._decoder.skipped_bytes):
-            notes += (f"{n} bytes belonged to no packet",)
         return notes
-
-    def _instead(self) -> str:
-        if not self._n_bytes:
-            return ""
-        return f"since it was opened {self._n_bytes} bytes came, {self._decoder.packets} packets among them"
 
 
 def _short(text: str) -> str:

@@ -30,19 +30,14 @@ if TYPE_CHECKING:
 
 # Random bytes can look like a packet once in a second; a source that gives less than this share is silent.
 _ALIVE_SHARE = 0.05
-
 # Between two looks at the source at most this much counts as its silence: we may have been held up ourselves.
 _LOOKED_AWAY_S = 0.25
-
 # Held up for longer than this, more samples came than a port's buffer keeps, and the rate has to be measured afresh.
 _HELD_UP_S = 0.4
-
 # A port's buffers are empty after this many looks, or it is not only what has waited that comes.
 _MOST_WAITING = 64
-
 # On a machine that is never still for long enough, opening gives up after this long.
 _MOST_MEASURING_S = 30.0
-
 # A measurement disturbed by a busy machine evens out with time: it may take this many times as long before a refusal.
 _PATIENCE = 5
 
@@ -81,28 +76,44 @@ class Arrived(NamedTuple):
 class LiveEmg(Opened):
     """A live EMG source; a driver adds the start, the reading of samples, and the stop.
 
+    A driver sets ``_rate_hz``, the stated rate, ``_n_channels``, all channels of the device, and ``limits`` as soon as
+    it knows them, at the latest in ``_start``.
+
+    Args:
+        options: The settings.
+        label: Name of the source, without a path.
+
     Attributes:
+        unit: Unit of the samples.
+        usual_channels: Channels to use where none are set; none means all.
         counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
         counter_hint: The next step where the device's numbers are no counter.
         free_columns: Whether the settings alone say which columns are muscles.
         compared: The evidence that the stream carries, and the assumptions that it is compared with
             (:mod:`tega.runtime.evidence`).
+        limits: The converter's limits in the unit of the samples; ``None`` where they are not known.
+        health: Health of the signal; ``None`` before the source was opened.
     """
 
     kind: ClassVar[Kind] = "emg"
     name: ClassVar[str]
+    unit: ClassVar[str] = "counts"
+    usual_channels: ClassVar[tuple[int, ...]] = ()
     counter_turn: ClassVar[int | None] = None
     counter_hint: ClassVar[str] = "check cable and power; end other programs that read this device"
     free_columns: ClassVar[bool] = False
     compared: ClassVar[Mapping[Evidence, str]] = {}
 
-    def __init__(self, options: LiveEmgOptions) -> None:
-        self._settings = options
+    def __init__(self, options: LiveEmgOptions, label: str) -> None:
+        self._options, self._label = options, label
+        self._rate_hz: float | None = None
+        self._n_channels = 0
+        self.limits: tuple[float, float] | None = None
         self._open = False
         self._lost: DeviceUnavailableError | None = None
         self._chunks: deque[EmgChunk] = deque()
         self._clock: SampleClock | None = None
-        self._health: EmgHealth | None = None
+        self.health: EmgHealth | None = None
         self._begun = False
         self._next_index = 0
         self._n_fresh = 0
@@ -112,8 +123,6 @@ class LiveEmg(Opened):
         self._silent_s = 0.0
         self._looked_at_s = 0.0
         self._checked_at_s = 0.0
-
-    # What a driver adds.
 
     def _start(self) -> None:
         """Connect and switch the stream on."""
@@ -125,26 +134,6 @@ class LiveEmg(Opened):
 
     def _stop(self) -> None:
         """Switch the stream off and disconnect; called in whatever state things are."""
-        raise NotImplementedError
-
-    def _rate_hz(self) -> float | None:
-        """Return the rate it is said to have; known at the latest when it has started."""
-        raise NotImplementedError
-
-    def _all_channels(self) -> int:
-        """Return how many channels the device has; asked once it has started."""
-        raise NotImplementedError
-
-    def _unit(self) -> str:
-        """Return the unit of the samples."""
-        raise NotImplementedError
-
-    def _limits(self) -> tuple[float, float] | None:
-        """Return the converter's limits in that unit, where they are known."""
-        return None
-
-    def _label(self) -> str:
-        """Return the label."""
         raise NotImplementedError
 
     def _undecided(self) -> bool:
@@ -159,13 +148,11 @@ class LiveEmg(Opened):
         """Return the notes that a reader of the results must know."""
         return ()
 
-    # What is the same in all of them.
-
     @property
     def info(self) -> DeviceInfo:
         """Name, rate and channels, with notes on the signal faults so far."""
         # Each looked at once: the thread that reads may put another in its place meanwhile.
-        clock, order, health = self._clock, self._order, self._health
+        clock, order, health = self._clock, self._order, self.health
         notes = self._own_notes()
         if clock is not None and (text := self._rate_words()):
             notes += (text,)
@@ -179,11 +166,11 @@ class LiveEmg(Opened):
         return DeviceInfo(
             driver=self.name,
             kind="emg",
-            label=self._label(),
+            label=self._label,
             live=True,
-            rate_hz=self._rate_hz(),
+            rate_hz=self._rate_hz,
             channels=tuple(f"ch{c}" for c in self._columns()),
-            unit=self._unit(),
+            unit=self.unit,
             notes=notes,
         )
 
@@ -198,25 +185,15 @@ class LiveEmg(Opened):
         return None if self._clock is None else self._clock.measured_hz
 
     @property
-    def health(self) -> EmgHealth | None:
-        """Health of the signal; ``None`` before the source was opened."""
-        return self._health
-
-    @property
     def faults(self) -> tuple[str, ...]:
         """Contradictions of the stream, then faults of the newest second of the signal, one sentence each."""
-        health = self._health
+        health = self.health
         return (*map(str, self._contradictions.now), *(() if health is None else health.now))
 
     @property
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Differences between the stream's own evidence and the settings that leave the samples usable."""
         return self._contradictions.now
-
-    @property
-    def limits(self) -> tuple[float, float] | None:
-        """The converter's limits in the unit of the samples, where they are known."""
-        return self._limits()
 
     def open(self) -> None:
         """Connect, switch the stream on and measure its true rate; the samples of that time are not delivered.
@@ -263,7 +240,7 @@ class LiveEmg(Opened):
             StreamContradictionError: Its own evidence says that its samples cannot be used.
         """
         if not self._open:
-            raise DeviceUnavailableError(f"{self.name} {self._label()!r} is not open", "open it first")
+            raise DeviceUnavailableError(f"{self.name} {self._label!r} is not open", "open it first")
         if self._lost is not None:
             raise self._lost
         deadline_s = time.monotonic() + timeout_s
@@ -294,9 +271,9 @@ class LiveEmg(Opened):
         self._new_health()
 
     def _new_health(self) -> None:
-        names, rate_hz = tuple(f"ch{c}" for c in self._columns()), self._rate_hz() or 0.0
-        self._health = EmgHealth(rate_hz, names, limits=self._limits())
-        self._values = ValueCheck(rate_hz, names, limits=self._limits(), free_columns=self.free_columns)
+        names, rate_hz = tuple(f"ch{c}" for c in self._columns()), self._rate_hz or 0.0
+        self.health = EmgHealth(rate_hz, names, limits=self.limits)
+        self._values = ValueCheck(rate_hz, names, limits=self.limits, free_columns=self.free_columns)
 
     def _collect(self) -> None:
         """Queue the arrived samples, split at missing samples."""
@@ -305,16 +282,16 @@ class LiveEmg(Opened):
             room = 2**31 if clock is None else clock.room(len(arrived.samples), arrived.arrival_ns)
             arrived = Arrived(*self._order.once(arrived.samples, arrived.missing, room), arrived.arrival_ns)
             if (contradiction := self._order.contradiction) is not None:
-                refuse(self.name, self._label(), contradiction)
+                refuse(self.name, self._label, contradiction)
         self._n_fresh += 0 if arrived is None else len(arrived.samples)
         away_s, self._looked_at_s = now_s - self._looked_at_s, now_s
         self._silent_s += min(away_s, _LOOKED_AWAY_S)
         if clock is not None and away_s > _HELD_UP_S:
             clock.forget_rate()
-        if self._n_fresh >= _ALIVE_SHARE * self._settings.silence_s * (self._rate_hz() or 0.0):
+        if self._n_fresh >= _ALIVE_SHARE * self._options.silence_s * (self._rate_hz or 0.0):
             self._n_fresh, self._silent_s = 0, 0.0
-        elif self._silent_s > self._settings.silence_s:
-            raise self._silent(self._settings.silence_s)
+        elif self._silent_s > self._options.silence_s:
+            raise self._silent(self._options.silence_s)
         if arrived is None or clock is None or not len(arrived.samples):
             return
         samples, missing = arrived.samples, arrived.missing
@@ -328,20 +305,20 @@ class LiveEmg(Opened):
             chunk = EmgChunk(stamp.t_ns, self._next_index, samples[first:last][:, columns])
             self._next_index += last - first
             self._chunks.append(chunk)
-            if self._health is not None and self._values is not None:
-                self._health.take(chunk)
+            if self.health is not None and self._values is not None:
+                self.health.take(chunk)
                 self._values.take(chunk.samples, self._contradictions)
-        if self._health is not None and now_s - self._checked_at_s > 1.0:
+        if self.health is not None and now_s - self._checked_at_s > 1.0:
             self._checked_at_s = now_s
             self._check_running(clock)
 
     def _prove(self) -> None:
         """Make sure that the stream that was started can be used."""
-        rate_hz = self._rate_hz()
+        rate_hz = self._rate_hz
         if rate_hz is None or rate_hz < LEAST_RATE_HZ:
-            raise too_slow(f"{self.name}: {self._label()}", rate_hz, "is said to send")
+            raise too_slow(f"{self.name}: {self._label}", rate_hz, "is said to send")
         self._check_columns()
-        self._clock, self._health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
+        self._clock, self.health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
         self._measure(self._clock, rate_hz)
         self._new_health()
 
@@ -351,7 +328,7 @@ class LiveEmg(Opened):
         The rate is proven once no delay of a USB adapter can hide another rate. A source with larger delays is judged
         by its measured rate after ``measure_s``.
         """
-        wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
+        wait_s, patience_s = self._options.start_s, _PATIENCE * self._options.measure_s
         waited_s = measured_s = 0.0
         most_s, spent_s = wait_s + max(_MOST_MEASURING_S, 2 * patience_s), 0.0
         while True:
@@ -373,31 +350,31 @@ class LiveEmg(Opened):
                 raise self._silent(wait_s)
             if measured_s > 0 and clock.proves(rate_hz, RATE_TOLERANCE) and not self._undecided():
                 return
-            if measured_s > self._settings.measure_s and not (self._undecided() and measured_s <= patience_s):
+            if measured_s > self._options.measure_s and not (self._undecided() and measured_s <= patience_s):
                 measured_hz = clock.measured_hz or 0.0
                 if abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
                     return
                 if measured_s > patience_s:
-                    raise wrong_rate(f"{self.name}: {self._label()}", measured_hz, rate_hz)
+                    raise wrong_rate(f"{self.name}: {self._label}", measured_hz, rate_hz)
             if spent_s > most_s:
                 raise DeviceUnavailableError(
                     f"{self.name}: this machine was too busy for {most_s:g} s to measure the sample rate of "
-                    f"{self._label()}",
+                    f"{self._label}",
                     "end what else runs on it",
                 )
 
     def _check_running(self, clock: SampleClock) -> None:
-        rate_hz, measured_hz = self._rate_hz(), clock.measured_hz
+        rate_hz, measured_hz = self._rate_hz, clock.measured_hz
         if rate_hz is None or measured_hz is None or clock.measured_s < 5.0:
             return
         if measured_hz < LEAST_RATE_HZ or abs(measured_hz / rate_hz - 1) > LOST_TOLERANCE:
-            raise wrong_rate(f"{self.name}: {self._label()}", measured_hz, rate_hz)
+            raise wrong_rate(f"{self.name}: {self._label}", measured_hz, rate_hz)
         words = self._rate_words()
         hint = "set the board, or rate_hz and a new calibration, to the measured rate"
         self._contradictions.note("rate", Contradiction("rate", words, hint) if words else None)
 
     def _rate_words(self) -> str:
-        rate_hz, measured_hz = self._rate_hz(), self.measured_hz
+        rate_hz, measured_hz = self._rate_hz, self.measured_hz
         if rate_hz is None or measured_hz is None or abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
             return ""
         return f"{measured_hz:.1f} samples/s came where {rate_hz:g} were expected"
@@ -405,20 +382,18 @@ class LiveEmg(Opened):
     def _silent(self, after_s: float) -> DeviceUnavailableError:
         instead = self._instead()
         return DeviceUnavailableError(
-            f"{self.name}: {self._label()} sent no valid sample for {after_s:g} s"
+            f"{self.name}: {self._label} sent no valid sample for {after_s:g} s"
             + (f"; {instead}" if instead else ""),
             "check power, cable and baud rate" if instead else "check power and cable",
         )
 
     def _columns(self) -> tuple[int, ...]:
-        if self._settings.channels:
-            return self._settings.channels
-        return tuple(range(1, self._all_channels() + 1))
+        return self._options.channels or self.usual_channels or tuple(range(1, self._n_channels + 1))
 
     def _check_columns(self) -> None:
-        wanted, there = self._columns(), self._all_channels()
+        wanted, there = self._columns(), self._n_channels
         if max(wanted) > there or len(set(wanted)) < len(wanted):
             raise DeviceUnavailableError(
-                f"{self.name}: {self._label()} has {there} channels, asked for {list(wanted)}",
+                f"{self.name}: {self._label} has {there} channels, asked for {list(wanted)}",
                 f"set channels to different numbers from 1 to {there}",
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 
@@ -25,21 +25,28 @@ class LiveSerialOptions(LiveEmgOptions, frozen=True, kw_only=True):
 
 
 class LiveSerialEmg(LiveEmg):
-    """A live EMG source on a serial port; a driver adds its commands and decoding."""
+    """A live EMG source on a serial port; a driver adds its commands and a decoder.
+
+    Attributes:
+        stop_command: Bytes that end the stream.
+        pieces: Kind of whole pieces in the stream, by the name of the decoder's count of them.
+    """
 
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("serial",)
     stop_command: ClassVar[bytes] = b""
+    pieces: ClassVar[str] = "packets"
+    _options: LiveSerialOptions
 
     def __init__(self, options: LiveSerialOptions) -> None:
-        super().__init__(options)
-        self._port_name = options.port
+        super().__init__(options, options.port.replace("\\", "/").rsplit("/", 1)[-1])
         self._port: SerialPort | None = None
+        self._decoder: Any = None
         self._n_bytes = 0
 
     def _connect(self, baud: int) -> SerialPort:
         """Open the port."""
-        self._port, self._n_bytes = SerialPort(self._port_name, baud, driver=self.name), 0
+        self._port, self._n_bytes = SerialPort(self._options.port, baud, driver=self.name), 0
         return self._port
 
     def _received(self) -> tuple[bytes, int]:
@@ -60,9 +67,19 @@ class LiveSerialEmg(LiveEmg):
             self._port.close()
             self._port = None
 
-    def _label(self) -> str:
-        return self._port_name.replace("\\", "/").rsplit("/", 1)[-1]
-
     def _own_notes(self) -> tuple[str, ...]:
         port = self._port  # another thread may close it meanwhile
-        return () if port is None else port.notes
+        if port is None or self._decoder is None:
+            return ()
+        return port.notes + self._losses()
+
+    def _losses(self) -> tuple[str, ...]:
+        """Return a note on what the decoder could not use."""
+        n = self._decoder.skipped_bytes
+        return (f"{n} bytes belonged to no packet",) if n else ()
+
+    def _instead(self) -> str:
+        if not self._n_bytes:
+            return ""
+        n = getattr(self._decoder, self.pieces)
+        return f"since it was opened {self._n_bytes} bytes came, {n} {self.pieces} among them"

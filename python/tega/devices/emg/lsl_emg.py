@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 import numpy as np
 
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
-from tega.devices.lsl_columns import undeclared
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl, to_monotonic_s
@@ -29,6 +28,14 @@ _GAP_S = 0.1
 _POLL_S = 1.5
 _BUFFER_S = 10
 _MOST_SAMPLES = 4096
+# Types of streams and channels, as senders declare them, that are no muscles.
+_OTHER_TYPE: Final = re.compile(
+    r"acc|gyr|magnet|imu|trig|marker|count|stamp|time|qual|batt|gaze|mocap|position|orientation|temperature|audio",
+    re.IGNORECASE,
+)
+_OTHER_LABEL: Final = re.compile(
+    r"(acc|gyro?|mag)\w*[ _.-]?[xyz]|.*counter|.*time ?stamp|trigger|trg|markers?|battery", re.IGNORECASE
+)
 
 
 class LslEmgOptions(LiveEmgOptions, frozen=True, kw_only=True):
@@ -51,27 +58,26 @@ class LslEmg(LiveEmg):
     """A stream of numbers found on the network; it is not asked to come back once it is gone."""
 
     name: ClassVar[str] = "lsl-emg"
+    unit: ClassVar[str] = "as sent"
     summary: ClassVar[str] = "any Lab Streaming Layer stream of numbers"
     extra: ClassVar[str] = EXTRA
     requires: ClassVar[tuple[str, ...]] = ("pylsl",)
     options_type: ClassVar[type[Options]] = LslEmgOptions
     free_columns: ClassVar[bool] = True
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "banner": "one stream of that name; its channels are declared as muscles, or not declared",
-            "stamp": "the sender's clock, corrected every second, is this machine's; else arrival times are used",
-            "rate": "the stated rate is the measured one",
-            "values": "no channel is a counter or a time stamp; limits hold, where they are set",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "banner": "one stream of that name; its channels are declared as muscles, or not declared",
+        "stamp": "the sender's clock, corrected every second, is this machine's; else arrival times are used",
+        "rate": "the stated rate is the measured one",
+        "values": "no channel is a counter or a time stamp; limits hold, where they are set",
+    }
+
+    _options: LslEmgOptions
 
     def __init__(self, options: LslEmgOptions) -> None:
-        super().__init__(options)
-        self._options = options
+        super().__init__(options, options.value.replace("/", "_").replace("\\", "_"))
+        self._rate_hz, self.limits = options.rate_hz, options.limits
         self._inlet: Any = None
         self._lost_error: type[Exception] = Exception
-        self._n_channels = 0
-        self._stated_hz = options.rate_hz
         self._last_s: float | None = None
         self._arrived_s = 0.0
         self._correction: ClockCorrection | None = None
@@ -114,15 +120,15 @@ class LslEmg(LiveEmg):
             hint = "end the senders that are not meant" + (
                 "" if o.by == "source_id" else ", or name a source_id"
             )
-            refuse(self.name, self._label(), Contradiction("banner", text, hint))
+            refuse(self.name, self._label, Contradiction("banner", text, hint))
         stream = found[0]
         if stream.channel_format() == lsl.cf_string:
             raise DeviceUnavailableError(
                 f"lsl-emg: {o.value!r} is a stream of texts", "choose the amplifier's"
             )
         self._n_channels = int(stream.channel_count())
-        self._stated_hz = float(stream.nominal_srate()) or o.rate_hz
-        if self._stated_hz is None:
+        self._rate_hz = float(stream.nominal_srate()) or o.rate_hz
+        if self._rate_hz is None:
             raise DeviceUnavailableError(
                 f"lsl-emg: {o.value!r} states no sample rate", "set rate_hz in its options"
             )
@@ -131,14 +137,14 @@ class LslEmg(LiveEmg):
             self._lost_error = lsl.util.LostError
             self._inlet.open_stream(timeout=o.start_s)
             first_s = float(self._inlet.time_correction(timeout=o.start_s))
-            declared = undeclared(self._inlet.info(timeout=o.start_s), self._columns())
+            declared = _undeclared(self._inlet.info(timeout=o.start_s), self._columns())
         except (RuntimeError, TimeoutError) as error:
             raise DeviceUnavailableError(
                 f"lsl-emg: {o.value!r} was found, but did not connect: {error}",
                 "see that no firewall blocks TCP 16572 to 16604",
             ) from error
         self._to_monotonic_s = to_monotonic_s(lsl)
-        self._correction = ClockCorrection(self._label(), first_s, time.monotonic())
+        self._correction = ClockCorrection(self._label, first_s, time.monotonic())
         self._stamps, self._last_s = StampCheck(), None
         self._contradictions.note("declared", declared)
 
@@ -167,7 +173,7 @@ class LslEmg(LiveEmg):
         if delay_s is not None and delay_s > LATE_S:
             text = f"samples come {delay_s:.2f} s after their stamps"
             hint = "let the sender send at once, or stamp with its own lsl_local_clock()"
-            refuse(self.name, self._label(), Contradiction("stamp", text, hint))
+            refuse(self.name, self._label, Contradiction("stamp", text, hint))
         missing = self._missing(taken_s, now_s)
         return Arrived(samples, missing, min(round(taken_s[-1] * 1e9), time.monotonic_ns()))
 
@@ -175,7 +181,7 @@ class LslEmg(LiveEmg):
         """Return how many samples the sender's stamps say are missing before each, if there was time for so many."""
         before = self._last_s if self._last_s is not None else taken_s[0]
         pause_s, self._arrived_s, self._last_s = now_s - self._arrived_s, now_s, float(taken_s[-1])
-        rate_hz = self._stated_hz or 1.0
+        rate_hz = self._rate_hz or 1.0
         steps = np.diff(taken_s, prepend=before)
         lost = np.where(steps > _GAP_S, np.maximum(np.rint(steps * rate_hz).astype(np.int64) - 1, 0), 0)
         return lost if lost.sum() <= (pause_s + _GAP_S) * rate_hz else np.zeros_like(lost)
@@ -191,17 +197,17 @@ class LslEmg(LiveEmg):
             self._inlet.close_stream()
         self._inlet = None
 
-    def _rate_hz(self) -> float | None:
-        return self._stated_hz
 
-    def _all_channels(self) -> int:
-        return self._n_channels
-
-    def _unit(self) -> str:
-        return "as sent"
-
-    def _limits(self) -> tuple[float, float] | None:
-        return self._options.limits
-
-    def _label(self) -> str:
-        return self._options.value.replace("/", "_").replace("\\", "_")
+def _undeclared(info: Any, channels: Sequence[int]) -> Contradiction | None:
+    """Return the contradiction of a stream that declares chosen channels, from 1, as something else than muscles."""
+    hint = "set value to the amplifier's stream, or channels to its muscles"
+    if _OTHER_TYPE.search(info.type()):
+        return Contradiction("banner", f"the stream declares itself as {info.type()!r}, not as EMG", hint)
+    channel, n = info.desc().child("channels").child("channel"), 1
+    while not channel.empty():
+        kind, label = channel.child_value("type"), channel.child_value("label")
+        if n in channels and (_OTHER_TYPE.search(kind) or _OTHER_LABEL.fullmatch(label)):
+            declared = " ".join(repr(word[:40]) for word in (label, kind) if word)
+            return Contradiction("banner", f"channel {n} is declared as {declared}, not as a muscle", hint)
+        channel, n = channel.next_sibling(), n + 1
+    return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -40,20 +39,21 @@ class SerialEmg(LiveSerialEmg):
     """
 
     name: ClassVar[str] = "serial-emg"
+    unit: ClassVar[str] = "as sent"
     summary: ClassVar[str] = "a board that prints samples as lines of numbers (Arduino, MyoWare, ...)"
     options_type: ClassVar[type[Options]] = SerialEmgOptions
     free_columns: ClassVar[bool] = True
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "rate": "lines per second are those of rate_hz",
-            "values": "each line has the fields that are set; no column is a counter or a time stamp; bits hold",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "rate": "lines per second are those of rate_hz",
+        "values": "each line has the fields that are set; no column is a counter or a time stamp; bits hold",
+    }
+
+    _options: SerialEmgOptions
 
     def __init__(self, options: SerialEmgOptions) -> None:
         super().__init__(options)
-        self._options = options
-        self._n_rows = 0
+        self._rate_hz, self._n_channels, self._n_rows = options.rate_hz, options.columns, 0
+        self.limits = None if options.bits is None else (0.0, float(2**options.bits - 1))
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
@@ -78,26 +78,10 @@ class SerialEmg(LiveSerialEmg):
         self._n_rows += len(samples)
         return Arrived(samples, None, arrival_ns) if len(samples) else None
 
-    def _rate_hz(self) -> float:
-        return self._options.rate_hz
-
-    def _all_channels(self) -> int:
-        return self._options.columns
-
-    def _unit(self) -> str:
-        return "as sent"
-
-    def _limits(self) -> tuple[float, float] | None:
-        bits = self._options.bits
-        return None if bits is None else (0.0, float(2**bits - 1))
-
-    def _own_notes(self) -> tuple[str, ...]:
-        notes = super()._own_notes()
-        if self._port is not None and (n := self._decoder.rejected_lines):
-            notes += (
-                f"{n} lines were no row of {self._options.columns} numbers, the last one {self._text()}",
-            )
-        return notes
+    def _losses(self) -> tuple[str, ...]:
+        n = self._decoder.rejected_lines
+        subject = f"lines were no row of {self._options.columns} numbers"
+        return (f"{n} {subject}, the last one {self._text()}",) if n else ()
 
     def _instead(self) -> str:
         if not self._n_bytes:

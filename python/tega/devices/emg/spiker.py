@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Annotated, ClassVar, Final
 
 import msgspec
@@ -51,18 +50,20 @@ class Spiker(LiveSerialEmg):
     """
 
     name: ClassVar[str] = "spiker"
+    pieces: ClassVar[str] = "frames"
     summary: ClassVar[str] = "Backyard Brains Muscle SpikerShield or SpikerBox"
     options_type: ClassVar[type[Options]] = SpikerOptions
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "rate": "the rate of the sketch's timer is the measured one",
-            "values": "frames have the channels that were asked for; no value is beyond ten bits",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "rate": "the rate of the sketch's timer is the measured one",
+        "values": "frames have the channels that were asked for; no value is beyond ten bits",
+    }
+
+    _options: SpikerOptions
 
     def __init__(self, options: SpikerOptions) -> None:
         super().__init__(options)
-        self._options = options
+        self._n_channels, self.limits = options.columns, (0.0, float(_LARGEST))
+        self._rate_hz = _STEPS_HZ / (_STEPS_A_CHANNEL * options.columns)
         self._waiting = b""
 
     def _start(self) -> None:
@@ -78,7 +79,7 @@ class Spiker(LiveSerialEmg):
         while sent != o.columns:
             if time.monotonic() > deadline:
                 raise DeviceUnavailableError(
-                    f"spiker: {self._label()} {_words(sent)}, {o.columns} are asked for",
+                    f"spiker: {self._label} {_words(sent)}, {o.columns} are asked for",
                     "check port, baud and the board's sketch; columns is the number of channels to ask for",
                 )
             port.write(f"c:{o.columns};\n".encode())
@@ -92,28 +93,9 @@ class Spiker(LiveSerialEmg):
         self._waiting = b""
         return Arrived(samples.astype(np.float64), None, arrival_ns) if len(samples) else None
 
-    def _rate_hz(self) -> float:
-        return _STEPS_HZ / (_STEPS_A_CHANNEL * self._options.columns)
-
-    def _all_channels(self) -> int:
-        return self._options.columns
-
-    def _unit(self) -> str:
-        return "counts"
-
-    def _limits(self) -> tuple[float, float]:
-        return (0.0, float(_LARGEST))
-
-    def _own_notes(self) -> tuple[str, ...]:
-        notes = super()._own_notes()
-        if self._port is not None and (n := self._decoder.bad_frames):
-            notes += (f"{n} frames were no row of {self._options.columns} values",)
-        return notes
-
-    def _instead(self) -> str:
-        if not self._n_bytes:
-            return ""
-        return f"since it was opened {self._n_bytes} bytes came, {self._decoder.frames} frames among them"
+    def _losses(self) -> tuple[str, ...]:
+        n = self._decoder.bad_frames
+        return (f"{n} frames were no row of {self._options.columns} values",) if n else ()
 
 
 def _receive(port: SerialPort) -> bytes:

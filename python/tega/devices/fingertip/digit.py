@@ -6,7 +6,6 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -89,14 +88,12 @@ class Digit(Opened):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("cv2",)
     options_type: ClassVar[type[Options]] = DigitOptions
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "banner": "the serial number; size and rate that the camera agrees to",
-            "stamp": "the kernel's time of a picture lies in the second before it arrives; else the arrival counts",
-            "rate": "pictures a second are at least 80 % of those agreed",
-            "values": "each picture has the size that was set, is new, whole, lit and this sensor's own",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "banner": "the serial number; size and rate that the camera agrees to",
+        "stamp": "the kernel's time of a picture lies in the second before it arrives; else the arrival counts",
+        "rate": "pictures a second are at least 80 % of those agreed",
+        "values": "each picture has the size that was set, is new, whole, lit and this sensor's own",
+    }
 
     def __init__(self, options: DigitOptions) -> None:
         self._options = options

@@ -8,10 +8,9 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 import numpy as np
 
-from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
-from tega.errors import DeviceUnavailableError
+from tega.devices.base import Options, TactileFrame
+from tega.devices.fingertip.recorded_pictures import RecordedPictures
 from tega.runtime.files.picture_stack import PictureStack
-from tega.runtime.lifecycle import Opened
 
 
 class StackFileOptions(Options, frozen=True):
@@ -30,34 +29,20 @@ class StackFileOptions(Options, frozen=True):
     order: Literal["bgr", "rgb"] = "bgr"
 
 
-class StackFile(Opened):
+class StackFile(RecordedPictures):
     """The pictures of an array, picture k at k/rate or at its own time."""
 
-    kind: ClassVar[Kind] = "tactile"
+    name: ClassVar[str] = "picture-stack"
     summary: ClassVar[str] = "a stack of pictures in an .npy or .npz file"
     extra: ClassVar[str] = ""
     requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = StackFileOptions
 
     def __init__(self, options: StackFileOptions) -> None:
+        super().__init__(options.file.name, options.rate_hz or 60.0)
         self._options = options
         self._stack: PictureStack | None = None
         self._times_s: list[float] | None = None
-        self._rate_hz = options.rate_hz or 60.0
-        self._seq = 0
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Name, rate and, once open, the number of pictures."""
-        return DeviceInfo(
-            driver="picture-stack",
-            kind="tactile",
-            label=self._options.file.name,
-            live=False,
-            rate_hz=self._rate_hz,
-            unit="counts of 255",
-            n_items=None if self._stack is None else self._stack.n_pictures,
-        )
 
     def open(self) -> None:
         """Open the file.
@@ -67,7 +52,8 @@ class StackFile(Opened):
         """
         self.close()
         self._stack = stack = PictureStack(self._options.file, variable=self._options.variable)
-        self._seq, self._times_s = 0, None if self._options.rate_hz else stack.times_s
+        self._begin(stack.n_pictures)
+        self._times_s = None if self._options.rate_hz else stack.times_s
         if self._times_s is not None and len(self._times_s) > 1:
             self._rate_hz = (len(self._times_s) - 1) / self._times_s[-1]
 
@@ -75,12 +61,7 @@ class StackFile(Opened):
         """Close the file."""
         if self._stack is not None:
             self._stack.close()
-        self._stack = None
-
-    @property
-    def ended(self) -> bool:
-        """Whether all pictures were read."""
-        return self._stack is not None and self._seq >= self._stack.n_pictures
+        self._stack = self._n_pictures = None
 
     def skip(self, n_frames: int) -> None:
         """Pass over pictures."""
@@ -96,13 +77,11 @@ class StackFile(Opened):
             DeviceUnavailableError: The source is not open.
         """
         if self._stack is None:
-            raise DeviceUnavailableError(f"stack {self._options.file.name!r} is not open", "open it first")
+            raise self._closed()
         image = self._stack.read()
         if image is None:
             return None
-        seq = self._seq
-        self._seq += 1
+        seq = self._next()
         if self._options.order == "rgb":
             image = np.ascontiguousarray(image[..., ::-1])
-        t_s = seq / self._rate_hz if self._times_s is None else self._times_s[seq]
-        return TactileFrame(round(t_s * 1e9), seq, image, f"{self._options.file.name} picture {seq}")
+        return TactileFrame(self._at_ns(seq, self._times_s), seq, image, f"{self._label} picture {seq}")

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
-from tega.errors import DeviceUnavailableError, RecordingError
+from tega.devices.base import Options, TactileFrame
+from tega.devices.fingertip.recorded_pictures import RecordedPictures
+from tega.errors import RecordingError
 from tega.runtime.files.ros2_bag import Ros2Bag, picture_of
-from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import decode_image
 
 # Pictures whose distances give the rate.
@@ -30,36 +30,21 @@ class Ros2PicturesOptions(Options, frozen=True):
     topic: str = ""
 
 
-class Ros2Pictures(Opened):
+class Ros2Pictures(RecordedPictures):
     """The pictures of a topic, each at its own time from the beginning of the bag."""
 
-    kind: ClassVar[Kind] = "tactile"
+    name: ClassVar[str] = "ros2-pictures"
     summary: ClassVar[str] = "pictures of a topic in a ROS 2 bag (MCAP)"
     extra: ClassVar[str] = "ros2"
     requires: ClassVar[tuple[str, ...]] = ("mcap", "mcap_ros2")
     options_type: ClassVar[type[Options]] = Ros2PicturesOptions
 
     def __init__(self, options: Ros2PicturesOptions) -> None:
+        super().__init__(options.file.name)
         self._options = options
         self._bag: Ros2Bag | None = None
         self._messages: Iterator[tuple[int, Any]] = iter(())
         self._pending: tuple[int, Any] | None = None
-        self._rate_hz: float | None = None
-        self._shape: tuple[int, ...] = ()
-        self._seq = 0
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Name and, once open, mean rate and number of pictures."""
-        return DeviceInfo(
-            driver="ros2-pictures",
-            kind="tactile",
-            label=self._options.file.name,
-            live=False,
-            rate_hz=self._rate_hz,
-            unit="counts of 255",
-            n_items=None if self._bag is None else self._bag.n_messages,
-        )
 
     def open(self) -> None:
         """Open the bag, and measure the rate over its first pictures.
@@ -76,12 +61,13 @@ class Ros2Pictures(Opened):
                 f"{self._options.file.name}: {bag.topic} holds no picture", "name another topic"
             )
         self._rate_hz = 1e9 / float(np.median(np.diff(times))) if len(times) > 1 else 1.0
-        self._bag, self._messages, self._seq, self._shape = bag, bag.messages(), 0, ()
+        self._begin(bag.n_messages)
+        self._bag, self._messages = bag, bag.messages()
         self._pending = next(self._messages, None)
 
     def close(self) -> None:
         """Close the bag."""
-        self._messages, self._pending, self._bag = iter(()), None, None
+        self._messages, self._pending, self._bag, self._n_pictures = iter(()), None, None, None
 
     @property
     def ended(self) -> bool:
@@ -103,19 +89,12 @@ class Ros2Pictures(Opened):
             DeviceUnavailableError: The source is not open.
         """
         if self._bag is None:
-            raise DeviceUnavailableError(f"bag {self._options.file.name!r} is not open", "open it first")
+            raise self._closed()
         if self._pending is None:
             return None
         (t_ns, value), seq = self._pending, self._seq
         self.skip(1)
-        name = f"{self._options.file.name} {self._bag.topic} picture {seq}"
+        name = f"{self._label} {self._bag.topic} picture {seq}"
         found = picture_of(value, self._bag.kind, name)
-        image = decode_image(found, name, driver="ros2-pictures") if isinstance(found, bytes) else found
-        self._shape = self._shape or image.shape
-        if image.shape != self._shape:
-            raise RecordingError(
-                f"{name}: {image.shape[1]}×{image.shape[0]} pixels, the ones before have "
-                f"{self._shape[1]}×{self._shape[0]}",
-                "a recording has one size; cut the bag there",
-            )
-        return TactileFrame(t_ns, seq, image, name)
+        image = decode_image(found, name, driver=self.name) if isinstance(found, bytes) else found
+        return self._frame(seq, t_ns, image, name, "cut the bag there")

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import ClassVar
 
-from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
-from tega.devices.fingertip.video_opencv import OpenCvFrames
-from tega.errors import DeviceUnavailableError, RecordingError
+from tega.devices.base import Options, TactileFrame
+from tega.devices.fingertip.recorded_pictures import RecordedPictures
+from tega.errors import RecordingError
 from tega.runtime.files.video import VideoFrames
-from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import IMAGE_SUFFIXES
 
 
@@ -26,49 +24,31 @@ class VideoFileOptions(Options, frozen=True):
     allow_truncated: bool = False
 
 
-class VideoFile(Opened):
+class VideoFile(RecordedPictures):
     """The frames of a video, each at its own time, turned by the rotation tag.
 
     Where the frames that decode are not those that the header states, the file is damaged or was cut. It is then
     refused, or, if allowed, used without the last frame decoded, which may be half a picture.
     """
 
-    kind: ClassVar[Kind] = "tactile"
+    name: ClassVar[str] = "video"
     summary: ClassVar[str] = "a video file, with its own frame times"
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("av",)
     options_type: ClassVar[type[Options]] = VideoFileOptions
 
     def __init__(self, options: VideoFileOptions) -> None:
+        super().__init__(options.file.name)
         self._options = options
-        self._frames: VideoFrames | OpenCvFrames | None = None
-        self._rate_hz: float | None = None
-        self._n_frames: int | None = None
-        self._shape: tuple[int, ...] = ()
-        self._seq = 0
+        self._frames: VideoFrames | None = None
         self._cut = False
-        self._notes: list[str] = []
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Name and, once open, rate and number of frames."""
-        return DeviceInfo(
-            driver="video",
-            kind="tactile",
-            label=self._options.file.name,
-            live=False,
-            rate_hz=self._rate_hz,
-            unit="counts of 255",
-            n_items=self._n_frames,
-            notes=tuple(self._notes),
-        )
 
     def open(self) -> None:
         """Open the file, and decode the first frame.
 
         Raises:
             RecordingError: It is missing, is no video, states no rate, or nothing of it decodes.
-            MissingExtraError: Neither PyAV nor OpenCV is installed.
+            MissingExtraError: PyAV is not installed.
         """
         self.close()
         path = self._options.file
@@ -76,10 +56,9 @@ class VideoFile(Opened):
             raise RecordingError(
                 f"{path.name}: a picture, not a video", "give the folder that holds the pictures"
             )
-        decode = OpenCvFrames if importlib.util.find_spec("av") is None else VideoFrames
-        self._frames = frames = decode(path)
-        self._rate_hz, self._n_frames = frames.facts.rate_hz, frames.facts.n_frames
-        self._notes, self._shape, self._seq, self._cut = frames.notes, (), 0, False
+        self._frames = frames = VideoFrames(path)
+        self._rate_hz, self._notes, self._cut = frames.facts.rate_hz, frames.notes, False
+        self._begin(frames.facts.n_frames)
 
     def close(self) -> None:
         """Close the file."""
@@ -106,27 +85,21 @@ class VideoFile(Opened):
                 another size than the first.
             DeviceUnavailableError: The source is not open.
         """
-        frames, path = self._frames, self._options.file
+        frames = self._frames
         if frames is None:
-            raise DeviceUnavailableError(f"video {path.name!r} is not open", "open it first")
+            raise self._closed()
         if self._cut or (found := frames.read()) is None:
             return None
         t_s, image = found
-        name, seq = f"{path.name} frame {self._seq}", self._seq
-        self._shape = self._shape or image.shape
-        if image.shape != self._shape:
-            raise RecordingError(
-                f"{name}: {image.shape[1]}×{image.shape[0]} pixels, the frames before it have "
-                f"{self._shape[1]}×{self._shape[0]}",
-                "a recording has one size; cut the video there",
-            )
+        name = f"{self._label} frame {self._seq}"
+        frame = self._frame(self._seq, round(t_s * 1e9), image, name, "cut the video there")
         if frames.ended:
-            self._n_frames = frames.n_decoded
+            self._n_pictures = frames.n_decoded
             if fault := frames.fault():
                 self._end_early(fault)
                 return None
         self._seq += 1
-        return TactileFrame(round(t_s * 1e9), seq, image, name)
+        return frame
 
     def _end_early(self, fault: str) -> None:
         """Refuse a file that was cut, or note it and leave out the last frame decoded."""
@@ -134,5 +107,5 @@ class VideoFile(Opened):
             raise RecordingError(
                 fault, "export it again, or allow it with --allow-truncated (allow_truncated = true)"
             )
-        self._cut, self._n_frames = True, self._seq
+        self._cut, self._n_pictures = True, self._seq
         self._notes.append(f"{fault}; {self._seq} were used, the last one decoded may be incomplete")

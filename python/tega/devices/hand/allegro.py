@@ -6,7 +6,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
@@ -59,13 +58,11 @@ class Allegro(Opened):
     options_type: ClassVar[type[Options]] = AllegroOptions
 
     label = "Allegro Hand v4: torques from the angles it reported"
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "banner": "version 4 and the side that is set; after a silence, the same serial number",
-            "rate": "at least 250 sets of joint angles a second",
-            "values": "four frames make a set; no joint jumps, none stands still to the last bit, temperatures hold",
-        }
-    )
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "banner": "version 4 and the side that is set; after a silence, the same serial number",
+        "rate": "at least 250 sets of joint angles a second",
+        "values": "four frames make a set; no joint jumps, none stands still to the last bit, temperatures hold",
+    }
 
     def __init__(self, options: AllegroOptions) -> None:
         self._options = options
@@ -74,7 +71,7 @@ class Allegro(Opened):
         self._seen: HandNews | None = None
         self._received_s = 0.0
         self._ready = threading.Event()
-        self._alert = HandAlert(self)
+        self._alert = HandAlert()
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         self.on_exchange: (
@@ -120,7 +117,7 @@ class Allegro(Opened):
     @property
     def problem(self) -> str:
         """Trouble of the hand now, while it can still be steered or may come back; ``""`` for none."""
-        return self._alert()
+        return self._alert(self._seen)
 
     def warm_up(self) -> None:
         """Start the hand's process, which makes ready meanwhile; the hand is not touched before :meth:`open`."""

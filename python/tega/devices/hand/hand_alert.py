@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Protocol
-
-from tega.errors import DeviceUnavailableError
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tega.hand.link import HandState
+    from tega.devices.hand.hand_reports import HandNews
 
 
 _POLL_S = 0.1
@@ -25,50 +23,31 @@ _WORDS = {
 }
 
 
-class CountedHand(Protocol):
-    """A hand that counts its own faults."""
-
-    @property
-    def n_garbled(self) -> int:
-        """Messages that could not be decoded."""
-
-    def state(self) -> HandState:
-        """Return the newest state."""
-
-
 class HandAlert:
-    """Looks at a hand's own counts.
+    """Looks at a hand's own counts."""
 
-    Args:
-        hand: The driver, open.
-    """
-
-    def __init__(self, hand: CountedHand) -> None:
-        self._hand = hand
+    def __init__(self) -> None:
         self._next_s = self._until_s = 0.0
         self._counts: dict[str, int] = {}
         self._text = ""
 
-    def __call__(self) -> str:
-        """Return the current problem, for at least a second; ``""`` if there is none."""
+    def __call__(self, seen: HandNews | None) -> str:
+        """Return the current problem, for at least a second; ``""`` if there is none, or no report yet."""
         now_s = time.monotonic()
         if now_s < self._next_s:
             return self._text
         self._next_s = now_s + _POLL_S
-        if text := self._check():
+        if text := "" if seen is None else self._check(seen):
             self._text, self._until_s = text, now_s + _REPORTED_S
         elif now_s >= self._until_s:
             self._text = ""
         return self._text
 
-    def _check(self) -> str:
-        try:
-            state = self._hand.state()
-        except DeviceUnavailableError:
-            return ""
+    def _check(self, seen: HandNews) -> str:
+        state = seen.state
         if state.phase in {"silent", "listening", "identifying", "checking"}:
             return "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
-        counts = {name: getattr(state.counts, name) for name in _WORDS} | {"garbled": self._hand.n_garbled}
+        counts = {name: getattr(state.counts, name) for name in _WORDS} | {"garbled": seen.n_garbled}
         before, self._counts = self._counts, counts
         more = {name: n - before.get(name, n) for name, n in counts.items()}
         name = max(more, key=lambda name: more[name])

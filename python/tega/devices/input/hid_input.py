@@ -28,29 +28,6 @@ _LEAVE_S = 5.0
 _MOST_EVENTS = 1024
 
 
-def found_devices(driver: str, known: Mapping[tuple[int, int], str]) -> list[Found]:
-    """List the devices that are there and known, each once whatever number of interfaces it has.
-
-    Args:
-        driver: Driver of the devices.
-        known: Their names, by vendor and product number.
-
-    Raises:
-        MissingExtraError: hidapi is not installed.
-        DeviceUnavailableError: Another package hides it.
-    """
-    there = {(d["vendor_id"], d["product_id"], d["serial_number"]) for d in hid_module(driver).enumerate()}
-    return [
-        Found(
-            driver=driver,
-            label=f"{known[vendor, product]} {serial}".strip(),
-            options={"vendor_id": vendor, "product_id": product} | ({"serial": serial} if serial else {}),
-        )
-        for vendor, product, serial in sorted(there)
-        if (vendor, product) in known
-    ]
-
-
 class HidInputOptions(Options, frozen=True, kw_only=True):
     """Settings that all input devices on USB have.
 
@@ -98,6 +75,7 @@ class HidInput(Opened):
         hold_ms: How long a button's contact has to hold to count as pressed.
 
     Attributes:
+        known: Names of devices that are found without being named, by vendor and product number.
         counts: Counts of reports and connections.
     """
 
@@ -105,9 +83,10 @@ class HidInput(Opened):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("hid",)
     name: ClassVar[str]
+    known: ClassVar[Mapping[tuple[int, int], str]]
 
     def __init__(self, options: HidInputOptions, *, hold_ms: float = 0.0) -> None:
-        self._settings = options
+        self._options = options
         self._hold_ns = round(hold_ms * 1e6)
         self._lock = threading.Lock()
         self._leaving = threading.Event()
@@ -124,8 +103,12 @@ class HidInput(Opened):
 
     # What a driver adds. All but the first two are called with the lock held, time in monotonic nanoseconds.
 
-    def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
-        """Choose one of the connected devices, and return it with its name."""
+    def _fits(self, numbers: tuple[int, int]) -> bool:
+        """Return whether a device is wanted, by its vendor and product number."""
+        raise NotImplementedError
+
+    def _usages(self) -> Sequence[tuple[int, int]]:
+        """Return usage page and usage of the interfaces to prefer: a device may have several."""
         raise NotImplementedError
 
     def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
@@ -137,16 +120,18 @@ class HidInput(Opened):
         raise NotImplementedError
 
     def _pass_time(self, t_ns: int) -> None:
-        """Look whether it has been silent for too long."""
-        raise NotImplementedError
-
-    def _mind_silence(self, t_ns: int) -> None:
         """Release a button that is held in silence: a held pedal and a frozen pedal send the same."""
-        limit_ms = self._settings.silent_after_ms
+        limit_ms = self._options.silent_after_ms
         if limit_ms is None or self._is_stalled or not self._buttons.held:
             return
         if t_ns - self._received_ns > limit_ms * 1e6:
             self._stall(t_ns)
+
+    def _press(self, down: set[str], t_ns: int) -> None:
+        """Take the buttons that are down; what was held through a silence has to be let go before it counts again."""
+        if not (self._is_stalled and down):
+            self._is_stalled = False
+            self._say(self._buttons.take(t_ns, down))
 
     def _come_to_rest(self) -> None:
         """Forget every motion."""
@@ -161,6 +146,27 @@ class HidInput(Opened):
 
     # What is the same in all of them.
 
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the devices that are there and known, each once whatever number of interfaces it has.
+
+        Raises:
+            MissingExtraError: hidapi is not installed.
+            DeviceUnavailableError: Another package hides it.
+        """
+        there = {
+            (d["vendor_id"], d["product_id"], d["serial_number"]) for d in hid_module(cls.name).enumerate()
+        }
+        return [
+            Found(
+                driver=cls.name,
+                label=f"{cls.known[vendor, product]} {serial}".strip(),
+                options={"vendor_id": vendor, "product_id": product} | ({"serial": serial} if serial else {}),
+            )
+            for vendor, product, serial in sorted(there)
+            if (vendor, product) in cls.known
+        ]
+
     @property
     def info(self) -> DeviceInfo:
         """Description of the device, and problems so far."""
@@ -174,7 +180,7 @@ class HidInput(Opened):
         return DeviceInfo(
             driver=self.name,
             kind="input",
-            label=self._settings.serial or self._found_as or self.name,
+            label=self._options.serial or self._found_as or self.name,
             live=True,
             unit="share of full deflection",
             notes=(*notes, *self._own_notes()),
@@ -253,12 +259,14 @@ class HidInput(Opened):
         self._say(self._buttons.take(t_ns, frozenset()))
 
     def _connect(self) -> Any:
-        hid, o = hid_module(self.name), self._settings
+        hid, o = hid_module(self.name), self._options
         there = [d for d in hid.enumerate() if o.serial in {"", d["serial_number"]}]
-        chosen = self._choose(there)
-        if chosen is None:
+        fitting = [d for d in there if self._fits((d["vendor_id"], d["product_id"]))]
+        if not fitting:
             raise self._absence(there)
-        which, self._found_as = chosen
+        which = min(fitting, key=lambda d: (d.get("usage_page"), d.get("usage")) not in self._usages())
+        numbers = which["vendor_id"], which["product_id"]
+        self._found_as = self.known.get(numbers, "{:04x}:{:04x}".format(*numbers))
         device = hid.device()
         try:
             device.open_path(which["path"])

@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 
-from tega.devices.base import Found, Options
-from tega.devices.input.hid_input import HidInput, HidInputOptions, found_devices
+from tega.devices.base import Options
+from tega.devices.input.hid_input import HidInput, HidInputOptions
 from tega.errors import DeviceUnavailableError
 
 PEDALS: Final = {
@@ -58,35 +58,20 @@ class Pedal(HidInput):
     summary: ClassVar[str] = "foot pedal or switch on USB that passes itself off as a keyboard or a joystick"
     options_type: ClassVar[type[Options]] = PedalOptions
 
+    known: ClassVar[Mapping[tuple[int, int], str]] = PEDALS
+    _options: PedalOptions
+
     def __init__(self, options: PedalOptions) -> None:
         super().__init__(options, hold_ms=options.debounce_ms)
-        self._options = options
 
-    @classmethod
-    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
-        """List the pedals that are known by their vendor and product numbers.
-
-        Raises:
-            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
-        """
-        return found_devices(cls.name, PEDALS)
-
-    def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
+    def _fits(self, numbers: tuple[int, int]) -> bool:
         o = self._options
-        fitting = []
-        for device in found:
-            numbers = (device["vendor_id"], device["product_id"])
-            if o.vendor_id is None and o.product_id is None:
-                fits = bool(o.serial) or (o.report == "keyboard" and numbers in PEDALS)
-            else:
-                fits = o.vendor_id in {None, numbers[0]} and o.product_id in {None, numbers[1]}
-            if fits:
-                fitting.append(device)
-        fitting.sort(key=lambda d: (d.get("usage_page"), d.get("usage")) not in _USAGES[o.report])
-        if not fitting:
-            return None
-        numbers = (fitting[0]["vendor_id"], fitting[0]["product_id"])
-        return fitting[0], PEDALS.get(numbers, "{:04x}:{:04x}".format(*numbers))
+        if o.vendor_id is None and o.product_id is None:
+            return bool(o.serial) or (o.report == "keyboard" and numbers in PEDALS)
+        return o.vendor_id in {None, numbers[0]} and o.product_id in {None, numbers[1]}
+
+    def _usages(self) -> Sequence[tuple[int, int]]:
+        return _USAGES[self._options.report]
 
     def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
         o = self._options
@@ -117,11 +102,7 @@ class Pedal(HidInput):
                 self._is_stalled = True
                 self._release(t_ns)
             return False
-        if self._is_stalled and down:
-            # What was held through the silence has to be let go before it counts again.
-            return True
-        self._is_stalled = False
-        self._say(self._buttons.take(t_ns, down))
+        self._press(down, t_ns)
         return True
 
     @staticmethod
@@ -142,6 +123,3 @@ class Pedal(HidInput):
             return None
         mask = report[self._options.button_byte]
         return {str(bit + 1) for bit in range(8) if mask >> bit & 1}
-
-    def _pass_time(self, t_ns: int) -> None:
-        self._mind_silence(t_ns)

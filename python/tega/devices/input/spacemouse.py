@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar, Final
 
 import msgspec
 
-from tega.devices.base import Found, Options
-from tega.devices.input.hid_input import AT_REST, HidInput, HidInputOptions, found_devices
+from tega.devices.base import Options
+from tega.devices.input.hid_input import AT_REST, HidInput, HidInputOptions
 from tega.errors import DeviceUnavailableError
 
 MODELS: Final = {
@@ -69,45 +69,28 @@ class SpaceMouse(HidInput):
     name: ClassVar[str] = "spacemouse"
     summary: ClassVar[str] = "3Dconnexion SpaceMouse: six axes and buttons"
     options_type: ClassVar[type[Options]] = SpaceMouseOptions
+    known: ClassVar[Mapping[tuple[int, int], str]] = MODELS
+    _options: SpaceMouseOptions
 
     def __init__(self, options: SpaceMouseOptions) -> None:
         super().__init__(options)
-        self._options = options
         # Counts in the device's axes, translation and rotation, each with the time of its report.
         self._halves: list[tuple[int, int, int]] = [(0, 0, 0), (0, 0, 0)]
         self._half_ns = [0, 0]
         self._battery: int | None = None
 
-    @classmethod
-    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
-        """List the devices with six axes, by their vendor and product numbers.
+    def _fits(self, numbers: tuple[int, int]) -> bool:
+        o = self._options
+        if o.product_id is None:
+            return numbers in MODELS and o.vendor_id in {None, numbers[0]}
+        return numbers == (o.vendor_id or 0x256F, o.product_id)
 
-        Raises:
-            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
-        """
-        return found_devices(cls.name, MODELS)
-
-    def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
-        o = self._settings
-        fitting = []
-        for device in found:
-            numbers = (device["vendor_id"], device["product_id"])
-            if o.product_id is None:
-                fits = numbers in MODELS and o.vendor_id in {None, numbers[0]}
-            else:
-                fits = numbers == (o.vendor_id or 0x256F, o.product_id)
-            if fits:
-                fitting.append(device)
-        # A receiver has several interfaces; only one has the axes.
-        fitting.sort(key=lambda d: (d.get("usage_page"), d.get("usage")) != _MULTI_AXIS)
-        if not fitting:
-            return None
-        numbers = (fitting[0]["vendor_id"], fitting[0]["product_id"])
-        return fitting[0], MODELS.get(numbers, "{:04x}:{:04x}".format(*numbers))
+    def _usages(self) -> Sequence[tuple[int, int]]:
+        return (_MULTI_AXIS,)
 
     def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
         others = [(d["vendor_id"], d["product_id"]) for d in found if d["vendor_id"] == 0x256F]
-        numbered = f" with the serial number {self._settings.serial}" if self._settings.serial else ""
+        numbered = f" with the serial number {self._options.serial}" if self._options.serial else ""
         if not others:
             return DeviceUnavailableError(
                 f"spacemouse: no SpaceMouse{numbered} is there",
@@ -143,11 +126,7 @@ class SpaceMouse(HidInput):
             return False
         mask = int.from_bytes(report[1:], "little")
         down = {b for b in range(8 * (len(report) - 1)) if mask >> b & 1}
-        if self._is_stalled and down:
-            # What was held through the silence has to be let go before it counts again.
-            return True
-        self._is_stalled = False
-        self._say(self._buttons.take(t_ns, {_BUTTON_NAMES.get(b, f"button {b + 1}") for b in down}))
+        self._press({_BUTTON_NAMES.get(b, f"button {b + 1}") for b in down}, t_ns)
         return True
 
     def _axes(self, body: bytes, first: int, t_ns: int) -> bool:
@@ -168,7 +147,7 @@ class SpaceMouse(HidInput):
                 self._halves[half] = (0, 0, 0)
                 if t_ns - max(self._half_ns) > _WATCHDOG_NS and not self._is_stalled:
                     self._stall(t_ns)
-        self._mind_silence(t_ns)
+        super()._pass_time(t_ns)
 
     def _come_to_rest(self) -> None:
         self._halves = [(0, 0, 0), (0, 0, 0)]

@@ -8,7 +8,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Annotated, ClassVar, Final, Literal
 
 import msgspec
@@ -16,7 +15,7 @@ import msgspec
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
 from tega.devices.device_clock import DeviceClock
-from tega.devices.tracker.tracker_thread import ThreadedTracker
+from tega.devices.tracker.tracker_thread import BACK_OFF_S, RESTART_NS, SILENT_S, ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.evidence import Evidence
 from tega.runtime.reopening import Reopening
@@ -34,10 +33,6 @@ _WRIST_NUMBER: Final = 1
 _EXACT: Final = 0
 
 _POLL_S: Final = 0.05
-_BACK_OFF_S: Final = (0.25, 2.0)
-# The origin is where the head was when the app began: after a reconnection the same numbers may be another place. So
-# long, together with the pause before, that whoever steers has been told "lost" and takes hold anew.
-_RESTART_NS: Final = 350_000_000
 # The app sends so many packets a second; a stream well below it is another one, or a bad network.
 _RATE_HZ: Final = 60.0
 _LEAST_SHARE: Final = 0.8
@@ -65,42 +60,16 @@ class HoloLensOptions(Options, frozen=True, kw_only=True):
     silent_s: Annotated[float, msgspec.Meta(ge=0.2, le=60)] = 1.0
 
 
-class HoloLensCounts(msgspec.Struct, kw_only=True):
-    """Counts of packets and connections.
-
-    Attributes:
-        packets: Packets in all.
-        lost: Packets in which the hand was not tracked.
-        guessed: Packets in which its wrist was only guessed.
-        repeated: Packets with the pose or the time of the previous one; they are skipped.
-        connections: Connections that were made.
-        silent: Connections dropped since nothing came.
-        broken: Connections closed after data that is no packet, or an incomplete packet.
-    """
-
-    packets: int = 0
-    lost: int = 0
-    guessed: int = 0
-    repeated: int = 0
-    connections: int = 0
-    silent: int = 0
-    broken: int = 0
-
-
 class HoloLens(ThreadedTracker):
     """Reads the spatial input of the hl2ss app, port 3812, 60 packets a second, in a thread of its own.
 
     Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock converted to the host's; see
     :class:`~tega.devices.device_clock.DeviceClock`. Poses that the network delayed therefore have their true age. A
     wrist that is lost, or only guessed, gives an invalid pose. A pose that is identical to the last bit was not
-    measured again, and is skipped.
+    measured again, and is skipped. The origin is where the head was when the app began.
 
     Args:
         options: The settings.
-
-    Attributes:
-        counts: Counts of packets and connections.
-        frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
     driver: ClassVar[str] = "hololens"
@@ -108,18 +77,15 @@ class HoloLens(ThreadedTracker):
     extra: ClassVar[str] = ""
     requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = HoloLensOptions
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "banner": "packets have the size of spatial input",
-            "stamp": "the headset's clock runs with the arrivals; after a leap no pose is used for 0.35 s",
-            "rate": "at least 80 % of 60 packets a second come",
-            "values": "a pose that repeats to the last bit is not used; a wrist is seen, not guessed",
-        }
-    )
-    frame: ClassVar[str] = "openxr"
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "banner": "packets have the size of spatial input",
+        "stamp": "the headset's clock runs with the arrivals; after a leap no pose is used for 0.35 s",
+        "rate": "at least 80 % of 60 packets a second come",
+        "values": "a pose that repeats to the last bit is not used; a wrist is seen, not guessed",
+    }
 
     def __init__(self, options: HoloLensOptions) -> None:
-        super().__init__()
+        super().__init__(f"{options.hand} wrist", _RATE_HZ)
         self._options = o = options
         self._offset = _FIRST_JOINT[o.hand] + _WRIST_NUMBER * _JOINT_BYTES
         self._bit = _VALID[o.hand]
@@ -129,29 +95,16 @@ class HoloLens(ThreadedTracker):
         self._restart_until_ns = 0
         self._received_ns = 0
         self._arrivals_ns: deque[int] = deque(maxlen=1024)
-        self.counts = HoloLensCounts()
 
     @property
     def info(self) -> DeviceInfo:
         """Description of the tracker."""
         c, notes = self.counts, []
-        if c.packets and c.guessed > c.packets / 10:
-            notes.append(f"{c.guessed} of {c.packets} packets had a wrist that was only guessed")
-        if c.packets and c.lost > c.packets / 10:
-            notes.append(f"{c.lost} of {c.packets} packets had no {self._options.hand} hand")
         if c.connections > 1:
             notes.append(f"reconnected {c.connections - 1} times")
         if self._clock.n_leaps:
             notes.append(f"stamp: the headset's clock was set {self._clock.n_leaps} times")
-        return DeviceInfo(
-            driver=self.driver,
-            kind="tracker",
-            label=f"HoloLens at {self._where}",
-            live=True,
-            rate_hz=_RATE_HZ,
-            unit="m",
-            notes=tuple(notes),
-        )
+        return self._describe(f"HoloLens at {self._where}", notes)
 
     @property
     def problem(self) -> str:
@@ -165,7 +118,7 @@ class HoloLens(ThreadedTracker):
             rate_hz = (len(arrivals) - 1) / spans_s if spans_s * 1e9 > 0.75 * _RATE_NS else _RATE_HZ
         if not self._thread:
             return ""
-        if away_s > 0.25:
+        if away_s > SILENT_S:
             return f"hololens: no packet for {away_s:.1f} s"
         if rate_hz < _LEAST_SHARE * _RATE_HZ:
             return f"hololens: rate: {rate_hz:.0f} packets a second come, {_RATE_HZ:g} are expected"
@@ -180,8 +133,7 @@ class HoloLens(ThreadedTracker):
         """
         if self._thread is not None:
             return
-        self.counts = HoloLensCounts()
-        self._poses.clear()
+        self._forget()
         self._restart_until_ns = 0
         self._leaving.clear()
         link: socket.socket | None = None
@@ -246,17 +198,17 @@ class HoloLens(ThreadedTracker):
             return made
 
         def use(open_link: socket.socket) -> bool:
-            before = self.counts.packets
+            before = self.counts.poses
             text = self._drain(open_link)
             self._say(f"{text}, connecting again")
             # One that takes connections and says nothing is not asked ever faster.
-            return self.counts.packets > before
+            return self.counts.poses > before
 
         def refused(error: Exception) -> None:
             text = getattr(error, "strerror", None) or error
             self._say(f"{self._where} cannot be reached: {text}")
 
-        Reopening(*_BACK_OFF_S).serve(
+        Reopening(*BACK_OFF_S).serve(
             link, renewed, use, lambda made: made.close(), self._leaving.wait, absent=OSError, refused=refused
         )
 
@@ -298,12 +250,12 @@ class HoloLens(ThreadedTracker):
         with self._lock:
             if not self._restart_until_ns:
                 c.connections += 1
-                self._restart_until_ns = arrival_ns + (_RESTART_NS if c.connections > 1 else 0)
+                self._restart_until_ns = arrival_ns + (RESTART_NS if c.connections > 1 else 0)
             self._received_ns, self._trouble = arrival_ns, ""
             self._arrivals_ns.append(arrival_ns)
             while arrival_ns - self._arrivals_ns[0] > _RATE_NS:
                 self._arrivals_ns.popleft()
-            c.packets += 1
+            c.poses += 1
             there = bool(bits & self._bit)
             if last is not None and (device_100ns == last[0] or (there and record == last[1])):
                 c.repeated += 1
@@ -311,7 +263,7 @@ class HoloLens(ThreadedTracker):
             n_leaps = self._clock.n_leaps
             t_ns = self._clock.to_host_ns(100 * device_100ns, arrival_ns)
             if self._clock.n_leaps > n_leaps:
-                self._restart_until_ns = arrival_ns + _RESTART_NS
+                self._restart_until_ns = arrival_ns + RESTART_NS
             # A wrist that is lost keeps its bytes; when it is back they may be the same and are new all the same.
             self._last = device_100ns, record if there else b""
             qx, qy, qz, qw, x, y, z, _radius, accuracy = _WRIST.unpack(record)

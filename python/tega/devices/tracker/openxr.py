@@ -7,26 +7,18 @@ import queue
 import threading
 import time
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, ClassVar, Final
-
-import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
 from tega.devices.tracker.openxr_options import OpenXrOptions
 from tega.devices.tracker.openxr_session import Located, XrSession
-from tega.devices.tracker.tracker_thread import ThreadedTracker
+from tega.devices.tracker.tracker_thread import BACK_OFF_S, RESTART_NS, SILENT_S, ThreadedTracker
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import require
 from tega.runtime.reopening import Reopening
 
-_BACK_OFF_S: Final = (0.25, 2.0)
-# After a reconnection, a recentring or a time out of focus the same numbers may be another place. So long, whoever
-# steers is told "lost" and takes hold anew.
-_RESTART_NS: Final = 350_000_000
-_SILENT_S: Final = 0.25
 _STATES: Final = {
     "unknown": "the runtime has not begun the session",
     "idle": "the runtime keeps the session idle: is the headset on, and awake?",
@@ -38,26 +30,6 @@ _Outcome = queue.SimpleQueue[DeviceUnavailableError | None]
 _OUT_OF_FOCUS: Final = "another OpenXR program, or the runtime's menu, has the focus"
 
 
-class OpenXrCounts(msgspec.Struct, kw_only=True):
-    """Counts of the runtime's answers and sessions.
-
-    Attributes:
-        poses: Answers in all.
-        lost: Answers that knew no place or no turn.
-        guessed: Answers that were valid and not tracked.
-        repeated: Answers with the pose of the previous one; they are skipped.
-        connections: Sessions that were begun.
-        recentred: Changes of the origin that the runtime announced.
-    """
-
-    poses: int = 0
-    lost: int = 0
-    guessed: int = 0
-    repeated: int = 0
-    connections: int = 0
-    recentred: int = 0
-
-
 class OpenXr(ThreadedTracker):
     """Asks the active OpenXR runtime where something is, in a session without a picture and a thread of its own.
 
@@ -67,10 +39,6 @@ class OpenXr(ThreadedTracker):
 
     Args:
         options: The settings.
-
-    Attributes:
-        counts: Counts of answers and sessions.
-        frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
     driver: ClassVar[str] = "openxr"
@@ -79,26 +47,23 @@ class OpenXr(ThreadedTracker):
     extra: ClassVar[str] = "openxr"
     requires: ClassVar[tuple[str, ...]] = ("xr",)
     options_type: ClassVar[type[Options]] = OpenXrOptions
-    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
-        {
-            "banner": "the runtime has the controller, tracker or hand that is set",
-            "stamp": "the runtime converts its times to this machine's clock",
-            "values": "a pose is valid and tracked; one that repeats to the last bit is not used",
-        }
-    )
-    frame: ClassVar[str] = "openxr"
+    compared: ClassVar[Mapping[Evidence, str]] = {
+        "banner": "the runtime has the controller, tracker or hand that is set",
+        "stamp": "the runtime converts its times to this machine's clock",
+        "values": "a pose is valid and tracked; one that repeats to the last bit is not used",
+    }
 
     def __init__(self, options: OpenXrOptions) -> None:
-        super().__init__()
         self._options = o = options
         subject = {"grip": "controller", "aim": "controller's aim", "wrist": "wrist"}
-        self._subject = f"tracker {o.role}" if o.source == "tracker" else f"{o.hand} {subject[o.source]}"
+        super().__init__(
+            f"tracker {o.role}" if o.source == "tracker" else f"{o.hand} {subject[o.source]}", o.rate_hz
+        )
         self._session: XrSession | None = None
         self._runtime, self._device, self._converts_times = "", "", True
         self._received_ns, self._restart_until_ns = 0, 0
         self._last: Located | None = None
         self._lost = ""
-        self.counts = OpenXrCounts()
 
     @property
     def info(self) -> DeviceInfo:
@@ -110,23 +75,9 @@ class OpenXr(ThreadedTracker):
             notes.append(
                 "the runtime does not convert its clock to this machine's: poses may be some ms older than reported"
             )
-        if c.poses and c.guessed > c.poses / 10:
-            notes.append(f"{c.guessed} of {c.poses} poses were only guessed")
-        if c.poses and c.lost > c.poses / 10:
-            notes.append(f"{c.lost} of {c.poses} times the {self._subject} was not seen")
-        if c.recentred:
-            notes.append(f"its origin was moved {c.recentred} times")
         if c.connections > 1:
             notes.append(f"the session was restarted {c.connections - 1} times; last reason: {self._lost}")
-        return DeviceInfo(
-            driver=self.driver,
-            kind="tracker",
-            label=f"{self._subject} through {self._runtime or 'OpenXR'}",
-            live=True,
-            rate_hz=self._options.rate_hz,
-            unit="m",
-            notes=tuple(notes),
-        )
+        return self._describe(f"{self._subject} through {self._runtime or 'OpenXR'}", notes)
 
     @property
     def problem(self) -> str:
@@ -135,7 +86,7 @@ class OpenXr(ThreadedTracker):
             if self._trouble:
                 return f"openxr: {self._trouble}"
             away_s, device = (time.monotonic_ns() - self._received_ns) / 1e9, self._device
-        if self._thread and away_s > _SILENT_S:
+        if self._thread and away_s > SILENT_S:
             return f"openxr: {self._runtime} has not answered for {away_s:.1f} s"
         if self._thread and not device and self._options.source != "wrist":
             return f"openxr: the runtime has no {self._subject}: is it switched on?"
@@ -153,9 +104,8 @@ class OpenXr(ThreadedTracker):
         # The loader writes on standard error whatever it is asked in vain; what it says is told here in words.
         os.environ.setdefault("XR_LOADER_DEBUG", "none")
         xr = require("xr", driver="openxr", extra=self.extra)
-        self.counts = OpenXrCounts()
-        self._poses.clear()
-        self._trouble, self._restart_until_ns, self._last = "", 0, None
+        self._forget()
+        self._restart_until_ns, self._last = 0, None
         # Of their own for each thread: one that a runtime never lets go finds that it has to leave.
         self._leaving, outcome = threading.Event(), _Outcome()
         thread = threading.Thread(
@@ -179,7 +129,7 @@ class OpenXr(ThreadedTracker):
 
     def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
         """Poll until asked to stop; begin a new session if the session is lost."""
-        again = Reopening(*_BACK_OFF_S)
+        again = Reopening(*BACK_OFF_S)
         while not leaving.is_set():
             n_begun = self.counts.connections
             session: XrSession | None = None
@@ -224,7 +174,7 @@ class OpenXr(ThreadedTracker):
             self._trouble = "" if state == "focused" else _STATES.get(state, _OUT_OF_FOCUS)
             # Out of focus the origin may have been moved without a word.
             if state == "focused" and self.counts.poses:
-                self._restart_until_ns = time.monotonic_ns() + _RESTART_NS
+                self._restart_until_ns = time.monotonic_ns() + RESTART_NS
 
     def _take(self, session: XrSession, found: Located | None, now_ns: int) -> None:
         """Take an answer."""
@@ -232,7 +182,7 @@ class OpenXr(ThreadedTracker):
         with self._lock:
             if session.restart_from_ns:
                 c.recentred += 1
-                self._restart_until_ns = max(self._restart_until_ns, session.restart_from_ns + _RESTART_NS)
+                self._restart_until_ns = max(self._restart_until_ns, session.restart_from_ns + RESTART_NS)
                 session.restart_from_ns = 0
             if found is None:
                 return

@@ -7,12 +7,49 @@ from collections import deque
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
+import msgspec
+
 from tega.arm.pose import StampedPose
-from tega.devices.base import Kind
+from tega.devices.base import DeviceInfo, Kind
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import Opened
 
+BACK_OFF_S: Final = (0.25, 2.0)
+"""Shortest and longest pause before a lost tracker is tried again."""
+
+RESTART_NS: Final = 350_000_000
+"""After a reconnection the same numbers may be another place. So long, together with the pause before, poses are not
+valid, so that whoever steers is told "lost" and takes hold anew."""
+
+SILENT_S: Final = 0.25
+"""A tracker that has said nothing for so long is in trouble."""
+
 _MOST_POSES: Final = 256
+_MANY: Final = 0.1
+
+
+class TrackerCounts(msgspec.Struct, kw_only=True):
+    """Counts of what a tracker said, and of connections to it.
+
+    Attributes:
+        poses: Answers in all, without a pose too.
+        lost: Answers that had no pose of the subject.
+        guessed: Answers with a pose that was only guessed.
+        repeated: Answers with the pose of the previous one; they are skipped.
+        connections: Connections or sessions that were begun.
+        silent: Connections dropped since nothing came.
+        broken: Connections closed after data that is no answer, or half of one.
+        recentred: Changes of the origin that were announced.
+    """
+
+    poses: int = 0
+    lost: int = 0
+    guessed: int = 0
+    repeated: int = 0
+    connections: int = 0
+    silent: int = 0
+    broken: int = 0
+    recentred: int = 0
 
 
 class ThreadedTracker(Opened):
@@ -20,20 +57,54 @@ class ThreadedTracker(Opened):
 
     The thread stops once ``_leaving`` is set; it reports to the operator with ``_say``.
 
+    Args:
+        subject: What is tracked, such as ``right wrist``.
+        rate_hz: Poses per second.
+
     Attributes:
         driver: Its name among drivers.
         leave_s: How long the thread may take to leave.
+        frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
+        counts: Counts of answers and connections.
     """
 
     kind: ClassVar[Kind] = "tracker"
     driver: ClassVar[str]
     leave_s: ClassVar[float] = 5.0
+    frame: ClassVar[str] = "openxr"
 
-    def __init__(self) -> None:
+    def __init__(self, subject: str, rate_hz: float) -> None:
+        self._subject, self._rate_hz = subject, rate_hz
+        self.counts = TrackerCounts()
         self._lock = threading.Lock()
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
         self._poses: deque[StampedPose] = deque(maxlen=_MOST_POSES)
+        self._trouble = ""
+
+    def _describe(self, label: str, notes: Sequence[str]) -> DeviceInfo:
+        """Return the description, with notes on the counts and of the driver's own."""
+        c, counted = self.counts, []
+        if c.guessed > _MANY * c.poses:
+            counted.append(f"{c.guessed} of {c.poses} poses were only guessed")
+        if c.lost > _MANY * c.poses:
+            counted.append(f"{c.lost} of {c.poses} times the {self._subject} was not seen")
+        if c.recentred:
+            counted.append(f"its origin was moved {c.recentred} times")
+        return DeviceInfo(
+            driver=self.driver,
+            kind="tracker",
+            label=label,
+            live=True,
+            rate_hz=self._rate_hz,
+            unit="m",
+            notes=(*counted, *notes),
+        )
+
+    def _forget(self) -> None:
+        """Begin anew, as when it is opened."""
+        self.counts = TrackerCounts()
+        self._poses.clear()
         self._trouble = ""
 
     def close(self) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tega.devices.vest.player_settings import KEY_HINT, PlayerOptions, versions_to_ask
 from tega.devices.vest.player_versions import PlayerVersion, received
+from tega.devices.vest.vest_link import VestLink
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 
@@ -48,7 +49,7 @@ _SEND: Final = _system_send()
 _NO_SIGNAL: Final = getattr(socket, "MSG_NOSIGNAL", 0)
 
 
-class PlayerLink:
+class PlayerLink(VestLink):
     """Connects to the Player; one thread reads and writes in turns.
 
     TLS of Python before 3.13 may be used by one thread at a time; websockets' client with threads reads in one and

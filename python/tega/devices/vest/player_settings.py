@@ -13,8 +13,6 @@ from tega.devices.vest.vest_stream import VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.runtime.files.foreign_file import read_foreign
 
-__all__ = ["KEY_HINT", "PlayerOptions", "versions_to_ask"]
-
 KEY_HINT: Final = "make an app at the vendor's developer portal, and set vest.options app_id and api_key_file"
 """Fix if version 3 needs an id and a key."""
 

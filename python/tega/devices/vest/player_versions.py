@@ -6,7 +6,7 @@ Nothing here opens a socket: :class:`~tega.devices.vest.vest_player.PlayerVest` 
 from __future__ import annotations
 
 import ssl
-from typing import ClassVar, Final, Literal, Protocol
+from typing import ClassVar, Final, Literal
 from urllib.parse import quote
 
 import numpy as np
@@ -26,20 +26,21 @@ from tega.wire import (
     sdk3_stop_request,
 )
 
-__all__ = ["PlayerVersion", "PlayerVersion2", "PlayerVersion3"]
-
-_V2_PATH: Final = "/v2/feedbacks"
-_V3_PATH: Final = "/v3/feedback"
 _CLIENT: Final = "1.0.1"  # what a client that the vendor published for this version calls itself
 _REQUESTS: Final = 1 << 31  # a request's number fits into 31 bits, as those of the vendor's clients
 
 
-class PlayerVersion(Protocol):
+class PlayerVersion:
     """Version of the Player's websocket.
+
+    Args:
+        port: Where the Player serves it.
+        admitted: Whether the Player lets any program in.
 
     Attributes:
         number: 2 or 3.
         path: Path of the websocket.
+        tls: Encryption of its transport; ``None`` for none.
         admitted: Whether the Player has let the program in.
         has_vest: Whether it says that a vest is connected; ``None`` before it has said anything.
         vest_name: The Player's name for the vest; ``""`` if it gives none.
@@ -48,35 +49,33 @@ class PlayerVersion(Protocol):
 
     number: ClassVar[int]
     path: ClassVar[str]
-    admitted: bool
-    has_vest: bool | None
-    vest_name: str
-    battery_percent: int | None
+    tls: ssl.SSLContext | None = None
+
+    def __init__(self, port: int, *, admitted: bool) -> None:
+        self._port, self.admitted = port, admitted
+        self.has_vest: bool | None = None
+        self.vest_name = ""
+        self.battery_percent: int | None = None
 
     def url(self, host: str) -> str:
         """Return the URL, with the program's identification for the Player."""
-        ...
-
-    @property
-    def tls(self) -> ssl.SSLContext | None:
-        """Encryption of its transport."""
-        ...
+        raise NotImplementedError
 
     def hello(self) -> list[str]:
         """Return the first messages; they stop anything that the vest plays."""
-        ...
+        raise NotImplementedError
 
     def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
         """Return the messages that play (40,) intensities, percent, for 200 ms, replacing the current ones."""
-        ...
+        raise NotImplementedError
 
     def stop(self) -> str:
         """Return the message that ends everything."""
-        ...
+        raise NotImplementedError
 
     def probe(self) -> str:
         """Return a message that provokes a status and is not felt; ``""`` where there is none."""
-        ...
+        return ""
 
     def receive(self, message: str) -> None:
         """Take in a message of the Player.
@@ -84,10 +83,10 @@ class PlayerVersion(Protocol):
         Raises:
             WireError: It is none.
         """
-        ...
+        raise NotImplementedError
 
 
-class PlayerVersion2:
+class PlayerVersion2(PlayerVersion):
     """Version 2: no account, no encryption, two constant keys; a status shows whether there is a vest.
 
     Args:
@@ -96,23 +95,15 @@ class PlayerVersion2:
     """
 
     number: ClassVar[int] = 2
-    path: ClassVar[str] = _V2_PATH
+    path: ClassVar[str] = "/v2/feedbacks"
 
     def __init__(self, port: int, app_name: str) -> None:
-        self._port, self._name = port, quote(app_name, safe="")
-        self.admitted = True
-        self.has_vest: bool | None = None
-        self.vest_name = ""
-        self.battery_percent: int | None = None
+        super().__init__(port, admitted=True)
+        self._name = quote(app_name, safe="")
 
     def url(self, host: str) -> str:
         """Return the address."""
-        return f"ws://{host}:{self._port}{_V2_PATH}?app_id={self._name}&app_name={self._name}"
-
-    @property
-    def tls(self) -> ssl.SSLContext | None:
-        """None."""
-        return None
+        return f"ws://{host}:{self._port}{self.path}?app_id={self._name}&app_name={self._name}"
 
     def hello(self) -> list[str]:
         """End everything, and ask for a status."""
@@ -135,7 +126,7 @@ class PlayerVersion2:
         self.has_vest = "Vest" in player_v2_status(message).connected_positions
 
 
-class PlayerVersion3:
+class PlayerVersion3(PlayerVersion):
     """Version 3: needs the vendor's app id and key; the Player reports the vest's name, link and battery.
 
     The Player's certificate is self-signed, so it proves nothing and is not checked; only the key and frames are sent
@@ -149,29 +140,21 @@ class PlayerVersion3:
     """
 
     number: ClassVar[int] = 3
-    path: ClassVar[str] = _V3_PATH
+    path: ClassVar[str] = "/v3/feedback"
 
     def __init__(self, port: int, app_id: str, api_key: str, motor_values: Literal[40, 32]) -> None:
-        self._port, self._app_id, self._api_key, self._motor_values = port, app_id, api_key, motor_values
-        self._request = 0
-        self.admitted = False
-        self.has_vest: bool | None = None
-        self.vest_name = ""
-        self.battery_percent: int | None = None
+        super().__init__(port, admitted=False)
+        self._app_id, self._api_key, self._motor_values, self._request = app_id, api_key, motor_values, 0
+        # TLS 1.2 or later, without a check of the other end's identity.
+        self.tls = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        self.tls.minimum_version = ssl.TLSVersion.TLSv1_2
+        self.tls.check_hostname = False
+        self.tls.verify_mode = ssl.CERT_NONE
 
     def url(self, host: str) -> str:
         """Return the address, which holds the key: it belongs into no message."""
         app_id, key = quote(self._app_id, safe=""), quote(self._api_key, safe="")
-        return f"wss://{host}:{self._port}{_V3_PATH}?workspace_id={app_id}&api_key={key}&version={_CLIENT}"
-
-    @property
-    def tls(self) -> ssl.SSLContext | None:
-        """TLS 1.2 or later, without a check of the other end's identity."""
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-        context.minimum_version = ssl.TLSVersion.TLSv1_2
-        context.check_hostname = False
-        context.verify_mode = ssl.CERT_NONE
-        return context
+        return f"wss://{host}:{self._port}{self.path}?workspace_id={app_id}&api_key={key}&version={_CLIENT}"
 
     def hello(self) -> list[str]:
         """Introduce the program, and end everything."""
@@ -193,10 +176,6 @@ class PlayerVersion3:
     def stop(self) -> str:
         """Return ``SdkStopAll``."""
         return sdk3_stop_message()
-
-    def probe(self) -> str:
-        """Do nothing: the Player reports its devices unasked."""
-        return ""
 
     def receive(self, message: str) -> None:
         """Process a message: a Player reports its devices only after it has admitted the program."""

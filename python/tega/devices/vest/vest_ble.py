@@ -15,7 +15,8 @@ from tega.devices.base import Found, Options
 from tega.devices.hand.guard_process import BEAT_S
 from tega.devices.vest.bluetooth_state import bluetooth_trouble
 from tega.devices.vest.vest_ble_guard import MOTORS, VestWatch
-from tega.devices.vest.vest_stream import StreamedVest, VestLink, VestOptions
+from tega.devices.vest.vest_link import VestLink
+from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.wire import x40_ble_frame
@@ -60,9 +61,10 @@ class BleVest(StreamedVest):
     requires: ClassVar[tuple[str, ...]] = ("bleak",)
     options_type: ClassVar[type[Options]] = BleOptions
 
+    _options: BleOptions
+
     def __init__(self, options: BleOptions) -> None:
-        super().__init__(options)
-        self._options = options
+        super().__init__(options, options.address or "first vest found")
         self._watch = VestWatch()
 
     @classmethod
@@ -98,10 +100,6 @@ class BleVest(StreamedVest):
         ]
 
     @property
-    def _label(self) -> str:
-        return self._options.address or "first vest found"
-
-    @property
     def confirmed_rest(self) -> bool:
         """Whether the vest is closed and has answered behind its last zeros."""
         return self._thread is None and self._watch.confirmed
@@ -126,7 +124,7 @@ class BleVest(StreamedVest):
                 self._watch.end()
 
 
-class _BleLink:
+class _BleLink(VestLink):
     def __init__(self, options: BleOptions, watch: VestWatch) -> None:
         self._options = options
         self._watch = watch
@@ -140,8 +138,6 @@ class _BleLink:
     @property
     def present(self) -> bool:
         return not self._gone
-
-    notes: tuple[str, ...] = ()
 
     @property
     def battery_percent(self) -> int | None:
@@ -179,9 +175,6 @@ class _BleLink:
                 self._battery = value[0] if value else None
                 self._confirms = True
 
-    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002  # a write returns when the radio's stack has it
-        return True
-
     def send(self, intensities: NDArray[np.uint8]) -> None:
         if self._client is None or self._gone:
             raise DeviceUnavailableError("the vest has disconnected")
@@ -213,9 +206,6 @@ class _BleLink:
             with contextlib.suppress(*self._broken, TimeoutError):
                 runner.run(self._alive(client.disconnect(), _CALL_S))
         runner.close()
-
-    def abort(self) -> None:
-        """Do nothing: every call has its own end."""
 
     async def _find(self) -> Any:
         def wanted(device: Any, name: str | None) -> bool:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
 from tega.devices.hid_device import hid_module
-from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
+from tega.devices.vest.vest_link import VestLink
+from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
 from tega.wire import HidStatus, hid_motor_report, hid_status, hid_stop_report
 
@@ -55,9 +56,10 @@ class HidVest(StreamedVest):
     requires: ClassVar[tuple[str, ...]] = ("hid",)
     options_type: ClassVar[type[Options]] = HidVestOptions
 
+    _options: HidVestOptions
+
     def __init__(self, options: HidVestOptions) -> None:
-        super().__init__(options)
-        self._options = options
+        super().__init__(options, options.serial or f"{options.vendor_id:04x}:{options.product_id:04x}")
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
@@ -76,16 +78,11 @@ class HidVest(StreamedVest):
             for board in hid_module(cls.name).enumerate(usual.vendor_id, usual.product_id)
         ]
 
-    @property
-    def _label(self) -> str:
-        o = self._options
-        return o.serial or f"{o.vendor_id:04x}:{o.product_id:04x}"
-
     def _new_link(self) -> VestLink:
         return _HidLink(self._options)
 
 
-class _HidLink:
+class _HidLink(VestLink):
     def __init__(self, options: HidVestOptions) -> None:
         self._options = options
         self._device: Any = None
@@ -182,9 +179,6 @@ class _HidLink:
         finally:
             self._device.close()
             self._device = None
-
-    def abort(self) -> None:
-        """Do nothing: hidapi's writes have their own end."""
 
     def _next(self) -> int:
         self._sequence = (self._sequence + 1) % 65536

@@ -10,7 +10,7 @@ import numpy as np
 from tega.devices.base import Found, Options
 from tega.devices.vest.player_link import PlayerLink
 from tega.devices.vest.player_settings import KEY_HINT, PlayerOptions
-from tega.devices.vest.vest_stream import StreamedVest, VestLink
+from tega.devices.vest.vest_stream import StreamedVest
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
 
@@ -32,9 +32,10 @@ class PlayerVest(StreamedVest):
     options_type: ClassVar[type[Options]] = PlayerOptions
     sends_at_once: ClassVar[bool] = True
 
+    _options: PlayerOptions
+
     def __init__(self, options: PlayerOptions) -> None:
-        super().__init__(options)
-        self._options = options
+        super().__init__(options, f"{options.host}:{options.port}")
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:
@@ -54,10 +55,6 @@ class PlayerVest(StreamedVest):
             ]
         return []
 
-    @property
-    def _label(self) -> str:
-        return f"{self._options.host}:{self._options.port}"
-
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Hand a frame over; returns at once.
 
@@ -75,7 +72,7 @@ class PlayerVest(StreamedVest):
             )
         return super().write(t_ns, frame)
 
-    def _new_link(self) -> VestLink:
+    def _new_link(self) -> PlayerLink:
         return PlayerLink(self._options)
 
 

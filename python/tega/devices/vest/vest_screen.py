@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Options
-from tega.devices.vest.vest_stream import StreamedVest, VestLink, VestOptions
+from tega.devices.vest.vest_link import VestLink
+from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError
 
 _HEADING = "  %  front L ──── R      back L ──── R"
@@ -38,29 +39,22 @@ class ScreenVest(StreamedVest):
     requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = ScreenVestOptions
 
+    _options: ScreenVestOptions
+
     def __init__(self, options: ScreenVestOptions) -> None:
-        super().__init__(options)
-        self._options = options
+        place = options.terminal
+        label = "this terminal" if place is None else str(place).strip("/").replace("/", ".")
+        super().__init__(options, label)
 
     @classmethod
     def harmless(cls, options: ScreenVestOptions) -> None:
         """Do nothing: drawing would overwrite the terminal's content."""
 
-    @property
-    def _label(self) -> str:
-        terminal = self._options.terminal
-        return "this terminal" if terminal is None else str(terminal).strip("/").replace("/", ".")
-
     def _new_link(self) -> VestLink:
         return _Screen(self._options.terminal)
 
 
-class _Screen:
-    present = True
-    notes = ()
-    condition = ""
-    battery_percent = None
-
+class _Screen(VestLink):
     def __init__(self, terminal: Path | None) -> None:
         self._terminal = terminal
         self._out: IO[str] | None = None
@@ -80,9 +74,6 @@ class _Screen:
             ) from error
         self._out = os.fdopen(descriptor, "w", encoding="utf-8")
 
-    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002  # a terminal takes what it gets
-        return True
-
     def send(self, intensities: NDArray[np.uint8]) -> None:
         if self._out is None:
             raise DeviceUnavailableError("on-screen-vest: the terminal is not open")
@@ -99,9 +90,6 @@ class _Screen:
             raise DeviceUnavailableError(f"on-screen-vest: the terminal is gone: {error}") from error
         self._drawn = True
 
-    def poll(self) -> None:
-        """Do nothing: a terminal has nothing to say."""
-
     def close(self) -> None:
         if self._out is not None and self._terminal is not None:
             try:
@@ -109,6 +97,3 @@ class _Screen:
             except OSError as error:
                 raise DeviceUnavailableError(f"on-screen-vest: the terminal is gone: {error}") from error
         self._out = None
-
-    def abort(self) -> None:
-        """Do nothing: nothing is sent."""

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Options
-from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
+from tega.devices.vest.vest_link import VestLink
+from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.runtime.sound_card import load_sounddevice
 
@@ -125,23 +126,16 @@ class SoundVest(StreamedVest):
     options_type: ClassVar[type[Options]] = SoundVestOptions
     in_steps: ClassVar[bool] = False
 
-    def __init__(self, options: SoundVestOptions) -> None:
-        super().__init__(options)
-        self._options = options
+    _options: SoundVestOptions
 
-    @property
-    def _label(self) -> str:
-        return self._options.output or "the system's loudspeaker"
+    def __init__(self, options: SoundVestOptions) -> None:
+        super().__init__(options, options.output or "the system's loudspeaker")
 
     def _new_link(self) -> VestLink:
         return _Loudspeaker(self._options)
 
 
-class _Loudspeaker:
-    notes = ()
-    condition = ""
-    battery_percent = None
-
+class _Loudspeaker(VestLink):
     def __init__(self, options: SoundVestOptions) -> None:
         self._output = int(options.output) if options.output.isdecimal() else options.output or None
         self._tones = ColumnTones(options.volume)
@@ -177,9 +171,6 @@ class _Loudspeaker:
     def send(self, intensities: NDArray[np.uint8]) -> None:
         self._tones.notify(intensities)
 
-    def poll(self) -> None:
-        """Do nothing: a loudspeaker has nothing to say."""
-
     def close(self) -> None:
         stream, self._stream = self._stream, None
         if stream is None:
@@ -191,6 +182,3 @@ class _Loudspeaker:
         # What still waits in the sound card is dropped, not played.
         stream.abort()
         stream.close()
-
-    def abort(self) -> None:
-        """Do nothing: nothing is sent."""

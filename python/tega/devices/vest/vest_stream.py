@@ -20,7 +20,7 @@ import contextlib
 import threading
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Protocol
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 import msgspec
 import numpy as np
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from tega import _native
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.vest.vest_link import VestLink
 from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels
 from tega.runtime.lifecycle import Opened
@@ -75,58 +76,6 @@ class VestOptions(Options, frozen=True):
     open_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
 
 
-class VestLink(Protocol):
-    """One connection to a vest.
-
-    All but ``abort`` is called by one thread at a time: the writer's, or one that sends at once. Failures are raised as
-    DeviceUnavailableError.
-    """
-
-    @property
-    def present(self) -> bool:
-        """Whether a vest is at the other end, as far as the link knows."""
-        ...
-
-    @property
-    def condition(self) -> str:
-        """Status of the other end, such as its name and whether a vest is connected; ``""`` if none."""
-        ...
-
-    @property
-    def battery_percent(self) -> int | None:
-        """The vest's battery, 0 to 100; ``None`` where it is not known."""
-        ...
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes that a reader of the results must know."""
-        ...
-
-    def connect(self) -> None:
-        """Connect, or say why not."""
-        ...
-
-    def ready(self, timeout_s: float) -> bool:
-        """Wait until the link takes a frame without queueing it; return whether it does."""
-        ...
-
-    def send(self, intensities: NDArray[np.uint8]) -> None:
-        """Send (40,) intensities, 0 to 100, in the wearer's order."""
-        ...
-
-    def poll(self) -> None:
-        """Process the other end's messages; does not wait."""
-        ...
-
-    def close(self) -> None:
-        """Close, after zeros have been sent if that was possible."""
-        ...
-
-    def abort(self) -> None:
-        """Make a call that hangs on the other thread return."""
-        ...
-
-
 class VestCounters(msgspec.Struct, kw_only=True):
     """Counts of a live vest's writer.
 
@@ -152,7 +101,12 @@ class VestCounters(msgspec.Struct, kw_only=True):
 
 
 class StreamedVest(Opened):
-    """Base of the live vest drivers."""
+    """Base of the live vest drivers.
+
+    Args:
+        options: The settings.
+        label: Name of the vest.
+    """
 
     kind: ClassVar[Kind] = "vest"
     name: ClassVar[str]
@@ -161,12 +115,12 @@ class StreamedVest(Opened):
     sends_at_once: ClassVar[bool] = False
     """Whether a link's ``send`` never waits for a device, so that a thread with a deadline may call it."""
 
-    def __init__(self, options: VestOptions) -> None:
+    def __init__(self, options: VestOptions, label: str) -> None:
+        self._options, self._label = options, label
         self.budget = MotorBudget(limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s)
         """Remaining budget of the motors; kept over reconnections and reopenings."""
         self.keep_alive_s = KEEP_ALIVE_S
         """How old a frame may get before it is sent again; 0 sends every frame that is handed over."""
-        self._open_timeout_s = options.open_timeout_s
         self._gap_s = 1.0 / options.most_hz
         self.counters = VestCounters()
         self._link: VestLink | None = None
@@ -186,11 +140,6 @@ class StreamedVest(Opened):
 
     def _new_link(self) -> VestLink:
         """Make a link that is not connected yet."""
-        raise NotImplementedError
-
-    @property
-    def _label(self) -> str:
-        """Name of the vest."""
         raise NotImplementedError
 
     @property
@@ -257,13 +206,14 @@ class StreamedVest(Opened):
         self._thread = threading.Thread(target=self._run, args=(connected,), name=self.name, daemon=True)
         self._thread.start()
         closes_on_exit(self.close)
-        in_time = connected.wait(self._open_timeout_s)
+        in_time = connected.wait(self._options.open_timeout_s)
         failure = self._failure
         if in_time and failure is None:
             return
         self.close()
         raise failure or DeviceUnavailableError(
-            f"{self.name}: no answer within {self._open_timeout_s} s", "is it switched on and in reach?"
+            f"{self.name}: no answer within {self._options.open_timeout_s} s",
+            "is it switched on and in reach?",
         )
 
     def _begin(self) -> None:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from tega.arm.heading import ForwardCheck, check_forward, kept_yaw, yaw_from_sweep
-from tega.arm.sweep import ForearmSweep
+from tega.arm.heading import ForearmSweep, ForwardCheck, check_forward, kept_yaw, yaw_from_sweep
 from tega.errors import CalibrationError
 from tega.runtime.guide import Bar, Guide, Undecided
 from tega.setup.calibration.settling import until_good

@@ -9,7 +9,8 @@ import numpy as np
 
 from tega.arm.frames import FRAMES
 from tega.arm.pose import ArmCommand, StampedPose
-from tega.devices.base import ArmDriver, InputEvent, InputReading, InputSource, Tracker
+from tega.devices.arm.base import ArmDriver
+from tega.devices.base import InputEvent, InputReading, InputSource, Tracker
 from tega.errors import DeviceUnavailableError
 from tega.setup.contract.rule import refuses, rule
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from tega.config import ArmConfig, SessionConfig
 from tega.devices import HarmlessDevice, driver_class
-from tega.devices.base import PreflightedArm
+from tega.devices.arm.base import PreflightedArm
 from tega.errors import TegaError
 from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding

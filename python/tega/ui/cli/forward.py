@@ -10,7 +10,7 @@ import click
 from tega.ui.cli.options import json_option
 
 if TYPE_CHECKING:
-    from tega.arm.sweep import ForearmSweep
+    from tega.arm.heading import ForearmSweep
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
 

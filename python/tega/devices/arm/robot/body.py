@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
-
-from tega.arm.messages import Quaternion, Triple
+from tega.arm.messages import HandSeen, Quaternion, Triple
 
 
-class HandSeen(NamedTuple):
-    """Place and turn of the robot's hand, with their time.
+class RobotBody:
+    """An arm that is led. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick.
 
     Attributes:
-        t_ns: When it was there, monotonic clock; does not rise while the robot says nothing new.
-        place: Metres, base's axes.
-        turn: x, y, z, w.
+        facts: Facts about the arm, one line each.
+        success_rate: Share of the commands that the robot itself took in time; ``None`` where it does not say.
     """
 
-    t_ns: int
-    place: Triple
-    turn: Quaternion
-
-
-class RobotBody(Protocol):
-    """An arm that is led. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick."""
-
-    facts: tuple[str, ...]
+    facts: tuple[str, ...] = ()
+    success_rate: float | None = None
 
     def open(self) -> None:
         """Connect; nothing moves but what its options ask for.
@@ -32,42 +22,37 @@ class RobotBody(Protocol):
         Raises:
             TegaError: It is not there, or not the one that the settings ask for.
         """
-        ...
+        raise NotImplementedError
 
     def observe(self) -> HandSeen:
         """Return place and turn of the hand."""
-        ...
+        raise NotImplementedError
 
     def begin(self) -> None:
         """Begin to follow, with the present pose as the first target."""
-        ...
+        raise NotImplementedError
 
     def lead(self, place: Triple, turn: Quaternion, velocity_m_s: Triple, velocity_rad_s: Triple) -> None:
         """Give the arm its next target."""
-        ...
+        raise NotImplementedError
 
     def rest(self) -> None:
         """Begin to come to rest, with damping and without force; returns at once."""
-        ...
+        raise NotImplementedError
 
     @property
     def in_control(self) -> bool:
         """Whether the arm still follows or comes to rest."""
-        ...
+        raise NotImplementedError
 
     def fault(self) -> str:
         """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
-        ...
+        return ""
 
     def recover(self) -> str:
         """Clear a fault that a person has seen; return the remaining fault, ``""`` if there is none."""
-        ...
-
-    @property
-    def success_rate(self) -> float | None:
-        """Share of the commands that the robot itself took in time."""
-        ...
+        return ""
 
     def close(self) -> None:
         """Come to rest and let go."""
-        ...
+        raise NotImplementedError

@@ -54,7 +54,11 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
 
 class ProcessArm(Opened):
-    """An arm in a separate process. A subclass names the body."""
+    """An arm in a separate process. A subclass names the body.
+
+    Attributes:
+        label: Name of the arm, for people.
+    """
 
     kind: ClassVar[Kind] = "arm"
     extra: ClassVar[str] = ""
@@ -63,8 +67,8 @@ class ProcessArm(Opened):
     body: ClassVar[str]
     open_s: ClassVar[float] = 15.0
 
-    def __init__(self, options: ArmOptions) -> None:
-        self._options = options
+    def __init__(self, options: ArmOptions, label: str = "") -> None:
+        self._options, self.label = options, label or self.name
         self._process: subprocess.Popen[bytes] | None = None
         self._link: socket.socket | None = None
         self._session = self._sequence = 0
@@ -72,11 +76,6 @@ class ProcessArm(Opened):
         self._received_s = 0.0
         self._facts: tuple[str, ...] = ()
         self._late = self._refused = 0
-
-    @property
-    def label(self) -> str:
-        """Name of the arm, for people."""
-        return self.name
 
     @property
     def info(self) -> DeviceInfo:
@@ -238,12 +237,12 @@ class ProcessArm(Opened):
                 self._late, self._refused = message.health.late, message.health.refused
         if self._reported is None:
             return None
-        return StampedPose(self._reported.t_ns, self._reported.place, self._reported.turn)
+        return StampedPose(*self._reported.seen)
 
     def led(self) -> StampedPose | None:
         """Return the target that the arm itself was given last, after leash and slew; ``None`` while it is not led."""
         led = None if self._reported is None else self._reported.led
-        return None if led is None else StampedPose(led.t_ns, led.place, led.turn)
+        return None if led is None else StampedPose(*led)
 
     def recover(self) -> None:
         """Clear a fault; only a person who has seen that it is safe may request this."""

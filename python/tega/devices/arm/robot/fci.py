@@ -12,7 +12,7 @@ import struct
 import sys
 from importlib.metadata import PackageNotFoundError, files, version
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 
@@ -38,6 +38,10 @@ _NEWEST: Final = 10
 _PANDA_SERVERS: Final = range(3, 6)
 
 
+Finding: TypeAlias = tuple[bool, str, str]
+"""Whether a check passed, a description, and the fix if it failed."""
+
+
 class Library(NamedTuple):
     """The libfranka that an installed package brings.
 
@@ -52,20 +56,6 @@ class Library(NamedTuple):
     version: str
     libfranka: str
     server: int | None
-
-
-class Preflight(NamedTuple):
-    """Findings about a robot and this machine before anything moves.
-
-    Attributes:
-        server: Version of the robot's server.
-        library: The installed library; ``None`` if there is none.
-        findings: For each check: whether it passed, a description, and the fix if it failed.
-    """
-
-    server: int
-    library: Library | None
-    findings: list[tuple[bool, str, str]]
 
 
 def fitting_server(libfranka: str) -> int | None:
@@ -158,8 +148,8 @@ def the_fix(server: int, library: Library | None) -> str:
     )
 
 
-def machine_findings() -> list[tuple[bool, str, str]]:
-    """Check this machine for libfranka's requirements: whether each is met, a description, and the fix."""
+def machine_findings() -> list[Finding]:
+    """Check this machine for libfranka's requirements."""
     if sys.platform != "linux":
         return [(False, f"{sys.platform} instead of Linux", "libfranka steers a robot from Linux only")]
     import resource
@@ -191,13 +181,19 @@ def machine_findings() -> list[tuple[bool, str, str]]:
     ]
 
 
-def preflight(host: str, *, robot: str = "", realtime: bool = True) -> Preflight:
+def preflight(
+    host: str, *, robot: str = "", realtime: bool = True
+) -> tuple[int, Library | None, list[Finding]]:
     """Ask a robot for its version, and see whether library and machine are fit to lead it; nothing moves.
 
     Args:
         host: The robot's address.
         robot: ``panda`` or ``fr3``, as the settings say; ``""`` for either.
         realtime: Whether this machine has to be fit for real time too.
+
+    Returns:
+        Version of the robot's server; the installed library, ``None`` if there is none; and the
+        findings.
 
     Raises:
         DeviceUnavailableError: The robot does not answer.
@@ -214,4 +210,4 @@ def preflight(host: str, *, robot: str = "", realtime: bool = True) -> Preflight
         findings.append(
             (False, text, f"set arm.options.robot = {kind.lower()!r}: the joints have other limits")
         )
-    return Preflight(server, library, findings + (machine_findings() if realtime else []))
+    return server, library, findings + (machine_findings() if realtime else [])

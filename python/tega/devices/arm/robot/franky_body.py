@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.arm.messages import Quaternion, Triple
-from tega.devices.arm.robot.body import HandSeen
+from tega.arm.messages import HandSeen, Quaternion, Triple
+from tega.devices.arm.robot.body import RobotBody
 from tega.devices.arm.robot.fci import Library, installed_library, server_version, the_fix
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.lifecycle import require
@@ -40,7 +40,7 @@ MODE_WORDS: Final = {
 """Fixes for a robot's modes, by name."""
 
 
-class FrankyBody:
+class FrankyBody(RobotBody):
     """Leads one Franka robot through franky.
 
     Args:
@@ -55,8 +55,6 @@ class FrankyBody:
         self._last_time: Any = None
         self._seen: HandSeen | None = None
         self._mode: Any = None
-        self.facts: tuple[str, ...] = ()
-        self.success_rate: float | None = None
 
     def open(self) -> None:
         """Connect, clear old errors, set load and thresholds, and go to the start posture if one is given.

@@ -21,11 +21,11 @@ from typing import Any
 import msgspec
 
 from tega.arm.messages import (
-    AppliedTarget,
     ArmShutdown,
     ArmStatusWords,
     ArmTargetWords,
     Failed,
+    HandSeen,
     Health,
     Message,
     Phase,
@@ -34,7 +34,7 @@ from tega.arm.messages import (
     decode,
     encode,
 )
-from tega.devices.arm.robot.body import HandSeen, RobotBody
+from tega.devices.arm.robot.body import RobotBody
 from tega.devices.arm.robot.leash import Leash
 from tega.devices.arm.robot.slew import Slew
 from tega.errors import TegaError
@@ -137,15 +137,13 @@ class Loop:
             self._slew.toward(self._held.place, self._held.turn, dt_s)
         body.lead(self._slew.place, self._slew.turn, *velocities)
         return self._reported(
-            seen, "following", order.reason, AppliedTarget(now_ns, self._slew.place, self._slew.turn)
+            seen, "following", order.reason, HandSeen(now_ns, self._slew.place, self._slew.turn)
         )
 
     def _reported(
-        self, seen: HandSeen, phase: Phase, reason: str, led: AppliedTarget | None = None
+        self, seen: HandSeen, phase: Phase, reason: str, led: HandSeen | None = None
     ) -> ArmStatusWords:
-        return ArmStatusWords(
-            seen.t_ns, seen.place, seen.turn, phase, reason, self._leash.refusal, self._health(), led
-        )
+        return ArmStatusWords(seen, phase, reason, self._leash.refusal, self._health(), led)
 
     def _count(self, now_s: float) -> float:
         """Take note of a tick and return how long ago the last one was."""

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from tega.arm.messages import Quaternion, Triple
+from tega.arm.messages import HandSeen, Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
-from tega.devices.arm.robot.body import HandSeen
+from tega.devices.arm.robot.body import RobotBody
 
 # Critically damped with 1 kg: 800 N/m as on the robot; turning likewise.
 _PER_S2 = 800.0
@@ -19,14 +19,14 @@ _STEP_S = 1e-3
 _CLIP_M, _CLIP_RAD = 0.03, 0.2
 
 
-class SpringBody:
+class SpringBody(RobotBody):
     """x'' = K clip(target - x) - 2 sqrt(K) x', and the same for turns; without gravity, joints or walls. Simulated.
 
     Args:
         options: ``place_m`` and ``turn_xyzw``, where it is at the start.
     """
 
-    success_rate: float | None = None
+    facts = ("simulated: a hand of 1 kg on a damped spring, no robot",)
 
     def __init__(self, options: dict[str, Any]) -> None:
         self._x = np.array(options["place_m"], np.float64)
@@ -34,7 +34,6 @@ class SpringBody:
         self._v, self._w = np.zeros(3), np.zeros(3)
         self._target: tuple[Any, Any] | None = None
         self._t_s = time.monotonic()
-        self.facts: tuple[str, ...] = ("simulated: a hand of 1 kg on a damped spring, no robot",)
 
     def open(self) -> None:
         """Begin at rest."""
@@ -82,14 +81,6 @@ class SpringBody:
     def in_control(self) -> bool:
         """Whether the arm follows."""
         return self._target is not None
-
-    def fault(self) -> str:
-        """Return nothing: it knows no limits."""
-        return ""
-
-    def recover(self) -> str:
-        """Return nothing."""
-        return ""
 
     def close(self) -> None:
         """End."""
