@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         hint = nearest_hint(unknown[0], everything, "drivers and stages:")
         parser.error(f"no driver or stage is called {unknown[0]!r}; {hint}")
     for name in given.names or everything:
-        if name in everything and name not in driver_names():
+        if name not in driver_names():
             verdict, text = _try_stages(name, given.sets)
         else:
             verdict, text = _try_driver(name, given.sets, real=given.real)
