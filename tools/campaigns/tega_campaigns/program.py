@@ -146,11 +146,11 @@ def main() -> int:
         threading.Thread(target=_listen, args=(stop,), daemon=True).start()
         try:
             config = load_config(given.settings, environ={}).config
-            _say(text="begins")
+            _say(said="begins")
             bus, teller = Bus(), _Teller(progress, counts)
             bus.subscribe(Snapshot, lambda snapshot: teller.check(snapshot.view), name="display", vital=True)
             bus.subscribe(RunState, _change, name="states", vital=True)
-            bus.subscribe(Notice, lambda notice: _say(text=notice.text), name="notices")
+            bus.subscribe(Notice, lambda notice: _say(said=notice.text), name="notices")
             summary = run_session(config, controls=Controls(stop=stop), bus=bus)
         except Exception as error:
             _say(ended=f"{type(error).__name__}: {error}")
