@@ -43,13 +43,9 @@ class ClockEstimate:
     A question leaves us at t0, arrives at t1 and is answered at t2 on their clock, and the answer is here at t3. With
     equal ways their clock is ahead by ((t1 - t0) + (t2 - t3))/2; a way that is longer than the other moves this by
     half the difference.
-
-    Args:
-        window_ns: How long a question counts.
     """
 
-    def __init__(self, *, window_ns: int = WINDOW_NS) -> None:
-        self._window_ns = window_ns
+    def __init__(self) -> None:
         # Each has a longer way than the one before it, so the first is the best: what a longer one before a shorter
         # one could say is not of interest any more.
         self._kept: deque[tuple[int, Offset]] = deque()
@@ -66,7 +62,7 @@ class ClockEstimate:
 
     def best(self, now_ns: int) -> Offset | None:
         """Return the best of the window; ``None`` where there is none."""
-        while self._kept and now_ns - self._kept[0][0] > self._window_ns:
+        while self._kept and now_ns - self._kept[0][0] > WINDOW_NS:
             self._kept.popleft()
         return self._kept[0][1] if self._kept else None
 

@@ -13,7 +13,7 @@ from tega.loop.inbox.histogram import Histogram
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent
 from tega_link.gate import StampGate, refused_by
-from tega_link.messages import ArmMessage, HandMessage, decode
+from tega_link.messages import ArmMessage, HandMessage
 
 if TYPE_CHECKING:
     from tega_link.clock import Offset
@@ -150,13 +150,7 @@ class Commands:
     ) -> tuple[_Command, int, Offset] | None:
         """Return a command if it is to be obeyed, when that was found, and the clocks' offset it was found with."""
         gate = self._gates[stream]
-        try:
-            command = decode(kind, data)
-        except msgspec.DecodeError:
-            gate.malformed()
-            return None
-        if command.malformed():
-            gate.malformed()
+        if (command := gate.read(kind, data)) is None:
             return None
         now_ns = self._clock()  # as late as can be: whoever waited for the lock meanwhile has grown older
         offset = self._offset(now_ns)

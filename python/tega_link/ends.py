@@ -12,7 +12,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputReading, TactileFrame
 from tega.hand import split_level
-from tega.runtime.lifecycle import Opened
+from tega.runtime.lifecycle import Elsewhere
 from tega_link.pictures import unpacked
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _BLOCKS_HZ = 10.0
 _MOST_CHUNKS = 64
 
 
-class FarFinger(Opened):
+class FarFinger(Elsewhere):
     """A fingertip at the robot's station: contacts come as a stream, frames for display with lower priority.
 
     Args:
@@ -42,22 +42,12 @@ class FarFinger(Opened):
     """
 
     def __init__(self, name: str, robot: str, *, rate_hz: float) -> None:
-        self._info = DeviceInfo(
-            driver="net", kind="tactile", label=f"{name} of {robot!r}", live=True, rate_hz=rate_hz or None
+        label = f"{name} of {robot!r}"
+        super().__init__(
+            DeviceInfo(driver="net", kind="tactile", label=label, live=True, rate_hz=rate_hz or None)
         )
         self._pictures: queue.Queue[tuple[int, int, bytes]] = queue.Queue(1)
         self.ended = False
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Description of the fingertip."""
-        return self._info
-
-    def open(self) -> None:
-        """Do nothing: the fingertip is open at the robot's station."""
-
-    def close(self) -> None:
-        """Do nothing: the robot's station closes the fingertip."""
 
     def show(self, t_ns: int, number: int, jpeg: bytes) -> None:
         """Replace the newest frame; an unread one is dropped, and the reader decodes it."""
@@ -76,7 +66,7 @@ class FarFinger(Opened):
         return None if picture is None else TactileFrame(t_ns, number, picture, "over the link")
 
 
-class FarMuscles(Opened):
+class FarMuscles(Elsewhere):
     """The operator's EMG: levels come as a stream, samples for the recording as they can.
 
     Args:
@@ -92,28 +82,14 @@ class FarMuscles(Opened):
         note: str = "levels are made at the operator's station; samples come for the recording, as they can",
     ) -> None:
         self._chunks: queue.Queue[EmgChunk] = queue.Queue(_MOST_CHUNKS)
-        self._info = DeviceInfo(
-            driver=driver,
-            kind="emg",
-            label=label,
-            live=True,
-            rate_hz=_BLOCKS_HZ,
-            channels=("operator",),
-            unit="level",
-            notes=(note,),
-        )
+        how: dict[str, Any] = {
+            "rate_hz": _BLOCKS_HZ,
+            "channels": ("operator",),
+            "unit": "level",
+            "notes": (note,),
+        }
+        super().__init__(DeviceInfo(driver=driver, kind="emg", label=label, live=True, **how))
         self.ended = False
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Description of the EMG source."""
-        return self._info
-
-    def open(self) -> None:
-        """Do nothing: the amplifier is open at the operator's station."""
-
-    def close(self) -> None:
-        """Do nothing: the operator's station closes the amplifier."""
 
     def give(self, chunk: EmgChunk) -> None:
         """Queue samples, in a thread of the link's; they are lost if they are not read in time."""
@@ -141,7 +117,7 @@ def far_muscles(source: Any, blocks: LiveStream[Intent]) -> Muscles:
     return Muscles(source, maxima, None, report, blocks)
 
 
-class FarHand(Opened):
+class FarHand(Elsewhere):
     """The robot's hand, seen from the operator's station: keeps the requested closure, for the link to send.
 
     Args:
@@ -153,27 +129,16 @@ class FarHand(Opened):
     label: ClassVar[str] = "at the robot's station: angles as it reports them"
 
     def __init__(self, robot: str, *, answered: Callable[[int], tuple[int, int] | None]) -> None:
-        self._info = DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True)
+        super().__init__(DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True))
         self.requested: tuple[int, float | None] | None = None
         self.angles: tuple[float, ...] = ()
         self.answered_ns = answered
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Description of the hand."""
-        return self._info
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
         """The newest reported joint angles, float64 (16,), rad; NaN before the first."""
         angles = self.angles
         return np.array(angles, np.float64) if len(angles) == _JOINTS else np.full(_JOINTS, np.nan)
-
-    def open(self) -> None:
-        """Do nothing: the hand is open at the robot's station."""
-
-    def close(self) -> None:
-        """Do nothing: the robot's station closes the hand."""
 
     def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
         """Ask for a closure level, or a closure between two; the frames are made at the other station.
@@ -189,7 +154,7 @@ class FarHand(Opened):
         return ()
 
 
-class FarSwitch(Opened):
+class FarSwitch(Elsewhere):
     """A switch that the operator holds.
 
     Args:
@@ -200,18 +165,7 @@ class FarSwitch(Opened):
     def __init__(self, name: str, check: Callable[[], tuple[int, bool, bool]]) -> None:
         self._name, self._check = name, check
         self._was_held, self._sequence = False, 0
-        self._info = DeviceInfo(driver="net", kind="input", label=f"the operator's {name}", live=True)
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Description of the switch."""
-        return self._info
-
-    def open(self) -> None:
-        """Do nothing: the switch is open at the operator's station."""
-
-    def close(self) -> None:
-        """Do nothing: the operator's station closes the switch."""
+        super().__init__(DeviceInfo(driver="net", kind="input", label=f"the operator's {name}", live=True))
 
     def state(self) -> InputReading:
         """Return the state of the switch now."""
@@ -228,7 +182,7 @@ class FarSwitch(Opened):
         return (InputEvent(t_ns, self._sequence - 1, self._name, held),)
 
 
-class FarTracker(Opened):
+class FarTracker(Elsewhere):
     """The operator's forearm, as it was seen at the other station.
 
     Args:
@@ -242,18 +196,7 @@ class FarTracker(Opened):
     def __init__(self, frame: str, driver: str = "net", label: str = "the operator's station") -> None:
         self.frame = frame
         self._poses: deque[tuple[StampedPose, int]] = deque(maxlen=16)
-        self._info = DeviceInfo(driver=driver, kind="tracker", label=label, live=True, unit="m")
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Description of the tracker."""
-        return self._info
-
-    def open(self) -> None:
-        """Do nothing: the tracker is open at the operator's station."""
-
-    def close(self) -> None:
-        """Do nothing: the operator's station closes the tracker."""
+        super().__init__(DeviceInfo(driver=driver, kind="tracker", label=label, live=True, unit="m"))
 
     def observe(self, pose: StampedPose, *, use_by_ns: int) -> None:
         """Take in a pose that may be used until some time of our clock; in a thread of the link's."""

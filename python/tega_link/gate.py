@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Final, Literal
+from typing import Final, Literal, TypeVar
+
+import msgspec
 
 from tega_link.clock import Offset
-from tega_link.messages import Stamped
+from tega_link.messages import ArmMessage, Feature, HandMessage, Samples, Stamped, decode
+
+_Message = TypeVar("_Message", HandMessage, ArmMessage, Feature, Samples)
 
 Refusal = Literal["foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed"]
 REFUSALS: Final = ("foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed")
 
+# So far a message may seem to come from the future, besides half the round trip.
 _AHEAD_NS = 20_000_000
 
 
@@ -24,15 +29,14 @@ class StampGate:
 
     Args:
         ttl_ns: How old a message may be at most, truly; the clocks' drift within ten seconds is not counted.
-        ahead_ns: By how much it may seem to come from the future, besides half the round trip.
 
     Attributes:
         counts: Messages refused since the start of the session, by why; ``""`` counts those that were not.
         last: Why the newest was refused; ``""`` if it was not.
     """
 
-    def __init__(self, *, ttl_ns: int, ahead_ns: int = _AHEAD_NS) -> None:
-        self._ttl_ns, self._ahead_ns = ttl_ns, ahead_ns
+    def __init__(self, *, ttl_ns: int) -> None:
+        self._ttl_ns = ttl_ns
         self._session: int | None = None
         self._newest = -1
         self.counts: dict[str, int] = {}
@@ -48,9 +52,16 @@ class StampGate:
         """Listen to a session from its beginning; to none with ``None``."""
         self._session, self._newest, self.counts, self.last = session, -1, {}, ""
 
-    def malformed(self) -> Refusal:
-        """Count a message that could not be read."""
-        return self._count("malformed")
+    def read(self, kind: type[_Message], data: bytes) -> _Message | None:
+        """Return a message; ``None`` for one that cannot be read or used, which is counted."""
+        try:
+            message = decode(kind, data)
+        except msgspec.DecodeError:
+            message = None
+        if message is None or message.malformed():
+            self._count("malformed")
+            return None
+        return message
 
     def foreign(self) -> Refusal:
         """Count a message from another session."""
@@ -74,7 +85,7 @@ class StampGate:
             return self._count("no clock")
         if now_ns - clock.earliest(stamp.sent_ns) > self._ttl_ns:
             return self._count("old")
-        if now_ns - clock.ours(stamp.sent_ns) < -(self._ahead_ns + clock.round_trip_ns // 2):
+        if now_ns - clock.ours(stamp.sent_ns) < -(_AHEAD_NS + clock.round_trip_ns // 2):
             return self._count("ahead")
         self.counts[""] = self.counts.get("", 0) + 1
         self.last = ""

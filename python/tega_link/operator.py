@@ -13,9 +13,8 @@ import tega
 from tega.errors import ConfigError
 from tega.loop.parts import RunStart
 from tega.records import EmgSamples, Intent
-from tega_link.forearm import ForearmReader
 from tega_link.gate import StampGate
-from tega_link.intent import IntentSender
+from tega_link.intent import ForearmReader, IntentSender
 from tega_link.lead_request import Lead
 from tega_link.link import Channel
 from tega_link.messages import Change, Join, State, Welcome, decode

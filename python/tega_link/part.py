@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from tega.errors import ConfigError
+from tega.records.display import Notice
 from tega.runtime.threads import run_realtime
-from tega_link.open_station import open_station
+from tega_link.keys import check_expiry
+from tega_link.operator import OperatorStation
+from tega_link.robot import RobotStation
+from tega_link.settings import net_of
+from tega_link.station import Station
 
 if TYPE_CHECKING:
+    from tega.config import SessionConfig
     from tega.loop.parts import PartContext
-    from tega_link.station import Station
+    from tega.records.bus import Bus
 
 
 def open_part(context: PartContext) -> Station | None:
@@ -22,3 +30,42 @@ def open_part(context: PartContext) -> Station | None:
     with run_realtime("act", inherited=True):
         context.stack.enter_context(station)
     return station
+
+
+def open_station(config: SessionConfig, bus: Bus, *, stop: Callable[[], bool]) -> Station:
+    """Make this station's end of the link, not opened yet.
+
+    Raises:
+        ConfigError: The settings do not fit a station.
+    """
+    net = net_of(config)
+    assert net is not None
+    if config.session.pace == "fast":
+        raise ConfigError(
+            "session.pace = 'fast', but a station runs in real time", "set session.pace = 'real'"
+        )
+    operator = net.station == "operator"
+    here = {
+        "tactile": bool(config.tactile.in_use()),
+        "hand": config.hand.driver is not None,
+        "arm": config.arm is not None,
+    }
+    if not operator:
+        here = {
+            "emg": config.emg is not None,
+            "vest": config.vest.driver is not None,
+            "input": bool(config.input.in_use()),
+            "arm.tracker": config.arm is not None and config.arm.tracker is not None,
+            "net.tracker": net.tracker is not None,
+        }
+    other = "robot" if operator else "operator"
+    for table in (table for table, is_there in here.items() if is_there):
+        raise ConfigError(
+            f"[{table}] stands in the {net.station}'s settings, but belongs to the {other}",
+            f"move it to the settings of the {other}'s station",
+        )
+    if net.keys is not None and (message := check_expiry(net.keys)):
+        bus.publish(Notice(text=message))
+    if operator:
+        return OperatorStation(config, bus, stop)
+    return RobotStation(config, bus)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
 from tega.devices.base import EmgChunk
 from tega.records import EmgSamples
 from tega_link.gate import StampGate
-from tega_link.messages import Samples, decode, encode
+from tega_link.messages import Samples, encode
 
 if TYPE_CHECKING:
     from tega_link.clock import Offset
@@ -90,11 +89,8 @@ class SampleReceiver:
 
     def take(self, data: bytes, now_ns: int, offset: Offset | None) -> None:
         """Take in a message of the leader's."""
-        try:
-            batch = decode(Samples, data)
-        except msgspec.DecodeError:
-            return
-        if batch.malformed() or self._gate.refusal(batch, now_ns, offset) or offset is None:
+        batch = self._gate.read(Samples, data)
+        if batch is None or self._gate.refusal(batch, now_ns, offset) or offset is None:
             return
         samples = np.frombuffer(batch.samples, "<f8").reshape(-1, batch.n_channels).astype(np.float64)
         self._muscles.give(EmgChunk(min(offset.ours(batch.t_ns), now_ns), batch.first_index, samples))

@@ -131,15 +131,8 @@ class FarTouch:
         far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
         if far is None or gate is None or start_ns is None:
             return
-        try:
-            feature = decode(Feature, data)
-        except msgspec.DecodeError:
-            gate.malformed()
-            return
-        if feature.malformed():
-            gate.malformed()
-            return
-        if gate.refusal(feature, now_ns, offset) or offset is None:
+        feature = gate.read(Feature, data)
+        if feature is None or gate.refusal(feature, now_ns, offset) or offset is None:
             return
         use_by_ns = offset.earliest(feature.sent_ns) + self._ttl_ns
         far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature, use_by_ns=use_by_ns)

@@ -8,5 +8,6 @@ FEATURE = Feature(
     summary="Markers and streams by the Lab Streaming Layer.",
     settings={"markers": "tega_markers.settings:MarkersSection"},
     part="tega_markers.part:open_part",
+    in_play=True,
     extra="lsl",
 )

@@ -1,9 +1,10 @@
-"""Write a recording as a ROS 2 bag: MCAP with CDR messages, and ``metadata.yaml``."""
+"""Write a recording as a ROS 2 bag, ``--format ros2``: MCAP with CDR messages, and ``metadata.yaml``."""
 
 from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ from tega.errors import RecordingError
 from tega.recording.copies import note_copy
 from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import McapReader, table_ns
-from tega.recording.origin import LEAD_IN
+from tega.recording.origin import LEAD_IN, new_session
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
+from tega.ui.cli.export_format import ExportFormat
 from tega_ros2.convert import Converter
 from tega_ros2.definitions import load_rosbags
 
@@ -86,3 +88,12 @@ def _write(reader: McapReader, writer: Any) -> None:
             writer.write(connection, message.log_ns, definitions.store.serialize_cdr(value, kind))
     if converter is None:
         raise RecordingError(f"{reader.path.name}: holds no message", "the run had not begun")
+
+
+def _export(recordings: Sequence[Path], out: Path) -> list[Path]:
+    """Write one bag for each recording."""
+    new_session(out)
+    return [export_bag(path, out / path.stem) for path in recordings]
+
+
+FORMAT = ExportFormat(options=(), export=_export)

@@ -107,7 +107,7 @@ class Lab:
         Raises:
             InvalidValueError: The plan's is at a keyboard.
         """
-        from tega_sim.operator import Operator, Rules, ScriptedOperator, clear_skin
+        from tega_sim.operator import Operator, ScriptedOperator, clear_skin
         from tega_sim.operator.forearm import AWAY_M
         from tega_sim.operator.scripted import DEFAULT_COURSE, PLACE_COURSE
 
@@ -122,7 +122,7 @@ class Lab:
             seed=self._seed,
             feels=skin != "none",
             full_effort=full_effort,
-            rules=Rules(version=plan.rules),
+            rules=plan.rules,
             view=plan.view,
             away_m=AWAY_M if places else 0.0,
         )

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.config import FINGERS
 from tega.config.choose import chosen_stage
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
@@ -17,8 +16,6 @@ from tega.haptics import MotorLevels
 from tega.loop.beside import measure_beside_on
 from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import HandPolls
-from tega.loop.inbox.frames import FrameMeter
-from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.loop import DualLoop
 from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.vest_output import VestOutput
@@ -30,16 +27,12 @@ from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
 from tega.stages.events.outcomes import LIFT_WINDOW_S
 from tega.ui.view.state import EmgTail, ViewState
-from tega_sim.beside import BesideNotes
-from tega_sim.commanded import BlockSource, StraightBlocks, level_of_drive
 from tega_sim.conditions import ARMS, worn
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ
-from tega_sim.other_trial import other_trial
-from tega_sim.pacing import SimulatedPacer
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.reflex import trial_reflex
-from tega_sim.rig import TrialRig
+from tega_sim.rig import SimulatedPacer, TrialRig
 from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
 from tega_sim.true_touch import TrueTouch, stages_of, touch_of
 
@@ -112,9 +105,8 @@ class Lift:
         self.layout: Layout = lab.config.vest.layout or _LAYOUT
         self._controller = hand_controller()
         self._level_sum = self._level_n = 0
-        maxima = lab.calibrated
         decoder = lab.decoder()
-        self._emg_full = np.array(decoder.full_scale or maxima.maxima)
+        self._emg_full = np.array(decoder.full_scale or lab.calibrated.maxima)
         self.scorer = TrialScorer(spec.harm_m, window_s=lift_by_s)
         self._arm = ARMS[plan.condition]
         # Before this lift's own rig is made: the gels are the lab's, and forget what touched them when a rig begins.
@@ -132,19 +124,13 @@ class Lift:
         everywhere = stages.reflex.name is not None and stages.reflex.authority > 0
         felt = self._arm.hangs_on_pictures or (everywhere and self._arm.reflex == "none")
         self.rig = TrialRig(
+            lab=lab,
             world=World(spec, seed=plan.seed + number),
             poses_rad=GRASP_POSES_RAD,
-            gels=lab.gels,
-            baselines=lab.baselines,
+            decoder=decoder,
             person=person,
             emg=self._emg,
             worn=worn(plan.condition, layout=self.layout, seed=plan.seed, recorded=recorded),
-            meters={
-                finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
-                for finger in FINGERS
-            },
-            blocks=self._commanded(BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False)),
-            block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
             bus=self._bus,
             end_s=lift_by_s + _AFTER_S,
@@ -173,7 +159,7 @@ class Lift:
                 f"condition {plan.condition!r} cannot be recorded: the settings name no reflex",
                 'name one, such as stages.reflex.name = "grip", or choose another condition',
             )
-        self._beside = self._check_on()
+        self._measure_beside()
 
     @property
     def fatigue(self) -> float:
@@ -263,7 +249,6 @@ class Lift:
             events=tuple(scorer.events),
             simulated_s=simulated_s,
             person=self._lab.digest(self._plan.rules) if self._plan.operator == "simulated" else "",
-            beside=() if self._beside is None else self._beside.results(),
             placed=placed,
             off_mark_m=off_mark_m,
         )
@@ -291,21 +276,9 @@ class Lift:
         let_go = rig.act.phase in {"release", "done"} and not any(rig.truth.pad_force_n)
         return stands and let_go and not rig.truth.dropped and off_m <= ON_MARK_M, off_m
 
-    def _commanded(self, blocks: BlockSource) -> BlockSource:
-        """Return the source of the hand's level, by the plan's way from the person to it."""
-        if self._plan.hand == "aim":
-            return StraightBlocks(blocks, lambda: self._person.level)
-        if self._plan.hand == "drive":
-            full = self._lab.calibrated.full_effort
-            return StraightBlocks(blocks, lambda: level_of_drive(self.rig.act.excitation, full))
-        return blocks
-
-    def _check_on(self) -> BesideNotes | None:
-        """Connect the stages beside the loop; return the object that notes their answers."""
+    def _measure_beside(self) -> None:
+        """Run the stages beside the loop, and keep their answers where streams are kept."""
         lab = self._lab
-        if not lab.config.stages.beside:
-            return None
-        notes = BesideNotes(self._bus)
         if self._streams is not None:
             self._bus.subscribe(BesideContact, self._streams.beside_contact)
             self._bus.subscribe(BesideIntent, self._streams.beside_levels)
@@ -318,7 +291,6 @@ class Lift:
                 touch=lab.touch.get,
                 muscles=lab.muscles,
             )
-        return notes
 
     def _telling(self) -> Bus:
         """Return a bus that carries levels and, if streams are kept, contacts."""
@@ -395,7 +367,7 @@ def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, Moto
     """
     from tega_sim.streams import Streams
 
-    other, streams = other_trial(plan), Streams()
+    other, streams = plan.other, Streams()
     person = lab.person(other)
     lift = Lift(lab, other, person, number, streams=streams)
     lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)

@@ -11,9 +11,7 @@ from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError
 from tega.runtime.nearest import nearest_hint
-from tega_sim.beside import BesideResult
-from tega_sim.commanded import HandRoute
-from tega_sim.conditions import CONDITIONS, Condition
+from tega_sim.conditions import ARMS, CONDITIONS, Condition
 from tega_sim.operator.vision import ViewName
 from tega_sim.score import TrialEvent
 from tega_sim.world.objects import OBJECTS, ObjectSpec
@@ -42,11 +40,10 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         friction: Between object and gel.
         settings: Settings of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
             :data:`tega.config.LOOP_KEYS`.
-        rules: Version of the rules that a simulated person follows, see :class:`tega_sim.operator.Rules`; by 2 and 3
-            the person practises with object and vest first, see :mod:`tega_sim.practice`.
+        rules: Version of the rules that a simulated person follows, see :data:`tega_sim.operator.RulesVersion`; by 2
+            and 3 the person practises with object and vest first, see :mod:`tega_sim.practice`.
         view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
-        hand: Source of the hand's level, see :mod:`tega_sim.commanded`.
         task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
     """
 
@@ -64,7 +61,6 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     view: ViewName = "direct"
     spec: ObjectSpec | None = None
     task: Task = "lift"
-    hand: HandRoute = "decoder"
 
     @property
     def object_spec(self) -> ObjectSpec:
@@ -80,6 +76,25 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def changes(self) -> dict[str, float | None]:
         """Changes of the plan to the object, by attribute."""
         return {name: getattr(self, name) for name in ("mass_kg", "stiffness_n_m", "friction")}
+
+    @property
+    def other(self) -> TrialPlan:
+        """Trial that lends its vest frames to a sham: the same person, the next object.
+
+        The vest is the real one; in the place of pulses at true slips it is the other trial's pulses.
+        """
+        names = list(OBJECTS)
+        name = names[(names.index(self.object) + 1) % len(names)] if self.object in names else names[0]
+        return msgspec.structs.replace(
+            self,
+            object=name,
+            condition="oracle" if ARMS[self.condition].pulses else "haptic",
+            operator="scripted" if self.operator == "scripted" else "simulated",
+            mass_kg=None,
+            stiffness_n_m=None,
+            friction=None,
+            spec=None,
+        )
 
     @classmethod
     def checked(cls, fields: dict[str, Any]) -> Self:
@@ -145,7 +160,6 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         simulated_s: Time simulated, practice included, seconds.
         person: First digits of the SHA-256 of the people's parameters and, from version 2, the version of their rules;
             empty without a simulated person.
-        beside: Answers of the stages beside the connected ones.
         placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not dropped;
             ``None`` in other tasks.
         off_mark_m: How far from that mark it is in the end, metres.
@@ -165,7 +179,6 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
     events: tuple[TrialEvent, ...]
     simulated_s: float
     person: str = ""
-    beside: tuple[BesideResult, ...] = ()
     placed: bool | None = None
     off_mark_m: float | None = None
 

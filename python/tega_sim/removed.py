@@ -11,6 +11,8 @@ _NEW: Final = "plan anew without it; the version that wrote the file reads it"
 
 REMOVED_FIELDS: Final[Mapping[str, Removed]] = {
     "shear": Removed("0.3", "simulated gels no longer give way sideways", _NEW, "off"),
+    "hand": Removed("0.3", "the decoder always gives the hand's level", _NEW, "decoder"),
+    "beside": Removed("0.3", "answers of stages beside the connected ones are in the tables", _NEW, []),
     "relief_counts": Removed("0.3", "simulated objects have no relief", _NEW, 0.0),
     "relief_mm": Removed("0.3", "simulated objects have no relief", _NEW, 0.6),
 }

@@ -13,14 +13,15 @@ metric reads sums over cells and no display needs pixels, only those sums are co
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from tega.config import FINGERS
 from tega.hand.poses import ClosureScale
 from tega.loop.inbox.frames import FrameMeter
-from tega.loop.inbox.sources import picture_of, samples_of
+from tega.loop.inbox.sources import BlockMeter, SourceReport, picture_of, samples_of
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
+from tega.loop.pacing import Pacer
 from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.runtime.device_items import EmgChunk, TactileFrame
 from tega.stages.base import MeasuredPicture
@@ -35,8 +36,9 @@ if TYPE_CHECKING:
 
     from tega.haptics import MotorLevels
     from tega.records.bus import Bus
-    from tega_sim.commanded import BlockSource
-    from tega_sim.gel import Gel
+    from tega.runtime.clock import Clock
+    from tega.stages.base import Decoder
+    from tega_sim.lab import Lab
     from tega_sim.operator import ForearmEmg
     from tega_sim.operator.shams import Sham
     from tega_sim.score import TrialScorer
@@ -74,16 +76,13 @@ class TrialRig:
     """One trial's lab.
 
     Args:
+        lab: Gels, untouched pictures, metrics and maxima of the person.
         world: Hand and object, at the trial's beginning.
         poses_rad: The hand's closure poses, float64 (5, 16).
-        gels: A fingertip's gel and camera, by finger.
-        baselines: Their untouched pictures.
+        decoder: Turns EMG into levels.
         person: The simulated person.
         emg: Turns excitation into EMG.
         worn: The vest, in the trial's condition.
-        meters: Measure each finger's frames.
-        blocks: Turns EMG into levels.
-        block_ns: How long a block is.
         scorer: Counts what happens.
         bus: Receives every frame, before and after it is measured, and every block of EMG.
         end_s: When the trial is over whatever happens, seconds.
@@ -109,16 +108,13 @@ class TrialRig:
     def __init__(
         self,
         *,
+        lab: Lab,
         world: World,
         poses_rad: NDArray[np.float64],
-        gels: Mapping[str, Gel],
-        baselines: Mapping[str, NDArray[np.uint8]],
+        decoder: Decoder,
         person: TrialSteering,
         emg: ForearmEmg,
         worn: Sham,
-        meters: Mapping[str, FrameMeter],
-        blocks: BlockSource,
-        block_ns: int,
         scorer: TrialScorer,
         bus: Bus,
         end_s: float,
@@ -130,20 +126,24 @@ class TrialRig:
     ) -> None:
         self.world = world
         self._closure = ClosureScale(poses_rad)
-        self._gels = [gels[finger] for finger in FINGERS]
+        self._gels = [lab.gels[finger] for finger in FINGERS]
         for gel in self._gels:
             gel.forget()
-        self._meters = [meters[finger] for finger in FINGERS]
-        self._person, self._emg, self._worn = person, emg, worn
-        self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
+        self._still = [lab.baselines[finger] for finger in FINGERS]
+        self._meters = [
+            FrameMeter(still, lab.metric(finger), SourceReport(), live=False)
+            for finger, still in zip(FINGERS, self._still, strict=True)
+        ]
+        self._person, self._emg, self._worn, self._scorer = person, emg, worn, scorer
+        self._blocks = BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False)
+        self._block_ns = round(lab.muscles.tau * 1e9 / lab.muscles.rate_hz)
         self._end_ns = round(end_s * 1e9)
         self._muted, self._skip_untouched, self._painted = muted, skip_untouched, painted
         self._on_act = on_act
         due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
         self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
-        self.levels = LiveStream[Intent](due_ns=block_ns)
+        self.levels = LiveStream[Intent](due_ns=self._block_ns)
         self._streams = list(self.contacts.values())
-        self._still = [baselines[finger] for finger in FINGERS]
         self.frames = list(self._still)
         self.measured = [Contact(finger=finger, t_ns=0, in_contact=False) for finger in FINGERS]
         self._bus = bus
@@ -261,3 +261,34 @@ class TrialRig:
         if self._scorer.time_of("drop") is not None:
             return True
         return self._scorer.rule.verdict(t_ns / 1e9) == "too late"
+
+
+class SimulatedPacer(Pacer):
+    """Waits for a deadline on the clock, then lets simulated time pass up to it.
+
+    No tick is left out. A loop that falls more than 100 ms behind shifts the deadlines that are left instead: the
+    simulation runs late then, and its results are the same at every pace.
+
+    Args:
+        clock: A manual clock to run as fast as can be computed, the machine's to run in real time; in a pausable one
+            the world stands still with it.
+        advance: Makes the simulated world go on until a time in nanoseconds.
+    """
+
+    def __init__(self, clock: Clock, advance: Callable[[int], None]) -> None:
+        super().__init__(clock)
+        self._advance = advance
+
+    def wait(self, t_ns: int) -> bool:
+        """Wait for a deadline and let the world catch up with it.
+
+        Args:
+            t_ns: The deadline, counted from the start.
+
+        Returns:
+            Always true.
+        """
+        if not super().wait(t_ns):
+            self.start_ns += self.elapsed_ns() - t_ns
+        self._advance(t_ns)
+        return True

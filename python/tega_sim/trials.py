@@ -20,7 +20,7 @@ from tega.runtime.files.whole_file import write_whole
 from tega_sim.removed import trial_fields
 from tega_sim.trial import TrialPlan, TrialResult, run_trial
 from tega_sim.workers import over_cores
-from tega_sim.world.objects import ObjectSpec
+from tega_sim.world.objects import ObjectSpec, variant_name
 
 
 def plan_trials(
@@ -162,3 +162,48 @@ def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialR
     ordered = dict.fromkeys([*plans, *known])
     lines = [msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known]
     write_whole(path, b"".join(lines))
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True):
+    """One object under one condition.
+
+    Attributes:
+        object: Name of the object, with the changes of the plan.
+        condition: The arm.
+        n: Trials.
+        success: Share of them that were lifted and held.
+        slips: Mean per trial, as the others.
+        deformations: Mean number of deformations.
+        drops: Mean number of drops.
+        duration_s: Mean duration, seconds.
+        peak_force_n: Mean peak force, newtons.
+    """
+
+    object: str
+    condition: str
+    n: int
+    success: float
+    slips: float
+    deformations: float
+    drops: float
+    duration_s: float
+    peak_force_n: float
+
+
+def summarise_trials(results: Sequence[TrialResult]) -> list[Row]:
+    """Average trials by object and condition, in the order in which these first come."""
+    groups: dict[tuple[str, str], list[TrialResult]] = {}
+    for result in results:
+        groups.setdefault((variant_name(result.object, result.changes), result.condition), []).append(result)
+    return [
+        Row(
+            object=name,
+            condition=condition,
+            n=len(group),
+            **{
+                subject: sum(getattr(result, subject) for result in group) / len(group)
+                for subject in Row.__struct_fields__[3:]
+            },
+        )
+        for (name, condition), group in groups.items()
+    ]

@@ -37,7 +37,7 @@ from tega.records.bus import Bus
 from tega_emulators.stations import Program, free_port, split, write_stations, write_trees
 from tega_link.link import Channel, Link
 from tega_link.messages import Refused, Welcome
-from tega_link.open_station import open_station
+from tega_link.part import open_station
 from tega_link.settings import NetSection
 from tega_link.touch import with_touch
 

@@ -57,7 +57,10 @@ def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path:
     assert "did you mean 'port'" in capsys.readouterr().out
     assert main(["--real", "digit"]) == 2
     assert "set either serial or source" in capsys.readouterr().out
-    for words, text in ((["no-such-driver"], "'no-such-driver'"), (["--set", "a=b"], "the name of one driver")):
+    for words, text in (
+        (["no-such-driver"], "'no-such-driver'"),
+        (["--set", "a=b"], "the name of one driver"),
+    ):
         with pytest.raises(SystemExit, match="2"):
             main(words)
         assert text in capsys.readouterr().err

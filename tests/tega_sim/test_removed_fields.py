@@ -62,7 +62,8 @@ def test_older_results_are_read_as_before(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     tree = msgspec.to_builtins(result)
     spec = msgspec.to_builtins(OBJECTS["bag"])
-    older = tree | {"shear": "off", "spec": spec | {"relief_counts": 0.0, "relief_mm": 0.6}}
+    spec |= {"relief_counts": 0.0, "relief_mm": 0.6}
+    older = tree | {"shear": "off", "hand": "decoder", "beside": [], "spec": spec}
     result = msgspec.structs.replace(result, spec=OBJECTS["bag"])
     path.write_bytes(msgspec.json.encode(older) + b"\n")
     assert read_results(path) == {result.plan: result}

@@ -22,7 +22,6 @@ from tega_sim.lift import Lift, other_vest
 from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest
 from tega_sim.operator.panels import ConfirmedClosure
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
-from tega_sim.other_trial import other_trial
 from tega_sim.plan import FULL_N, TrialPlan
 from tega_sim.practice import practise
 from tega_sim.recorded import LiftRecorder
@@ -161,7 +160,7 @@ def test_a_slip_is_told_once_until_the_object_has_rested(lab: Lab) -> None:
 @pytest.mark.slow
 def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_this_one(lab: Lab) -> None:
     plan = TrialPlan(object="bottle", condition="replayed", seed=3, operator="scripted")
-    other = other_trial(plan)
+    other = plan.other
     assert (other.object, other.condition, other.seed) == ("container", "haptic", 3)
     recorded = other_vest(lab, plan, 0)
     streams = Streams()
@@ -183,7 +182,7 @@ def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_t
 @pytest.mark.slow
 def test_mistimed_pulses_are_those_of_another_trial_and_know_nothing_of_this_one(lab: Lab) -> None:
     plan = TrialPlan(object="bag", condition="mistimed", seed=3, operator="scripted", view="hidden")
-    other = other_trial(plan)
+    other = plan.other
     assert (other.object, other.condition, other.view) == ("bottle", "oracle", "hidden")
     recorded = other_vest(lab, plan, 0)
     assert any(frame.intensities.any() for _, frame in recorded)
@@ -197,7 +196,7 @@ def test_mistimed_pulses_are_those_of_another_trial_and_know_nothing_of_this_one
 
 def test_an_object_of_a_file_is_replayed_the_bench_s_first() -> None:
     spec = OBJECTS["bag"].with_(name="soft-bag", stiffness_n_m=100)
-    other = other_trial(TrialPlan(object="soft-bag", spec=spec, condition="replayed"))
+    other = TrialPlan(object="soft-bag", spec=spec, condition="replayed").other
     assert (other.object, other.spec) == ("bottle", None)
 
 

@@ -15,8 +15,7 @@ from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
 from tega.ui.cli.main import main
 from tega_sim.operator import RulesVersion, ViewName
 from tega_sim.plan import TrialPlan, TrialResult
-from tega_sim.table import summarise_trials
-from tega_sim.trials import plan_trials
+from tega_sim.trials import plan_trials, summarise_trials
 from tega_sim.world import OBJECTS, crossed, read_objects
 from tega_study.silico import read_assumptions
 from tega_study.silico.assumptions import code_sha256

@@ -17,7 +17,6 @@ from tega.errors import ConfigError, InvalidValueError
 from tega_sim.operator import (
     Operator,
     PersonNumbers,
-    Rules,
     draw_person,
     load_parameters,
     sham_vest,
@@ -184,12 +183,6 @@ def test_who_cannot_feel_the_vest_acts_as_if_there_were_none() -> None:
 def test_which_finger_vibrates_changes_nothing() -> None:
     real = grasp(Operator(draw_person(4), seed=5), sham_vest("informative"))
     assert grasp(Operator(draw_person(4), seed=5), sham_vest("permuted", seed=2)).acts == real.acts
-
-
-def test_rules_switched_off_leave_a_vest_without_effect() -> None:
-    rules = Rules(onset=False, weaker=False, reading=False)
-    without = grasp(Operator(draw_person(4), seed=5), None)
-    assert grasp(Operator(draw_person(4), seed=5, rules=rules), sham_vest("informative")).acts == without.acts
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from tega.runtime.clock import ManualClock, PausableClock
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 from tega_sim.conditions import ARMS, CONDITIONS, SESSION_CONDITIONS, worn
 from tega_sim.hand import SimulatedBus
-from tega_sim.pacing import SimulatedPacer
+from tega_sim.rig import SimulatedPacer
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
 

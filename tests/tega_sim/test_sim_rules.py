@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import pytest
 
 from reference.plant import Grasp, grasp, told_frame
-from tega_sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
+from tega_sim.operator import Operator, draw_person, sham_vest, typical_person
 from tega_sim.operator.panels import ConfirmedClosure
 from tega_sim.operator.settled import JudgingEyes, SettledGrip
 from tega_sim.operator.vision import Kind, SeenEvent
 
-SECOND = Rules(version=2)
+SECOND: Final = 2
 
 
 def closure() -> ConfirmedClosure:
@@ -105,7 +107,7 @@ def test_a_dent_is_judged_when_it_has_grown_and_by_what_the_object_bears() -> No
 
 
 def test_what_a_command_has_not_changed_yet_is_not_answered() -> None:
-    operator = Operator(typical_person(), seed=1, rules=Rules(version=3))
+    operator = Operator(typical_person(), seed=1, rules=3)
     operator.begin("object", width_m=0.07)
     assert operator._trial is not None
     grip = operator._trial.grip
@@ -131,5 +133,4 @@ def test_a_wall_gives_before_it_is_harmed() -> None:
 
 
 def test_the_first_version_is_the_default() -> None:
-    assert Rules().version == 1
     assert not isinstance(Operator(typical_person(), seed=1)._closure(), ConfirmedClosure)

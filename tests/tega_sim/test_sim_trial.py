@@ -23,9 +23,8 @@ from tega_sim.lab import lab_of
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.seams import Act, Percept
 from tega_sim.streams import Streams
-from tega_sim.table import summarise_trials
 from tega_sim.trial import run_trial
-from tega_sim.trials import plan_trials, read_results, run_trials
+from tega_sim.trials import plan_trials, read_results, run_trials, summarise_trials
 
 SCRIPTED = TrialPlan(object="container", operator="scripted", seed=3)
 

@@ -50,17 +50,8 @@ def test_stages_beside_a_lift_are_told_and_change_nothing() -> None:
     alone = run_trial(plan)
     streams = Streams()
     both = run_trial(msgspec.structs.replace(plan, settings=(BESIDE,)), streams=streams)
-    assert alone.beside == ()
-    assert [(one.stage, one.group) for one in both.beside] == [("reading", "metric"), ("rules", "decoder")]
-    metric, decoder = both.beside
-    assert metric.n == 4 * len({t_s for t_s, *_ in streams.rows["beside-contacts"]})
-    assert 0 < metric.mean < 1
-    assert metric.agreement > 0.9
-    assert decoder.n >= len(streams.rows["levels"])
-    assert 1 <= decoder.mean <= 5
-    assert decoder.agreement > 0.5
-    same = msgspec.structs.replace(both, settings=(), beside=())
-    assert same == alone
+    assert len(streams.rows["beside-levels"]) >= len(streams.rows["levels"])
+    assert msgspec.structs.replace(both, settings=()) == alone
     # The metric beside calls contact what the chosen one would, were it chosen.
     assert {row[1] for row in streams.rows["beside-contacts"]} == {"reading"}
 

@@ -54,14 +54,16 @@ def test_numbers_of_the_settings_have_no_rounding_noise(
 
 @pytest.mark.parametrize("verb", ["play", "verify"])
 def test_a_folder_of_tables_is_no_recording(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, verb: str
 ) -> None:
     folder = tmp_path / "results"
     folder.mkdir()
     (folder / "vest.csv").write_text("t_s\n")
-    _, err = call(capsys, verb, folder, code=1)
-    assert "results: holds a run's tables, not a recording" in err
-    assert "--record" in err
+    monkeypatch.chdir(folder)
+    for named in (folder, "."):
+        _, err = call(capsys, verb, named, code=1)
+        assert "error: results: holds a run's tables, not a recording" in err
+        assert "--record" in err
 
 
 @pytest.mark.parametrize("name", ["x.xyz", "x", "x.svg"])

@@ -212,5 +212,5 @@ def test_recordings_of_the_same_time_are_not_merged(lossless: Path, tmp_path: Pa
     folder.mkdir()
     for name in ("trial-001.mcap", "trial-002.mcap"):
         shutil.copy(part, folder / name)
-    with pytest.raises(RecordingError, match="holds 2 recordings"):
+    with pytest.raises(RecordingError, match="two: holds 2 recordings"):
         trim_session(folder, from_s=1.1, to_s=SECONDS, out=tmp_path / "new")

@@ -22,9 +22,8 @@ from tega.loop.controls import Controls
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
+from tega.recording.poses_file import PosesFile, PosesFileOptions, forearm
 from tega.recording.replay import replay_file
-from tega.recording.replay.poses_file import PosesFile, PosesFileOptions
-from tega.recording.replay.recompute import forearm
 from tega.recording.trim import trim_session
 from tega_emulators.lab import emulated_lab
 from tega_figures.arm_path import hand_of

@@ -87,7 +87,7 @@ class ArmRecords:
     def _row(
         self, turn: Turn, command: ArmCommand, arm: ArmDriver, poses: tuple[PoseNumbers, ...]
     ) -> ArmTurn:
-        row = ArmTurn(
+        return ArmTurn(
             t_ns=turn.t_ns - self._start_ns,
             poses=poses,
             clutch=turn.clutch,
@@ -96,14 +96,9 @@ class ArmRecords:
             measured=() if turn.measured is None else (self._numbers(turn.measured),),
             stopped=turn.stopped,
             cleared=turn.cleared,
-            state=command.state,
-            reason=command.reason,
-            holds=0,
-            target=(),
-            velocity=(),
             phase=arm.phase,
+            **_commanded(command),
         )
-        return with_command(row, command)
 
     def _numbers(self, pose: StampedPose) -> PoseNumbers:
         return PoseNumbers(
@@ -130,14 +125,18 @@ class ArmRecords:
 
 def with_command(row: ArmTurn, command: ArmCommand) -> ArmTurn:
     """Return a turn with the command that its input led to."""
-    return replace(
-        row,
-        state=command.state,
-        reason=command.reason,
-        holds=command.engagements,
-        target=() if command.target is None else tuple(np.concatenate(command.target).tolist()),
-        velocity=(*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()),
-    )
+    return replace(row, **_commanded(command))
+
+
+def _commanded(command: ArmCommand) -> dict[str, Any]:
+    """Return the fields of a turn that hold its command."""
+    return {
+        "state": command.state,
+        "reason": command.reason,
+        "holds": command.engagements,
+        "target": () if command.target is None else tuple(np.concatenate(command.target).tolist()),
+        "velocity": (*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()),
+    }
 
 
 def _listed(numbers: Any) -> tuple[float, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tega.config.choose import finger_metric, muscle_decoder
@@ -32,6 +33,8 @@ __all__ = ["measure_beside_on", "open_beside"]
 # Pictures that may wait: a second of four fingers at 60 Hz would be 55 MB.
 _MOST_PICTURES = 60
 _MOST_CHUNKS = 4096
+_MEASURED = ("in_contact", "eda", "cci", "peak", "centroid_xy", "more")
+_DECODED = ("t_ns", "channels", "level", "closure", "confidence")
 
 
 def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> None:
@@ -100,56 +103,23 @@ def measure_beside_on(
                 name: finger_metric(wanted.stages, preset, name, baseline, touch(name))
                 for name, baseline in baselines.items()
             }
-            bus.subscribe(Picture, _Measuring(stage, metrics, bus), **how)
+            bus.subscribe(Picture, partial(_measure, stage, metrics, bus), **how)
         elif muscles is not None:
             decoder = muscle_decoder(wanted.stages, config.session.preset, muscles)
             meter = BlockMeter(decoder, SourceReport(), maxima=muscles, live=live)
-            bus.subscribe(EmgSamples, _Decoding(stage, meter, bus), **how)
+            bus.subscribe(EmgSamples, partial(_decode, stage, meter, bus), **how)
 
 
-class _Measuring:
-    """A metric of every finger."""
-
-    def __init__(self, stage: str, metrics: Mapping[str, Metric], bus: Bus) -> None:
-        self._stage, self._bus, self._metrics = stage, bus, metrics
-
-    def __call__(self, picture: Picture) -> None:
-        """Measure a picture."""
-        metric = self._metrics.get(picture.finger)
-        if metric is None:
-            return
+def _measure(stage: str, metrics: Mapping[str, Metric], bus: Bus, picture: Picture) -> None:
+    """Publish the contact that a stage finds in a picture."""
+    if (metric := metrics.get(picture.finger)) is not None:
         contact = metric.update(picture.image, picture.t_ns)
-        self._bus.publish(
-            BesideContact(
-                stage=self._stage,
-                finger=picture.finger,
-                t_ns=picture.t_ns,
-                in_contact=contact.in_contact,
-                eda=contact.eda,
-                cci=contact.cci,
-                peak=contact.peak,
-                centroid_xy=contact.centroid_xy,
-                more=contact.more,
-            )
-        )
+        found = {name: getattr(contact, name) for name in _MEASURED}
+        bus.publish(BesideContact(stage=stage, finger=picture.finger, t_ns=picture.t_ns, **found))
 
 
-class _Decoding:
-    """A decoder of the muscles."""
-
-    def __init__(self, stage: str, meter: BlockMeter, bus: Bus) -> None:
-        self._stage, self._bus, self._meter = stage, bus, meter
-
-    def __call__(self, given: EmgSamples) -> None:
-        """Decode samples."""
-        for block in self._meter.take(chunk_of(given)):
-            self._bus.publish(
-                BesideIntent(
-                    stage=self._stage,
-                    t_ns=block.t_ns,
-                    channels=block.channels,
-                    level=block.level,
-                    closure=block.closure,
-                    confidence=block.confidence,
-                )
-            )
+def _decode(stage: str, meter: BlockMeter, bus: Bus, given: EmgSamples) -> None:
+    """Publish the intents that a stage decodes from samples."""
+    for block in meter.take(chunk_of(given)):
+        found = {name: getattr(block, name) for name in _DECODED}
+        bus.publish(BesideIntent(stage=stage, **found))

@@ -12,18 +12,25 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy import fft  # it would else be imported by the first look, in the middle of a run
 
-from tega.records import MuscleCondition
+from tega.loop.inbox.sources import chunk_of
+from tega.records import EmgSamples, MuscleCondition
+from tega.records.bus import Backlog
+from tega.runtime.threads import run_realtime
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tega.config import SessionConfig
     from tega.config.calibration import EmgMaxima
     from tega.devices.base import EmgChunk
+    from tega.loop.inbox.prepared import Prepared
+    from tega.records.bus import Bus
 
 FELL_SHARE: Final = 0.15
 """Drop of a median frequency that is reported, as a share of its value in the run's first 20 s of effort."""
@@ -41,6 +48,7 @@ _NEWEST_S = 10
 _STRONG = 0.3
 _FIRST_PATTERNS_S, _PATTERNS_S = 8, 5
 _MOST_S = 300
+_MOST_CHUNKS = 4096
 
 
 def median_frequency(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.float64]:
@@ -190,3 +198,47 @@ def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     middle = np.median(patterns, axis=0)
     found: NDArray[np.float64] = middle / middle.sum()
     return found
+
+
+class MuscleAlert:
+    """Publishes the condition of the muscles from the samples on the bus.
+
+    Args:
+        maxima: Maxima of the channels, with the kind of the samples.
+        bus: Bus with the samples; the condition is published on it.
+        backlog: Queue for the samples, so that no spectrum delays a source; ``None`` to process them at once.
+
+    Attributes:
+        said: The current alert; ``""`` for none.
+    """
+
+    def __init__(self, maxima: EmgMaxima, bus: Bus, backlog: Backlog | None = None) -> None:
+        self._watch, self._bus, self.said = ConditionWatch(maxima), bus, ""
+        how: dict[str, Any] = {} if backlog is None else {"backlog": backlog}
+        bus.subscribe(EmgSamples, self._take, name="condition of the muscles", **how)
+
+    def _take(self, given: EmgSamples) -> None:
+        for condition in self._watch.take(chunk_of(given)):
+            self.said = f"emg: {condition.said}" if condition.said else ""
+            self._bus.publish(condition)
+
+
+def open_condition(
+    stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus
+) -> MuscleAlert | None:
+    """Watch the muscles of a run; ``None`` where their samples are decoded somewhere else.
+
+    Args:
+        stack: Ends the thread in which that is done where time is real.
+        config: The settings.
+        prepared: The sources of the run.
+        bus: Bus with the samples; the condition is published on it.
+    """
+    muscles = prepared.muscles
+    if muscles is None or muscles.decoder is None:
+        return None
+    backlog = None
+    if config.session.pace == "real":
+        backlog = Backlog("condition", most=_MOST_CHUNKS, rank=run_realtime("beside"))
+        stack.callback(backlog.close)
+    return MuscleAlert(muscles.maxima, bus, backlog)

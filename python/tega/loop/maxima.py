@@ -135,14 +135,7 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
     except CalibrationError as error:
         text = f"EMG {source.info.label}, channels {', '.join(conditions.channels)}: {error.message}"
         raise CalibrationError(text, error.hint) from error
-    values = tuple(float(m) for m in maxima)
-    return EmgMaxima(
-        kind=conditions.kind,
-        rate_hz=conditions.rate_hz,
-        tau=conditions.tau,
-        channels=conditions.channels,
-        maxima=values,
-    )
+    return msgspec.structs.replace(conditions, maxima=tuple(float(m) for m in maxima))
 
 
 def _all_samples(source: EmgSource) -> NDArray[np.float64]:

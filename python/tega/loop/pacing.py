@@ -14,6 +14,8 @@ from tega.runtime.wake import Bell
 
 # A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
 CATCH_UP_NS = 100_000_000
+# A tick later than this, one of the hand, is an overrun.
+_OVERRUN_NS = 3_000_000
 
 
 LATE_EDGES_NS: Final = tuple(round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 20, 50, 100))
@@ -43,7 +45,6 @@ class Pacer:
 
     Args:
         clock: The clock.
-        overrun_ns: From which lateness on a tick counts as an overrun.
         bell: Ends a wait early when rung; ``None`` if only deadlines count.
 
     Attributes:
@@ -54,10 +55,9 @@ class Pacer:
         n_waits: Deadlines waited for, with those left out.
     """
 
-    def __init__(self, clock: Clock, *, overrun_ns: int = 3_000_000, bell: Bell | None = None) -> None:
+    def __init__(self, clock: Clock, *, bell: Bell | None = None) -> None:
         self._clock = clock
         self.bell = bell
-        self._overrun_ns = overrun_ns
         self.start_ns = clock.now_ns()
         self._n_ticks = self._n_overruns = self._n_skipped = 0
         self._worst_ns = 0
@@ -111,7 +111,7 @@ class Pacer:
             self._worst_ns = max(self._worst_ns, late_ns)
             return False
         self._n_ticks += 1
-        if late_ns > self._overrun_ns:
+        if late_ns > _OVERRUN_NS:
             self._n_overruns += 1
         self._worst_ns = max(self._worst_ns, late_ns)
         return True

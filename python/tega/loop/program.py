@@ -38,7 +38,7 @@ from tega.records import Intent, ProgramFrame
 from tega.records.bus import Bus
 from tega.records.display import Notice
 from tega.runtime.clock import ManualClock, SystemClock
-from tega.runtime.lifecycle import Opened
+from tega.runtime.lifecycle import Elsewhere
 from tega.safety.stop import Stop
 
 if TYPE_CHECKING:
@@ -168,20 +168,13 @@ class ProgramHand:
         return level
 
 
-class _NoMuscles(Opened):
+class _NoMuscles(Elsewhere):
     """EMG of a session with a hand that a program steers: it has no samples."""
 
     ended = True
 
-    @property
-    def info(self) -> DeviceInfo:
-        return DeviceInfo(driver="program", kind="emg", label="no EMG", live=False, unit="level")
-
-    def open(self) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
+    def __init__(self) -> None:
+        super().__init__(DeviceInfo(driver="program", kind="emg", label="no EMG", live=False, unit="level"))
 
     def read(self, timeout_s: float) -> EmgChunk | None:  # noqa: ARG002  # as every source
         return None

@@ -10,8 +10,8 @@ from tega.config import SessionConfig
 from tega.errors import ConfigError
 from tega.loop.arm import Steering, open_arm
 from tega.loop.beside import open_beside
-from tega.loop.condition import open_condition
 from tega.loop.controls import Controls
+from tega.loop.emg_condition import open_condition
 from tega.loop.inbox.inputs import Inputs
 from tega.loop.inbox.prepared import Prepared
 from tega.loop.opening import Opening, reached

@@ -24,7 +24,7 @@ from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.rig import Rig
 from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.summary import RunFacts, summarise
-from tega.loop.touch_loop import touch_loop
+from tega.loop.touch import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
 from tega.loop.vest_output import VestOutput
 from tega.records import Alert, Event, RunState, Value

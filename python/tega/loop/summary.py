@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 SUMMARY_FORMAT = "tega-run"
+_COUNTS = ("dropped", "missing", "duplicate", "identical", "stuck", "unfit")
 
 
 class RunFacts(NamedTuple):
@@ -146,12 +147,7 @@ def _finger(state: RunFacts, name: str) -> dict[str, Any]:
         "source": info.label,
         "rate_hz": info.rate_hz,
         "frames": loop.n_contacts[name],
-        "dropped": finger.report.n_dropped,
-        "missing": finger.report.n_missing,
-        "duplicate": finger.report.n_duplicate,
-        "identical": finger.report.n_identical,
-        "stuck": finger.report.n_stuck,
-        "unfit": finger.report.n_unfit,
+        **{count: getattr(finger.report, f"n_{count}") for count in _COUNTS},
         "silent_s": loop.n_stale_ticks[name] / state.rig.config.vest.rate_hz,
         "baseline": finger.baseline_origin,
         "cci_max": None if maxima is None else maxima.cci_max,

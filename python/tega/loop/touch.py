@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from collections.abc import Mapping as AnyMapping
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from tega import _native
+from tega.config import DEFAULT_LAYOUT
+from tega.config.calibration import Calibration, TouchMaxima
+from tega.config.choose import felt_map, vest_mapping
 from tega.errors import InvalidValueError
 from tega.haptics import FINGERS, MotorLevels
 from tega.haptics.motor_layout import find_layout
@@ -21,7 +24,7 @@ from tega.stages.columns import ColumnsMapping, ColumnsOptions
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from tega.config.calibration import TouchMaxima
+    from tega.config import SessionConfig
     from tega.haptics import FeltMap, Layout, Mirror
     from tega.records import Contact, HandLook
     from tega.stages.events import DetectedEvent, Detector
@@ -175,6 +178,33 @@ class TouchLoop:
             ) from error
         intensities.flags.writeable = False
         return MotorLevels(self._layout, intensities)
+
+
+def touch_loop(
+    config: SessionConfig, calibration: Calibration, fingers: Iterable[str], *, find_events: bool = False
+) -> TouchLoop:
+    """Make the back loop that settings and a calibration ask for.
+
+    Args:
+        config: The settings.
+        calibration: The maxima.
+        fingers: Fingers in use.
+        find_events: If true, events are detected whether or not the mapping wants them; the detector is then loaded
+            before the run's first tick.
+    """
+    vest = config.vest
+    maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
+    preset = config.session.preset
+    loop = TouchLoop(
+        maxima,
+        layout=vest.layout or DEFAULT_LAYOUT[preset],
+        mirror=vest.mirror,
+        felt=felt_map(vest),
+        mapping=vest_mapping(config.stages, preset),
+    )
+    if find_events:
+        loop.find_events()
+    return loop
 
 
 def _events(detector: Detector, contact: Contact) -> Sequence[Event]:

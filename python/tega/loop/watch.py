@@ -13,8 +13,8 @@ from tega.safety.guard import Guard, Watched
 
 if TYPE_CHECKING:
     from tega.loop.arm import Steering
-    from tega.loop.condition import MuscleAlert
     from tega.loop.controls import Controls
+    from tega.loop.emg_condition import MuscleAlert
     from tega.loop.inbox.prepared import Prepared
     from tega.loop.inbox.sources import SourceReport
     from tega.loop.parts import Part

@@ -74,7 +74,7 @@ class SessionFolder:
     def __init__(self, path: Path, *, to_read: bool = False) -> None:
         if path.exists() and not path.is_dir():
             raise ConfigError(f"session folder {path.name!r} is a file", "name a folder")
-        self.path = path
+        self.path = path.absolute()  # of "." a message names the folder
         if path.is_dir() and any(path.iterdir()) and not self._is_session():
             if to_read:
                 raise no_recording(path)
@@ -217,7 +217,7 @@ def _index(folder: Path) -> dict[str, Any]:
         return {"format": INDEX_FORMAT, "version": 1, "trials": []}
     except (OSError, UnicodeDecodeError, msgspec.DecodeError) as error:
         raise RecordingError(
-            f"{folder.name}/{INDEX_NAME}: no index of a session: {error}",
+            f"{folder.absolute().name}/{INDEX_NAME}: no index of a session: {error}",
             "fix it or restore it from a copy; if you move it away, a new one starts without the entries of its trials",
         ) from error
     return index
@@ -266,7 +266,9 @@ def no_recording(folder: Path) -> RecordingError:
     """Return the error for a folder without a recording; the folder of a run's tables is named as that."""
     tables = any((folder / name).is_file() for name in ("summary.json", "contacts.csv", "vest.csv"))
     text = "holds a run's tables, not a recording" if tables else "holds no recording"
-    return RecordingError(f"{folder.name}: {text}", "record a run with --record DIR, then name DIR")
+    return RecordingError(
+        f"{folder.absolute().name}: {text}", "record a run with --record DIR, then name DIR"
+    )
 
 
 def session_files(path: Path) -> list[Path]:
@@ -287,3 +289,19 @@ def session_files(path: Path) -> list[Path]:
     if not path.is_file():
         raise RecordingError(f"{path.name}: there is no such recording", f"looked for {path}")
     return [path]
+
+
+def one_recording(path: Path) -> Path:
+    """Return the recording that a path names: a file, or the only one of a session's folder.
+
+    Raises:
+        RecordingError: There is none, or more than one.
+    """
+    files = session_files(path)
+    if len(files) > 1:
+        names = ", ".join(file.name for file in files)
+        raise RecordingError(
+            f"{path.absolute().name}: holds {len(files)} recordings, and this takes one",
+            f"name one of them: {names}",
+        )
+    return files[0]

@@ -16,7 +16,7 @@ from tega.errors import RecordingError
 from tega.recording.copies import note_copy
 from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
-from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.mcap_folder import SessionFolder, one_recording
 from tega.recording.mcap_reader import open_recording
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
 from tega.runtime.files.foreign_file import reports_damage
@@ -68,11 +68,7 @@ def trim_session(
         ConfigError: ``out`` holds something.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
-    files = session_files(session)
-    if len(files) > 1:
-        named = ", ".join(path.name for path in files)
-        raise RecordingError(f"{session.name}: holds {len(files)} recordings", f"name one of them: {named}")
-    (source,) = files
+    source = one_recording(session)
     part = Span(round(from_s * 1e9), None if to_s is None else round(to_s * 1e9))
     if part.to_ns is not None and part.to_ns <= part.from_ns:
         raise RecordingError(f"the span {part} holds nothing", "--to has to be after --from")

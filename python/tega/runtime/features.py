@@ -51,6 +51,7 @@ class Feature:
         checks: Check for ``doctor``, called with the settings; returns findings.
         panels: Panel of page and terminal, called with the run's bus: it subscribes to its records and publishes
             :class:`~tega.records.display.DisplayRow` and :class:`~tega.records.display.DisplayPicture`.
+        in_play: Whether its part, with its tables, joins when a recording is played; none that steers or films may.
         played: Player of its recorded topics for ``play``, a ``Player`` of :mod:`tega.recording.replay.followed_file`.
         formats: Formats of ``recording export`` by name, each called as ``export(recordings, out, **options)``.
         streams: Programs for ``run --stream`` by name, each called with the run's bus; returns a context manager that
@@ -67,6 +68,7 @@ class Feature:
     verbs: Mapping[str, Verb] = field(default_factory=dict)
     checks: str = ""
     panels: str = ""
+    in_play: bool = False
     played: str = ""
     formats: Mapping[str, str] = field(default_factory=dict)
     streams: Mapping[str, str] = field(default_factory=dict)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import importlib
 from types import ModuleType, TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from tega.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from tega.runtime.device_items import DeviceInfo
 
 
 class Opened:
@@ -30,6 +33,23 @@ class Opened:
     ) -> None:
         """Close the device."""
         self.close()
+
+
+class Elsewhere(Opened):
+    """Stands in for a device that is open somewhere else, such as at another station or in a program.
+
+    Args:
+        info: Description of the device.
+    """
+
+    def __init__(self, info: DeviceInfo) -> None:
+        self.info = info
+
+    def open(self) -> None:
+        """Do nothing: it is open elsewhere."""
+
+    def close(self) -> None:
+        """Do nothing: it is closed elsewhere."""
 
 
 def require(module: str, *, driver: str, extra: str) -> Any | ModuleType:

@@ -110,7 +110,15 @@ class EqualStepsMapping(SlipRowMapping):
         self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]
     ) -> NDArray[np.float64]:
         """Return every motor's level."""
-        shares = np.minimum(super().levels(t_ns, contacts, events) / 100, 1)
-        n = self._first + shares * (self._n_steps - self._first)
-        displayed = self._lowest * np.exp(n * self._log_weber) - self._offset
-        return np.where(shares > 0, np.clip(displayed, 0, 100), 0.0)
+        shares = super().levels(t_ns, contacts, events)
+        if not shares.any():  # this runs for every picture, and most motors rest most of the time
+            return shares
+        shares /= 100
+        np.minimum(shares, 1, out=shares)
+        n = shares * (self._n_steps - self._first)
+        n += self._first
+        n *= self._log_weber
+        displayed = np.exp(n, out=n)
+        displayed *= self._lowest
+        displayed -= self._offset
+        return np.where(shares > 0, displayed, 0.0)

@@ -11,7 +11,7 @@ import click
 
 from tega.ui.cli.options import NameList, json_option
 from tega.ui.cli.page import view_options
-from tega_sim.cli.options import loop_options, loop_sets
+from tega_sim.cli.options import loop_options, loop_sets, print_rows
 
 if TYPE_CHECKING:
     from tega.ui.view.state import ViewState
@@ -236,40 +236,22 @@ def _without_events(trial: TrialResult) -> str:
 
 def _print(report: DemoReport, *, real_time: bool) -> None:
     """Print the summary: one row a trial, then what stood behind it."""
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    out = Console(highlight=False, width=110)
-    table = Table(title="simulated lifts", title_justify="left", box=SIMPLE)
-    names = (
-        "object",
-        "condition",
-        "lifted",
-        "slips",
-        "deformed",
-        "time s",
-        "lift-off s",
-        "slid mm",
-        "level",
-        "peak N",
+    out = print_rows(
+        "simulated lifts",
+        report.trials,
+        {
+            "object": lambda trial: trial.object,
+            "condition": lambda trial: trial.condition,
+            "lifted": lambda trial: "yes" if trial.success else "dropped" if trial.drops else "no",
+            "slips": lambda trial: str(trial.slips),
+            "deformed": lambda trial: str(trial.deformations),
+            "time s": lambda trial: f"{trial.duration_s:.1f}",
+            "lift-off s": lambda trial: "–" if trial.lift_off_s is None else f"{trial.lift_off_s:.1f}",
+            "slid mm": lambda trial: f"{1000 * trial.slid_m:.1f}",
+            "level": lambda trial: f"{trial.mean_level:.1f}",
+            "peak N": lambda trial: f"{trial.peak_force_n:.1f}",
+        },
     )
-    for name in names:
-        table.add_column(name, justify="left" if name in {"object", "condition", "lifted"} else "right")
-    for trial in report.trials:
-        table.add_row(
-            trial.object,
-            trial.condition,
-            "yes" if trial.success else "dropped" if trial.drops else "no",
-            str(trial.slips),
-            str(trial.deformations),
-            f"{trial.duration_s:.1f}",
-            "–" if trial.lift_off_s is None else f"{trial.lift_off_s:.1f}",
-            f"{1000 * trial.slid_m:.1f}",
-            f"{trial.mean_level:.1f}",
-            f"{trial.peak_force_n:.1f}",
-        )
-    out.print(table)
     out.print(
         "lifted: to 0.2 m within 15 s, and held there for a second. level: mean level from the muscles while "
         "the object was held, 1 (open) to 5 (tight)."

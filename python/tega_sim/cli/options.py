@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,6 +13,8 @@ from tega.errors import InvalidValueError
 from tega.ui.cli.options import NumberList
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from tega_sim.world.objects import ObjectSpec
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -106,3 +108,18 @@ def loop_sets(config: Path | None, sets: tuple[str, ...]) -> tuple[str, ...]:
     if config is None:
         return sets
     return (*file_sets(config), *sets)
+
+
+def print_rows(title: str, rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> Console:
+    """Print a table of rows by the text of each column, words to the left, numbers to the right; return the console."""
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out, table = Console(highlight=False, width=110), Table(title=title, title_justify="left", box=SIMPLE)
+    for name in columns:
+        table.add_column(name, justify="left" if name in {"object", "condition"} else "right")
+    for row in rows:
+        table.add_row(*(text(row) for text in columns.values()))
+    out.print(table)
+    return out

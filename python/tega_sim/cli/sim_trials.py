@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.options import NameList, json_option
-from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
+from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options, print_rows
 from tega_sim.conditions import CONDITIONS
 
 if TYPE_CHECKING:
-    from tega_sim.table import Row
     from tega_sim.trial import TrialResult
+    from tega_sim.trials import Row
 
 
 @click.group(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
@@ -91,21 +91,16 @@ def trials(
     conditions: list[str],
     n_seeds: int,
     first_seed: int,
-    operator: str,
-    practice: int,
-    rules: int,
-    task: str,
-    view: str,
     objects_file: Path | None,
     mass_kg: list[float] | None,
     stiffness_n_m: list[float] | None,
     friction: list[float] | None,
-    preset: str,
     config: Path | None,
     sets: tuple[str, ...],
     jobs: int,
     out: Path | None,
     as_json: bool,
+    **same: Any,
 ) -> None:
     """Run every object under every condition with every seed, and compare. Everything in it is simulated.
 
@@ -126,23 +121,17 @@ def trials(
     import msgspec
 
     from tega.ui.cli.options import echo_json, progress_bar
-    from tega_sim.table import summarise_trials
-    from tega_sim.trials import plan_trials, run_trials
+    from tega_sim.trials import plan_trials, run_trials, summarise_trials
 
     plans = plan_trials(
         objects if objects_file is None else chosen_objects(objects, objects_file),
         conditions,
         range(first_seed, first_seed + n_seeds),
-        operator=operator,
-        practice=practice,
-        rules=rules,
-        task=task,
-        preset=preset,
-        view=view,
         mass_kg=mass_kg or (None,),
         stiffness_n_m=stiffness_n_m or (None,),
         friction=friction or (None,),
         settings=loop_sets(config, sets),
+        **same,
     )
     jobs = jobs or os.cpu_count() or 1
     started = time.perf_counter()
@@ -159,28 +148,21 @@ def trials(
 
 
 def _print(results: list[TrialResult], table: list[Row], *, wall_s: float, jobs: int) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    out = Console(highlight=False, width=110)
-    displayed = Table(title="simulated trials, means", title_justify="left", box=SIMPLE)
-    columns: list[tuple[str, Any]] = [
-        ("object", lambda row: row.object),
-        ("condition", lambda row: row.condition),
-        ("trials", lambda row: str(row.n)),
-        ("lifted", lambda row: f"{row.success:.0%}"),
-        ("slips", lambda row: f"{row.slips:.2f}"),
-        ("deformations", lambda row: f"{row.deformations:.2f}"),
-        ("drops", lambda row: f"{row.drops:.2f}"),
-        ("time s", lambda row: f"{row.duration_s:.1f}"),
-        ("peak N", lambda row: f"{row.peak_force_n:.1f}"),
-    ]
-    for name, _ in columns:
-        displayed.add_column(name, justify="left" if name in {"object", "condition"} else "right")
-    for row in table:
-        displayed.add_row(*(text(row) for _, text in columns))
-    out.print(displayed)
+    out = print_rows(
+        "simulated trials, means",
+        table,
+        {
+            "object": lambda row: row.object,
+            "condition": lambda row: row.condition,
+            "trials": lambda row: str(row.n),
+            "lifted": lambda row: f"{row.success:.0%}",
+            "slips": lambda row: f"{row.slips:.2f}",
+            "deformations": lambda row: f"{row.deformations:.2f}",
+            "drops": lambda row: f"{row.drops:.2f}",
+            "time s": lambda row: f"{row.duration_s:.1f}",
+            "peak N": lambda row: f"{row.peak_force_n:.1f}",
+        },
+    )
     out.print(
         f"{len(results)} trials with {len({r.seed for r in results})} simulated persons took {wall_s:.1f} s "
         f"({jobs} workers)"

@@ -10,12 +10,13 @@ from tega_sim.operator.keyboard import KEYS_HELP, KeyboardOperator
 from tega_sim.operator.person import (
     Parameters,
     PersonNumbers,
+    RulesVersion,
     clear_skin,
     draw_person,
     load_parameters,
+    people_digest,
     typical_person,
 )
-from tega_sim.operator.rules import Rules, RulesVersion, people_digest
 from tega_sim.operator.scripted import ScriptedOperator
 from tega_sim.operator.shams import SHAMS, Sham, sham_vest
 from tega_sim.operator.vision import VIEWS, ViewName
@@ -34,7 +35,6 @@ __all__ = [
     "Operator",
     "Parameters",
     "PersonNumbers",
-    "Rules",
     "RulesVersion",
     "ScriptedOperator",
     "Sham",

@@ -20,9 +20,8 @@ from tega_sim.operator.forearm import SimulatedForearm
 from tega_sim.operator.grip import Decision, GripDecisions
 from tega_sim.operator.motor import MuscleMotor
 from tega_sim.operator.panels import ConfirmedClosure
-from tega_sim.operator.person import PersonNumbers, stream
+from tega_sim.operator.person import PersonNumbers, RulesVersion, stream
 from tega_sim.operator.renewing import RenewingGrip
-from tega_sim.operator.rules import Rules, RulesVersion
 from tega_sim.operator.settled import JudgingEyes, SettledGrip
 from tega_sim.operator.vest_sense import POLL_S, Skin
 from tega_sim.operator.vision import Eyes, SeenEvent, ViewName
@@ -67,7 +66,7 @@ class Operator:
         feels: Whether the person feels the vest at all; ``False`` is the control who cannot feel it.
         full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has
             taught (:func:`tega_sim.operator.calibrate`); none means the effort of the calibration itself.
-        rules: Which rules are followed.
+        rules: Version of the rules that are followed.
         view: Sight of the hand while the object is held. If the eyes see nothing, a dropped object, which is always
             noticed, shows the person that the grip was too loose; by the third version of the rules this applies in
             every view.
@@ -99,12 +98,12 @@ class Operator:
         seed: int,
         feels: bool = True,
         full_effort: float | None = None,
-        rules: Rules | None = None,
+        rules: RulesVersion = 1,
         view: ViewName = "direct",
         away_m: float = 0.0,
     ) -> None:
         self._away_m = away_m
-        self._rules = rules or Rules()
+        self._rules = rules
         self._view = view
         self.person = person
         self.pulses = False
@@ -161,7 +160,7 @@ class Operator:
             lifting=grip.phase == "lift",
             held=grip.held,
         )
-        learns = self._rules.version == 3 or self._view != "direct"
+        learns = self._rules == 3 or self._view != "direct"
         if percept.scene.dropped and grip.held and learns and not trial.lost:
             trial.lost = True
             grip.belief.slipped(grip.closure.x, grip.closure.var)
@@ -235,19 +234,14 @@ class Operator:
         skin, grip = self._skin, trial.grip
         skin.check(t_s, POLL_S)
         heeded = tuple(self._heeds(grip.closure, panel) for panel in _PANELS)
-        if (
-            self._rules.onset
-            and grip.phase == "grasp"
-            and (self.pulses or any(heeded))
-            and (event := skin.onset(t_s)) is not None
-        ):
+        if grip.phase == "grasp" and (self.pulses or any(heeded)) and (event := skin.onset(t_s)) is not None:
             trial.pending.append(event)
         if self.pulses:
             if grip.held and (event := skin.slip_pulse(t_s)) is not None:
                 trial.pending.append(event)
             return
         closure = grip.closure
-        if self._rules.weaker and any(heeded) and grip.steady(t_s):
+        if any(heeded) and grip.steady(t_s):
             # As the person is told, stronger is tighter, unless this object has taught the contrary.
             front, back = (
                 None if not heed else not (closure.known(panel) and closure.slope(panel) < 0)
@@ -255,7 +249,7 @@ class Operator:
             )
             if (event := skin.weaker(t_s, (front, back))) is not None:
                 trial.pending.append(event)
-        if self._rules.reading and t_s >= trial.next_vest_read_s and grip.touching:
+        if t_s >= trial.next_vest_read_s and grip.touching:
             if isinstance(closure, ConfirmedClosure) and not grip.settled(t_s, _VEST_READ_S):
                 return
             trial.next_vest_read_s = t_s + _VEST_READ_S
@@ -287,7 +281,7 @@ class Operator:
         return belief
 
     def _closure(self) -> Closure:
-        if self._rules.version == 1:
+        if self._rules == 1:
             return Closure(self.person.grip)
         return ConfirmedClosure(self.person.grip, self.person.vest.threshold)
 
@@ -299,7 +293,6 @@ class Operator:
         self._skin.begin(
             rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
         )
-        version = self._rules.version
         sight: dict[str, Any] = {
             "width_m": width_m,
             "gaze": process("gaze"),
@@ -309,11 +302,11 @@ class Operator:
             "view": self._view,
         }
         self._trial = TrialOfPerson(
-            grip=_DECISIONS[version](
+            grip=_DECISIONS[self._rules](
                 person, self._recall(name, rest_s), SimulatedForearm((0.0, person.forearm.back_m))
             ),
             eyes=JudgingEyes(person.vision, bears_m=self.bears_m, **sight)
-            if version == 3
+            if self._rules == 3
             else Eyes(person.vision, **sight),
             motor=MuscleMotor(
                 person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")

@@ -1,10 +1,10 @@
 """Estimate the closure together with how each panel of the vest follows it, and how far a panel is to be trusted.
 
-The second version of the person's estimate (see :class:`tega_sim.operator.Rules`). The first learned a straight line
-from closure to log intensity; the vest's real course is curved, flat at both ends, and may have nothing to do with
-the grip. Here a panel's log intensity is a curve over closure, which is learned, and a panel moves the belief only by
-as much as the person trusts it. Trust is the probability that the panel follows the closure rather than a source of
-its own (causal inference in cue combination; Ernst and Banks 2002, doi 10.1038/415429a; Koerding 2007, doi
+The second version of the person's estimate (see :data:`tega_sim.operator.RulesVersion`). The first learned a straight
+line from closure to log intensity; the vest's real course is curved, flat at both ends, and may have nothing to do
+with the grip. Here a panel's log intensity is a curve over closure, which is learned, and a panel moves the belief
+only by as much as the person trusts it. Trust is the probability that the panel follows the closure rather than a
+source of its own (causal inference in cue combination; Ernst and Banks 2002, doi 10.1038/415429a; Koerding 2007, doi
 10.1371/journal.pone.0000943). It starts low and grows only by readings that were predicted.
 """
 

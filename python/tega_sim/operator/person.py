@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from statistics import NormalDist
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -34,6 +34,13 @@ from tega_sim.operator.sections import (
 
 FROZEN_SHA256 = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
 """Hash of the parameter file as it was before the first closed-loop run; any other file is called changed."""
+
+RulesVersion: TypeAlias = Literal[1, 2, 3]
+"""Version of the rules: 3 is the default of simulated studies, 1 of single trials.
+
+By 2 (:mod:`tega_sim.operator.renewing`, :mod:`tega_sim.operator.panels`) the person ignores the vest until a panel has
+been shown to follow the closure; 3 (:mod:`tega_sim.operator.settled`) on top of it distinguishes harm from the give
+that every hold needs. A change in the person's behaviour is another version."""
 
 
 class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -210,6 +217,20 @@ def clear_skin(person: PersonNumbers) -> PersonNumbers:
         panel_swap=0.0,
     )
     return msgspec.structs.replace(person, vest=vest)
+
+
+def people_digest(parameters: str, version: RulesVersion) -> str:
+    """Return the SHA-256 that names the people: their parameters, and from version 2 on the version of their rules.
+
+    No source text is in it: people with the same parameters and rules are the same, however the program is written.
+
+    Args:
+        parameters: SHA-256 of the parameter file; by version 1 that is all.
+        version: Version of the rules.
+    """
+    if version == 1:
+        return parameters
+    return hashlib.sha256(f"{parameters} rules {version}".encode()).hexdigest()
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:

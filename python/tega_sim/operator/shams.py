@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -21,20 +21,11 @@ ShamName = Literal[
     "informative", "off", "silent", "constant", "unrelated", "replayed", "permuted", "inverted", "half"
 ]
 
-SHAMS: tuple[ShamName, ...] = (
-    "informative",
-    "off",
-    "silent",
-    "constant",
-    "unrelated",
-    "replayed",
-    "permuted",
-    "inverted",
-    "half",
-)
+SHAMS: tuple[ShamName, ...] = get_args(ShamName)
 """Arms that :func:`sham_vest` knows; ``informative`` is the real vest."""
 
 _FRAME_S = 1 / 30
+_CONSTANT_PERCENT = 50.0
 # Slow, as a grip changes: corner of the unrelated process, hertz.
 _UNRELATED_HZ = 0.3
 
@@ -49,24 +40,22 @@ def sham_vest(
     seed: int = 0,
     layout: Layout = "x40",
     recorded: Sequence[tuple[float, MotorLevels]] = (),
-    constant_percent: float = 50.0,
 ) -> Sham:
     """Return an arm of the study.
 
     Args:
         name: ``informative``: unchanged. ``off``: not worn. ``silent``: worn, all motors still. ``constant``: all at
-            one intensity from the start. ``unrelated``: front and back follow slow random processes. ``replayed``:
+            50 % from the start. ``unrelated``: front and back follow slow random processes. ``replayed``:
             the vest of another trial. ``permuted``: finger columns exchanged, by the seed. ``inverted``: strong
             becomes weak wherever anything is felt. ``half``: half as strong, for a vest that is turned down.
         seed: Seed of ``unrelated`` and ``permuted``.
         layout: Layout of the frames that are made here.
         recorded: For ``replayed``: times and frames of the other trial, in order.
-        constant_percent: Intensity of ``constant``.
 
     Raises:
         InvalidValueError: The name is not known, or ``replayed`` has nothing to replay.
     """
-    level = constant_percent if name == "constant" else 0.0
+    level = _CONSTANT_PERCENT if name == "constant" else 0.0
     still = vest_frame([level] * 4, [level] * 4, layout=layout)
     arms: dict[str, Callable[[], Sham]] = {
         "informative": lambda: lambda _t_s, frame: frame,

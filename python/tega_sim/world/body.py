@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from tega.wire import HAND_FINGERS
 from tega_sim.world.flex import AROUND, SKIN_M, UP
 from tega_sim.world.objects import ObjectSpec
-from tega_sim.world.shapes import Shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,6 +18,22 @@ if TYPE_CHECKING:
 # Boards that a flex is drawn of: half their thickness, and how far towards the axis those of its ends reach.
 _BOARD_M: Final = 0.002
 _WEDGE: Final = 0.8
+
+
+class Shape(NamedTuple):
+    """A primitive to draw.
+
+    Attributes:
+        name: Its name, one of a kind.
+        kind: Kind of shape.
+        size_m: Half lengths; capsule and cylinder: radius and half length along z; plane: half lengths.
+        rgba: Colour.
+    """
+
+    name: str
+    kind: Literal["sphere", "capsule", "cylinder", "box", "plane"]
+    size_m: tuple[float, float, float]
+    rgba: tuple[float, float, float, float]
 
 
 class LiftedBody(Protocol):

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from reference.parts import observed
 from reference.played import finger, muscles
@@ -30,12 +31,14 @@ from tega.haptics import MotorLevels
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
-from tega.recording.replay.play import LEAD_S, play_file
+from tega.recording.replay.play import LEAD_S, _settings, play_file
 from tega.recording.replay.playhead import Playhead
 from tega.records import ArmTurn, Contact, HandCommand, HeardMarker, Marker, PoseNumbers, VestFrame
 from tega.records.bus import Bus
+from tega.runtime.features import Feature
 from tega.runtime.files.toml_text import tree_text
 from tega.ui.cli.main import main
+from tega.ui.cli.report import print_summary
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.vests import seen_by
 
@@ -92,6 +95,27 @@ def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(made_up: Path, 
     # A thirtieth of a second is four thirtieths of the recording.
     assert all(abs(t_s * 30 / 4 - round(t_s * 30 / 4)) < 1e-3 for t_s in times)
     assert len(times) <= len(recorded.of(VestFrame)) / 4 + 1
+
+
+def test_input_is_counted_without_the_lead(
+    made_up: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    summary = play_file(made_up, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
+    length_s = summary["duration_s"]
+    ahead = {"duration_s": length_s + 40.0, "played": summary["played"] | {"lead_s": 40.0}}
+    print_summary(summary | ahead, measured={"wall_s": 1.0, "real_time_factor": 1.0})
+    assert f"{length_s:.2f} s of input" in capsys.readouterr().out
+
+
+def test_of_guests_those_that_say_so_join_a_played_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    declared = {
+        "plays": Feature(summary="", settings={"plays": ""}, in_play=True),
+        "films": Feature(summary="", settings={"films": ""}),
+    }
+    monkeypatch.setattr("tega.recording.replay.play.features", lambda: declared)
+    to = replace(SessionConfig(), guests={"plays": "table", "films": "table"})
+    config = _settings(SessionConfig(), to, pace=1.0, fast=True, vest_pace="steady")
+    assert config.guests == {"plays": "table"}
 
 
 def test_the_clock_stands_until_it_is_waited_for_and_runs_at_its_speed() -> None:

@@ -325,7 +325,7 @@ def hand_of(path: Path) -> list[StampedPose]:
     if path.suffix == ".csv":
         return read_poses(path)
     from tega.recording.mcap_folder import session_files
-    from tega.recording.replay.recompute import forearm
+    from tega.recording.poses_file import forearm
 
     mapping, poses = forearm(session_files(path)[0])
     to_base = ToBase(mapping)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
-from msgspec.structs import asdict, replace
+from msgspec.structs import replace
 
 from tega.arm.settings import ArmSettings
 from tega.config import STAGE_GROUPS, SessionConfig, check_tree, load_config, override_recorded
 from tega.config.calibration import Calibration, load_calibration
 from tega.config.calibration.store import parse_calibration
 from tega.config.choose import chosen_stage, metric_choice
+from tega.config.origins import fields_of
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader, Message
@@ -216,7 +217,9 @@ def with_changes(head: Head, other: Path | None = None, sets: Sequence[str] = ()
         arm = new.arm.chain
     files = head.files if other is None else {}
     found = replace(head, config=config, calibration=calibration, emg_kind=kind, arm=arm, files=files)
-    return replace(found, changed=(*changed, *_differences("", _comparable(head), _comparable(found))))
+    before, now = _comparable(head), _comparable(found)
+    changed += [f"{key}: {before.get(key)} -> {now[key]}" for key in now if now[key] != before.get(key)]
+    return replace(found, changed=tuple(changed))
 
 
 def metric_change(head: Head) -> str:
@@ -229,24 +232,17 @@ def metric_change(head: Head) -> str:
     return f"metric: {then} -> {now}, so contacts are those recorded"
 
 
-def _comparable(head: Head) -> Mapping[str, Any]:
+def _comparable(head: Head) -> dict[str, Any]:
     """Return the settings that may be changed by key, stages with the defaults of the preset in words."""
     config = head.config
-    stages = asdict(config.stages) | {group: _words(config, group) for group in STAGE_GROUPS}
-    stages["beside"] = ", ".join(one.name for one in config.stages.beside)
+    stages = {f"stages.{group}": _words(config, group) for group in STAGE_GROUPS}
+    stages["stages.beside"] = ", ".join(one.name for one in config.stages.beside)
     found = {"session.preset": config.session.preset, "emg.kind": head.emg_kind}
-    return found | {"vest": config.vest, "stages": stages, "hand": config.hand, "arm": head.arm}
-
-
-def _differences(name: str, old: Any, new: Any) -> Iterator[str]:
-    """Yield the differences between two settings, a sentence each."""
-    if isinstance(old, msgspec.Struct) and type(old) is type(new):
-        old, new = asdict(old), asdict(new)
-    if isinstance(old, Mapping) and isinstance(new, Mapping) and old.keys() == new.keys():
-        for key in old:
-            yield from _differences(f"{name}.{key}" if name else key, old[key], new[key])
-    elif old != new:
-        yield f"{name}: {old} -> {new}"
+    parts = {"vest": config.vest, "stages": config.stages, "hand": config.hand, "arm": head.arm}
+    for name, part in parts.items():
+        fields = fields_of(part, f"{name}.")
+        found |= {key: value for key, value in fields if not key.startswith(tuple(stages))}
+    return found | stages
 
 
 def _words(config: SessionConfig, group: Any) -> str:

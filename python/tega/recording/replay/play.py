@@ -27,7 +27,7 @@ from tega.recording.replay.played_run import PlayedRun
 from tega.recording.replay.playhead import Playhead
 from tega.recording.run_tables import write_summary
 from tega.records.bus import Bus
-from tega.runtime.features import targets
+from tega.runtime.features import features, targets
 from tega.runtime.files.foreign_file import reports_damage
 
 LEAD_S = 2
@@ -217,6 +217,7 @@ def _settings(
         # As strong to feel as it was, for a vest that no person is fitted to.
         felt = {name: getattr(then.vest, name) for name in fitted}
     times_ms = {name: getattr(to.safety, name) * pace for name in ("late_ms", "settle_ms", "hold_ms")}
+    joining = {key for one in features().values() if one.in_play for key in one.settings}
     session, vest, worn = to.session, to.vest, to.calibration
     return changed(
         then,
@@ -237,6 +238,6 @@ def _settings(
         # The hand moves as the person requested then; the reflex belongs to the person who is there.
         stages=changed(then.stages, reflex=ReflexSection()),
         arm=None,  # its path is shown, and a recording must not move a robot
-        guests={key: table for key, table in to.guests.items() if key == "markers"},
+        guests={key: table for key, table in to.guests.items() if key in joining},
         safety=changed(to.safety, **times_ms),
     )

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from msgspec.structs import replace
 
 from tega.config.attached import with_attached
 from tega.config.choose import muscle_decoder
-from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError, RecordingError
 from tega.hand import joined_level, split_level
 from tega.loop.arm_view import recorded_check
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.loop import FIRST_LEVEL
 from tega.loop.parts import Part, RunStart
@@ -37,7 +38,7 @@ from tega.recording.replay.playhead import PlayedItems, Playhead, Track
 from tega.records import ArmTurn, Contact, EmgSamples, HandCommand, HandLook, Haptics, Imposed, Intent, Marker
 from tega.records.bus import Bus
 from tega.runtime.files.foreign_file import reports_damage
-from tega.runtime.threads import run_realtime
+from tega.runtime.lifecycle import Elsewhere
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
@@ -51,13 +52,6 @@ PLAYED: Final = "recording"
 # Reading that is so late, in the machine's time, leaves out what lies between.
 _BEHIND_S: Final = 1.0
 _POLL_S: Final = 0.01
-_LEAVE_S: Final = 5.0
-
-
-class _Played(NamedTuple):
-    """Stands in for a source whose items exist already."""
-
-    info: DeviceInfo
 
 
 class PlayedRun(Part):
@@ -75,7 +69,7 @@ class PlayedRun(Part):
         self._commands, self._imposed = feed.collect(HandCommand), feed.collect(Imposed)
         self._checks, self._haptics = feed.collect(HandLook), feed.collect(Haptics)
         self._marked, self._turned = feed.collect(Marker), feed.collect(ArmTurn)
-        self._bus, self._files, self._threads = Bus(), list[FollowedFile](), list[threading.Thread]()
+        self._bus, self._files, self._readers = Bus(), list[FollowedFile](), list[Reader[PlayedMoment]]()
         self._closing = threading.Event()
         self._snapshot: PlayedMoment | None = None
 
@@ -87,7 +81,7 @@ class PlayedRun(Part):
         def source(name: str) -> Any:
             then = head.sources[name]
             label = f"{then.driver} {then.label}"
-            return _Played(
+            return Elsewhere(
                 replace(then, driver="recorded", label=label, live=False, n_items=None, notes=(note,))
             )
 
@@ -152,16 +146,16 @@ class PlayedRun(Part):
     def begin(self, run: RunStart) -> None:  # noqa: ARG002  # the files know all that is needed
         """Start the threads."""
         if not self._inline:
-            for file in self._files:
-                thread = threading.Thread(target=self._work, args=[file], name="tega-played", daemon=True)
-                self._threads.append(thread)
-                thread.start()
+            self._readers = [
+                Reader("played", self._snapshots, partial(file.follow, closing=self._closing), rank="beside")
+                for file in self._files
+            ]
 
     def end(self) -> None:
         """End the threads."""
         self._closing.set()
-        for thread in self._threads:
-            thread.join(_LEAVE_S)
+        for reader in self._readers:
+            reader.close()
 
     def fill(self, t_ns: int) -> None:  # noqa: ARG002  # the playhead has it
         """Publish the markers that have passed, and let the files follow."""
@@ -175,11 +169,11 @@ class PlayedRun(Part):
             for file in self._files:
                 file.follow(self._snapshot, self._closing)
 
-    @run_realtime("beside")
-    def _work(self, file: FollowedFile) -> None:
+    def _snapshots(self, _stopped: Callable[[], bool]) -> Iterator[PlayedMoment]:
+        """Yield the newest position, again and again until the run ends."""
         while not self._closing.wait(_POLL_S):
             if (snapshot := self._snapshot) is not None:
-                file.follow(snapshot, self._closing)
+                yield snapshot
 
     @property
     def problems(self) -> tuple[str, ...]:

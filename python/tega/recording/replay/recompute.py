@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
 from tega.arm.chain import ArmChain
 from tega.arm.pose import StampedPose
-from tega.arm.settings import ArmSettings, MappingSettings
+from tega.arm.settings import ArmSettings
 from tega.arm.turn import Turn, lead
-from tega.errors import RecordingError
 from tega.hand import joined_level
 from tega.hand.link import HandLink, Received
 from tega.loop.arm_records import with_command
@@ -27,7 +26,7 @@ from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_output import HandOutput
 from tega.loop.loop import DualLoop
 from tega.loop.snapshot import Moments, Snapshot
-from tega.loop.touch_loop import touch_loop
+from tega.loop.touch import touch_loop
 from tega.loop.vest_output import VestOutput
 from tega.recording.mcap_reader import Progress
 from tega.recording.replay.compare import Comparison
@@ -36,7 +35,7 @@ from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.head import Head, metric_change, with_changes
 from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
 from tega.recording.replay.measured import Measured, PictureError
-from tega.records import ArmTurn, HandExchange, Imposed, PoseNumbers, bus_frames
+from tega.records import ArmTurn, HandExchange, Imposed, bus_frames
 from tega.records.bus import Bus
 from tega.runtime.files.foreign_file import reports_damage
 
@@ -178,32 +177,12 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
     )
 
 
-@reports_damage
-def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
-    """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
-
-    Raises:
-        RecordingError: The recording cannot be read, or has no tracked forearm.
-    """
-    feed = RecordFeed(path)
-    turns = feed.collect(ArmTurn)
-    feed.read_rest()
-    poses = [_pose(pose) for turn in turns for pose in turn.poses]
-    if not poses:
-        raise RecordingError(f"{path.name}: no forearm was tracked in it", "name a run with an [arm]")
-    return feed.head.arm.mapping, poses
-
-
 def _turn(row: ArmTurn) -> Turn:
     plain = {
         name: getattr(row, name) for name in ("t_ns", "clutch", "dead_man", "may_move", "stopped", "cleared")
     }
-    measured = _pose(row.measured[0]) if row.measured else None
-    return Turn(**plain, poses=tuple(_pose(pose) for pose in row.poses), measured=measured)
-
-
-def _pose(pose: PoseNumbers) -> StampedPose:
-    return StampedPose(pose.t_ns, list(pose.position), list(pose.quaternion), valid=pose.valid)
+    poses, measured = ([StampedPose(*astuple(pose)) for pose in some] for some in (row.poses, row.measured))
+    return Turn(**plain, poses=tuple(poses), measured=measured[0] if measured else None)
 
 
 def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:

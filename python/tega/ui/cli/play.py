@@ -90,10 +90,9 @@ def play(
     from contextlib import nullcontext
     from functools import partial
 
-    from tega.errors import ConfigError
     from tega.loop.controls import Controls
     from tega.recording.annotation_keys import AnnotationKeys
-    from tega.recording.mcap_folder import session_files
+    from tega.recording.mcap_folder import one_recording
     from tega.recording.replay.play import play_file, playing_to
     from tega.recording.replay.playhead import Playhead
     from tega.records.bus import Bus
@@ -107,19 +106,14 @@ def play(
         raise click.UsageError("--beside is shown on the page, so it needs --view")
     if rater is not None and not view:
         raise click.UsageError("--rater annotates by keys of the page, so it needs --view")
-    files = session_files(session)
-    if len(files) > 1:
-        raise ConfigError(
-            f"{session.name}: holds {len(files)} recordings, and one can be played",
-            f"name one, such as {session / files[-1].name}",
-        )
+    file = one_recording(session)
     config = playing_to(to, sets=worn_by(person, sets))
-    heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
+    heading = f"TEGA · {file.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     playhead = Playhead(from_s)
-    played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead, others=others)
+    played = partial(play_file, file, speed=speed, because=because, playhead=playhead, others=others)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
-    annotating = nullcontext() if rater is None else AnnotationKeys(files[0], rater, playhead)
+    annotating = nullcontext() if rater is None else AnnotationKeys(file, rater, playhead)
     with (
         annotating as annotate,
         CtrlC() as stop,
@@ -131,7 +125,7 @@ def play(
             display.watch(bus)
         if view:
             summary = run_viewed(
-                config, title=f"TEGA · {files[0].name}", port=view_port, run=played, progress=progress, stop=stop,
+                config, title=f"TEGA · {file.name}", port=view_port, run=played, progress=progress, stop=stop,
                 bus=bus, playhead=playhead, annotate=annotate,
             )  # fmt: skip
         else:

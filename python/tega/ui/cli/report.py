@@ -106,8 +106,9 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         out.print(table)
     vest = summary["vest"]
     sent = f", {vest['sent']} sent, {vest['skipped']} unchanged" if vest["sent"] else ""
+    lead_s = summary.get("played", {}).get("lead_s", 0.0)  # before a recording begins to play
     out.print(
-        f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {vest['frames']} vest frames "
+        f"{summary['ended']}: {max(summary['duration_s'] - lead_s, 0.0):.2f} s of input, {vest['frames']} vest frames "
         f"({vest['layout']}{sent}), {4 * summary['hand']['ticks']} torque frames"
     )
     for name, text in summary.get("inputs", {}).items():

@@ -11,7 +11,7 @@ import numpy as np
 from tega.config.calibration import Calibration, FingerMaxima
 from tega.haptics.motor_layout import find_layout
 from tega.loop.maxima import touch_maxima
-from tega.loop.touch_loop import touch_loop
+from tega.loop.touch import touch_loop
 from tega_figures.audit.touch import rank_of
 
 if TYPE_CHECKING:

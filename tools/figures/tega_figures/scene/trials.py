@@ -12,8 +12,8 @@ from tega_sim.plan import TrialPlan
 from tega_sim.score import TrialEvent
 from tega_sim.seams import WorldTruth
 from tega_sim.streams import Streams
+from tega_sim.world.body import Shape
 from tega_sim.world.objects import OBJECTS, ObjectSpec
-from tega_sim.world.shapes import Shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

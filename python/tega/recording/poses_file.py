@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import msgspec
+from msgspec.structs import astuple
 
 from tega.arm.pose import StampedPose
+from tega.arm.settings import MappingSettings
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.tracker.sources.recorded import RecordedPoses, read_poses
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.lifecycle import Opened
 
 
@@ -71,7 +74,6 @@ class PosesFile(Opened):
         if file.suffix != ".mcap" and not file.is_dir():
             return read_poses(file)
         from tega.recording.mcap_folder import session_files
-        from tega.recording.replay.recompute import forearm
 
         mapping, poses = forearm(session_files(file)[0])
         if mapping.frame != self.frame:
@@ -94,3 +96,22 @@ class PosesFile(Opened):
         if self._poses is None:
             raise DeviceUnavailableError("poses-file: it is not open", "use it in a with block")
         return self._poses.read(now_ns)
+
+
+@reports_damage
+def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
+    """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
+
+    Raises:
+        RecordingError: The recording cannot be read, or has no tracked forearm.
+    """
+    from tega.recording.replay.feed import RecordFeed
+    from tega.records import ArmTurn
+
+    feed = RecordFeed(path)
+    turns = feed.collect(ArmTurn)
+    feed.read_rest()
+    poses = [StampedPose(*astuple(pose)) for turn in turns for pose in turn.poses]
+    if not poses:
+        raise RecordingError(f"{path.name}: no forearm was tracked in it", "name a run with an [arm]")
+    return feed.head.arm.mapping, poses
