@@ -22,7 +22,6 @@ from tega.loop.hand import HAND_TICK_NS
 from tega.loop.inbox.inputs import Inputs
 from tega.loop.inbox.stream import NEVER_NS, Stream
 from tega.loop.loop_report import LoopReport
-from tega.loop.opening import reached
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
 from tega.records import Contact, Event, HandLook, Imposed, Intent, Skip
@@ -131,7 +130,6 @@ class DualLoop:
         with_hand = self._levels is not None
         with_vest = bool(self._contacts) or (self._moments is not None and self._moments.wanted)
         step_ns = HAND_TICK_NS if with_hand else IDLE_NS
-        reached("first tick")
         try:
             k_step = k_vest = 0
             while True:

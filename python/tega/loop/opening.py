@@ -6,7 +6,6 @@ anything: outputs that move or vibrate are opened once every source is ready.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
@@ -19,14 +18,6 @@ from tega.devices.registry import driver_class
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import EmgSource, TactileSource
-
-
-_LOG = logging.getLogger("tega.start")
-
-
-def reached(stage: str) -> None:
-    """Log the progress of a start, to measure the time of its steps."""
-    _LOG.debug("%s", stage)
 
 
 class Opening:
@@ -75,10 +66,8 @@ class Opening:
         n_emg = self._emg is not None
         for opened in self._opened[n_emg:]:
             opened.result()
-        reached("fingers open")
         for opened in self._opened[:n_emg]:
             opened.result()
-        reached("EMG open")
         return self._fingers, self._emg
 
     def _begin(self, sources: Sequence[EmgSource | TactileSource]) -> None:

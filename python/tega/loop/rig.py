@@ -14,7 +14,7 @@ from tega.loop.controls import Controls
 from tega.loop.emg_condition import open_condition
 from tega.loop.inbox.inputs import Inputs
 from tega.loop.inbox.prepared import Prepared
-from tega.loop.opening import Opening, reached
+from tega.loop.opening import Opening
 from tega.loop.pacing import refuse_live
 from tega.loop.parts import Part, PartContext, open_parts
 from tega.loop.prepare import Progress, prepare, to_be_read
@@ -89,12 +89,10 @@ def open_rig(
         TegaError: Settings, recordings, calibration or devices are at fault.
         KeyboardInterrupt: ``controls.stop`` asked for it.
     """
-    reached("loaded")
     hand = opening.begin_rest()
     own = open_parts(PartContext(config, bus, stack, controls.stop, progress))
     joined = [*own, *parts]
     _refuse_no_input(config, prepared, joined)
-    reached("parts ready")
     origin = next((part.origin for part in joined if part.origin), "")
     if prepared is None:
         sources, emg = opening.sources()
@@ -110,9 +108,7 @@ def open_rig(
     if bus.wants(BesideIntent) or bus.wants(BesideContact):
         open_beside(stack, config, prepared, bus)
     condition = open_condition(stack, config, prepared, bus)
-    reached("prepared")
     sinks = open_sinks(stack, config, bus, hand)
-    reached("vest and hand open")
     inputs = open_inputs(stack, config)
     for part in joined:
         sinks, inputs = part.sinks(sinks), part.inputs(stack, inputs)

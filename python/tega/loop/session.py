@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tega.loop.controls import Controls
 from tega.loop.gc_pause import settled
-from tega.loop.opening import Opening, reached
+from tega.loop.opening import Opening
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
 from tega.runtime.threads import realtime, short_turns
@@ -61,7 +61,6 @@ def run_session(
         if isinstance(clock, SystemClock):
             stack.enter_context(short_turns())
             stack.enter_context(settled())
-        reached("settings read")
         opening = Opening(stack, config, sources=prepared is None)
         # Loaded while the devices open.
         from tega.loop.rig import open_rig
