@@ -26,11 +26,8 @@ class _Requested:
         return answer.strip()
 
 
-class _Unasked:
+class _Unasked(_Requested):
     """Guide without a person: all steps are run, and nothing is seen or felt."""
-
-    def say(self, text: str) -> None:
-        click.echo(text, err=True)
 
     def confirm(self, text: str) -> bool:
         click.echo(f"{text} yes (--yes)", err=True)

@@ -133,10 +133,12 @@ def onset(
 
 def _keep(measured: Iterator[tuple[OnsetRecord, str]], home: CalibrationFolder, *, as_json: bool) -> None:
     """Keep each record with the calibrations, and print it."""
+    import msgspec
+
     reported = []
     for record, text in measured:
         file = home.keep_onset(record)
-        reported.append({"file": str(file), "record": _plain(record)})
+        reported.append({"file": str(file), "record": msgspec.to_builtins(record)})
         if not as_json:
             click.echo(text)
             click.echo(f"  kept in {file}")
@@ -233,8 +235,8 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
         clicks_s += clicks()
         info = opened.info
     return log_of(
-        info, made=made, layout=layout, motor=motor, percent=wanted.percent, bursts_s=bursts_s,
-        unsent=unsent, clicks_s=clicks_s, clicks=wanted.sync,
+        info, bursts_s, clicks_s, unsent=unsent,
+        made=made, layout=layout, motor=motor, percent=wanted.percent, clicks=wanted.sync,
     )  # fmt: skip
 
 
@@ -278,13 +280,6 @@ def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[
             return times
 
         yield struck
-
-
-def _plain(record: OnsetRecord) -> dict[str, Any]:
-    import msgspec
-
-    plain: dict[str, Any] = msgspec.to_builtins(record)
-    return plain
 
 
 def _text(record: OnsetRecord) -> str:

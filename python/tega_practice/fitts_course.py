@@ -57,18 +57,12 @@ class FittsMovement(NamedTuple):
     counts: bool
 
 
-def fitts_plan(
-    seed: int,
-    *,
-    movements: int = 6,
-    conditions: Sequence[tuple[float, float, float]] = CONDITIONS,
-) -> list[FittsMovement]:
+def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
     """Return the movements of a test: each condition to and fro, the conditions in an order of chance.
 
     Args:
         seed: Seed of the order.
         movements: That count, of each condition.
-        conditions: Lower centre, upper centre, width.
 
     Raises:
         InvalidValueError: There are no movements.
@@ -77,7 +71,7 @@ def fitts_plan(
         raise InvalidValueError(f"movements = {movements} of a condition has to be at least 1")
     return [
         FittsMovement(Target(high if n % 2 else low, width), high - low, counts=n > 0)
-        for low, high, width in random.Random(seed).sample(list(conditions), len(conditions))
+        for low, high, width in random.Random(seed).sample(list(CONDITIONS), len(CONDITIONS))
         for n in range(movements + 1)
     ]
 

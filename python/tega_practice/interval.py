@@ -1,8 +1,8 @@
-"""Estimate a mean and its 95 % interval over people or conditions, by Student's t."""
+"""Estimate a mean and its 95 % interval over people or conditions, and compare decoders pairwise, by Student's t."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from statistics import fmean, stdev
 from typing import Literal
 
@@ -11,7 +11,7 @@ import msgspec
 from tega.errors import InvalidValueError
 from tega.runtime.scientific import scipy_stats
 
-__all__ = ["Interval", "mean_interval"]
+__all__ = ["Interval", "mean_interval", "with_first"]
 
 
 class Interval(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,3 +60,27 @@ def mean_interval(values: Sequence[float]) -> Interval:
     mean = fmean(values)
     reach = float(scipy_stats().t.ppf(0.975, len(values) - 1)) * stdev(values) / len(values) ** 0.5
     return Interval(mean=mean, low=mean - reach, high=mean + reach, n=len(values))
+
+
+def with_first(
+    values: Mapping[str, Mapping[Hashable, float]],
+) -> dict[str, tuple[Interval, Interval | None]]:
+    """Return each name's mean over its units, and its difference from the first name over the units of both.
+
+    Args:
+        values: Value of each unit, by name; names without units are left out.
+
+    Returns:
+        The difference is ``None`` for the first name, and without common units.
+    """
+    found = {}
+    first = next(iter(values), "")
+    for name, units in values.items():
+        if units:
+            both = (
+                []
+                if name == first
+                else [units[one] - values[first][one] for one in units if one in values[first]]
+            )
+            found[name] = mean_interval(list(units.values())), mean_interval(both) if both else None
+    return found

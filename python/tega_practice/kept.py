@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from pathlib import Path
 from statistics import fmean
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal, TypeVar
 
 import msgspec
 
 from tega.config.calibration.folder import CalibrationFolder
-from tega.config.calibration.records import CalibrationRecord, read_record, write_record
+from tega.config.calibration.records import CalibrationRecord, PracticeRecord, read_record, write_record
 from tega.errors import CalibrationError
 from tega_practice.fitts import FittsScore, Movement, fitts_score
-from tega_practice.interval import Interval, mean_interval
+from tega_practice.interval import Interval, with_first
+from tega_practice.vest_kept import VestSkillRecord
 
-__all__ = ["DecoderSkill", "FittsRecord", "compare_kept", "keep_fitts", "kept_fitts"]
+__all__ = ["DecoderSkill", "FittsRecord", "by_person", "compare_kept", "keep_record", "kept_records"]
+
+_Kept = TypeVar("_Kept", bound=CalibrationRecord)
 
 _NONE: Final = -1.0
 
@@ -70,6 +73,9 @@ class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
         return fitts_score([_moved(row) for row in self.movements], cursor_step=self.cursor_step)
 
 
+_Decoded = TypeVar("_Decoded", FittsRecord, PracticeRecord)
+
+
 def movement_row(one: Movement) -> tuple[float, ...]:
     """Return a movement as a row of numbers."""
     return tuple(float(_NONE if value is None else value) for value in one)
@@ -94,22 +100,34 @@ def _moved(row: tuple[float, ...]) -> Movement:
     )
 
 
-def keep_fitts(record: FittsRecord, folder: CalibrationFolder) -> Path:
+def keep_record(record: FittsRecord | VestSkillRecord, folder: CalibrationFolder) -> Path:
     """Write a result into the person's folder; return the file."""
-    path = folder.person(record.person) / "fitts" / f"{record.made.strftime('%Y%m%d-%H%M%S')}.toml"
+    path = (
+        folder.person(record.person) / _place(type(record)) / f"{record.made.strftime('%Y%m%d-%H%M%S')}.toml"
+    )
     write_record(record, path)
     return path
 
 
-def kept_fitts(folder: CalibrationFolder, person: str | None = None) -> list[FittsRecord]:
+def kept_records(kind: type[_Kept], folder: CalibrationFolder, person: str | None = None) -> list[_Kept]:
     """Return the results of a person, or of everybody, oldest first.
+
+    Args:
+        kind: Type of the results.
+        folder: The calibrations.
+        person: Participant ID; ``None`` for everybody.
 
     Raises:
         CalibrationError: A file is damaged.
     """
     who = "*" if person is None else folder.person(person).name
-    files = sorted(folder.path.glob(f"people/{who}/fitts/*.toml"))
-    return sorted((read_record(file, FittsRecord) for file in files), key=lambda record: record.made)
+    files = sorted(folder.path.glob(f"people/{who}/{_place(kind)}/*.toml"))
+    return sorted((read_record(file, kind) for file in files), key=lambda record: record.made)
+
+
+def _place(kind: type[CalibrationRecord]) -> str:
+    """Return the name of the folder of such records."""
+    return str(kind.__struct_config__.tag).removeprefix("tega-")
 
 
 class DecoderSkill(msgspec.Struct, frozen=True, kw_only=True):
@@ -138,9 +156,6 @@ class DecoderSkill(msgspec.Struct, frozen=True, kw_only=True):
     difference_bits_s: Interval | None = None
 
 
-_Unit = tuple[float, float] | str
-
-
 def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -> list[DecoderSkill]:
     """Compare decoders: within each person over the conditions, and over people where there are two or more.
 
@@ -153,64 +168,44 @@ def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -
     """
     if not records:
         raise CalibrationError("no Fitts test was kept", "tega-teleop emg fitts SETTINGS.toml --person ID")
-    names = list(decoders) or sorted({record.decoder for record in records})
-    people = sorted({record.person for record in records})
     found = []
-    for person in people:
-        mine = [record for record in records if record.person == person]
-        found += _beside(mine, names, person, {name: _by_condition(_of(mine, name)) for name in names})
-    if len(people) > 1:
-        over: dict[str, dict[_Unit, float]] = {}
-        for name in names:
-            scores = {
-                person: [r.score() for r in _of(records, name) if r.person == person] for person in people
-            }
-            over[name] = {
-                who: fmean(one.throughput_bits_s for one in some) for who, some in scores.items() if some
-            }
-        found += _beside(records, names, None, over)
-    return found
-
-
-def _of(records: Sequence[FittsRecord], decoder: str) -> list[FittsRecord]:
-    return [record for record in records if record.decoder == decoder]
-
-
-def _by_condition(records: list[FittsRecord]) -> dict[_Unit, float]:
-    values: dict[_Unit, list[float]] = {}
-    for record in records:
-        for one in record.score().conditions:
-            values.setdefault((one.distance, one.width), []).append(one.throughput_bits_s)
-    return {kind: fmean(some) for kind, some in values.items()}
-
-
-def _beside(
-    records: Sequence[FittsRecord],
-    names: list[str],
-    person: str | None,
-    units: dict[str, dict[_Unit, float]],
-) -> list[DecoderSkill]:
-    found = []
-    first = units[names[0]]
-    for name in names:
-        mine, values = [r.score() for r in _of(records, name)], units[name]
-        if not mine:
-            continue
-        both = [unit for unit in values if unit in first]
-        efficient = [one.path_efficiency for one in mine if one.path_efficiency is not None]
-        found.append(
-            DecoderSkill(
-                decoder=name,
-                person=person,
-                tests=len(mine),
-                unit="people" if person is None else "conditions",
-                throughput_bits_s=mean_interval(list(values.values())),
-                completion=fmean(one.completion for one in mine),
-                path_efficiency=fmean(efficient) if efficient else None,
-                overshoots=fmean(one.overshoots for one in mine),
-                difference_bits_s=mean_interval([values[u] - first[u] for u in both])
-                if name != names[0] and both
-                else None,
+    for person, tests in by_person(records, decoders):
+        scores = {name: [(one.person, one.score()) for one in some] for name, some in tests.items()}
+        units: dict[str, dict[Hashable, list[float]]] = {name: {} for name in tests}
+        for name, some in scores.items():
+            for who, score in some:
+                if person is None:
+                    units[name].setdefault(who, []).append(score.throughput_bits_s)
+                else:
+                    for one in score.conditions:
+                        units[name].setdefault((one.distance, one.width), []).append(one.throughput_bits_s)
+        means = {name: {unit: fmean(some) for unit, some in of.items()} for name, of in units.items()}
+        for name, (throughput, difference) in with_first(means).items():
+            mine = [score for _, score in scores[name]]
+            efficient = [one.path_efficiency for one in mine if one.path_efficiency is not None]
+            found.append(
+                DecoderSkill(
+                    decoder=name,
+                    person=person,
+                    tests=len(mine),
+                    unit="people" if person is None else "conditions",
+                    throughput_bits_s=throughput,
+                    completion=fmean(one.completion for one in mine),
+                    path_efficiency=fmean(efficient) if efficient else None,
+                    overshoots=fmean(one.overshoots for one in mine),
+                    difference_bits_s=difference,
+                )
             )
-        )
     return found
+
+
+def by_person(
+    records: Sequence[_Decoded], decoders: Sequence[str]
+) -> Iterator[tuple[str | None, dict[str, list[_Decoded]]]]:
+    """Return each person's records by decoder, and, of two people or more, those of all (``None``)."""
+    names = list(decoders) or sorted({record.decoder for record in records})
+    people: list[str] = sorted({record.person for record in records})
+    groups: list[str | None] = [*people, None] if len(people) > 1 else [*people]
+    for person in groups:
+        mine = [record for record in records if person in {None, record.person}]
+        yield person, {name: [record for record in mine if record.decoder == name] for name in names}

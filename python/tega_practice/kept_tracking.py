@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from statistics import fmean
 from typing import Literal
 
 import msgspec
 
-from tega.config.calibration.folder import CalibrationFolder
-from tega.config.calibration.records import PracticeRecord, read_record
-from tega_practice.interval import Interval, mean_interval
+from tega.config.calibration.records import PracticeRecord
+from tega_practice.interval import Interval, with_first
+from tega_practice.kept import by_person
 
-__all__ = ["TrackingSkill", "compare_tracked", "kept_practices"]
+__all__ = ["TrackingSkill", "compare_tracked"]
 
 
 class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,59 +37,35 @@ class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
     difference_levels: Interval | None = None
 
 
-def kept_practices(folder: CalibrationFolder, person: str | None = None) -> list[PracticeRecord]:
-    """Return the practices of a person, or of everybody, oldest first, those that say their decoder.
-
-    Raises:
-        CalibrationError: A file is damaged.
-    """
-    who = "*" if person is None else folder.person(person).name
-    files = sorted(folder.path.glob(f"people/{who}/practice/*.toml"))
-    found = (read_record(file, PracticeRecord) for file in files)
-    return sorted((record for record in found if record.decoder), key=lambda record: record.made)
-
-
 def compare_tracked(records: Sequence[PracticeRecord], decoders: Sequence[str] = ()) -> list[TrackingSkill]:
     """Compare decoders: within each person over practices, and over people where there are two or more.
 
     Args:
-        records: Practices.
+        records: Practices; those of earlier versions, without a decoder, are passed over.
         decoders: Names of the decoders; the others are compared with the first. None means all, by name.
     """
-    names = list(decoders) or sorted({record.decoder for record in records})
-    people = sorted({record.person for record in records})
-    found, means = [], dict[str, dict[str, float]]()
-    for person in people:
-        for name in names:
-            if mine := [one for one in records if (one.person, one.decoder) == (person, name)]:
-                errors = [one.rms_error_levels for one in mine]
-                means.setdefault(name, {})[person] = fmean(errors)
-                found.append(_skill(name, person, mine, mean_interval(errors)))
-    if len(people) > 1:
-        first = means.get(names[0], {})
-        for name in names:
-            if not (values := means.get(name, {})):
-                continue
-            both = [values[who] - first[who] for who in values if who in first]
-            paired = mean_interval(both) if both and name != names[0] else None
-            mine = [one for one in records if one.decoder == name]
-            found.append(_skill(name, None, mine, mean_interval(list(values.values())), paired))
+    found = []
+    for person, practices in by_person([one for one in records if one.decoder], decoders):
+        units: dict[str, dict[Hashable, float]] = {}
+        for name, mine in practices.items():
+            errors = [(one.person, one.rms_error_levels) for one in mine]
+            if person is None:
+                people = {who for who, _ in errors}
+                units[name] = {
+                    one: fmean(error for who, error in errors if who == one) for one in sorted(people)
+                }
+            else:  # practices of two decoders are no pairs
+                units[name] = {(name, k): error for k, (_, error) in enumerate(errors)}
+        for name, (error, paired) in with_first(units).items():
+            found.append(
+                TrackingSkill(
+                    decoder=name,
+                    person=person,
+                    practices=len(practices[name]),
+                    unit="people" if person is None else "practices",
+                    rms_error_levels=error,
+                    in_target=fmean(one.in_target_percent for one in practices[name]) / 100,
+                    difference_levels=paired,
+                )
+            )
     return found
-
-
-def _skill(
-    decoder: str,
-    person: str | None,
-    practices: list[PracticeRecord],
-    error: Interval,
-    paired: Interval | None = None,
-) -> TrackingSkill:
-    return TrackingSkill(
-        decoder=decoder,
-        person=person,
-        practices=len(practices),
-        unit="people" if person is None else "practices",
-        rms_error_levels=error,
-        in_target=fmean(one.in_target_percent for one in practices) / 100,
-        difference_levels=paired,
-    )

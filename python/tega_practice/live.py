@@ -13,7 +13,7 @@ from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.muscle_loop import MuscleLoop
 from tega_practice.fitts import FittsScore, fitts_score
 from tega_practice.fitts_course import FittsCourse, fitts_plan
-from tega_practice.kept import FittsRecord, keep_fitts, movement_row
+from tega_practice.kept import FittsRecord, keep_record, movement_row
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -113,7 +113,7 @@ def fitts_test(
         overshoots=round(score.overshoots, 2),
         movements=tuple(movement_row(one) for one in course.movements),
     )
-    return record, score, keep_fitts(record, folder)
+    return record, score, keep_record(record, folder)
 
 
 def _bars(target: Target, closure: float) -> list[Bar]:

@@ -15,8 +15,9 @@ from tega.config.calibration.records import utc_now
 from tega.config.choose import chosen_stage
 from tega.config.person import whose
 from tega.runtime.guide import Bar, Guide
+from tega_practice.kept import keep_record
 from tega_practice.two_down_one_up import TwoDownOneUp
-from tega_practice.vest_kept import VestSkillRecord, keep_vest_skill
+from tega_practice.vest_kept import VestSkillRecord
 from tega_practice.vest_lesson import Aspect, Cue, Lesson, cue, even, words_of
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def learn_vest(
         dose_s=round(lesson.dose_s() - before_s, 2),
         answers=tuple(answers),
     )
-    return record, keep_vest_skill(record, folder)
+    return record, keep_record(record, folder)
 
 
 def _teach(lesson: Lesson, guide: Guide, mapping: str) -> None:

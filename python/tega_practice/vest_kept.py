@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from statistics import fmean
 from typing import ClassVar, NamedTuple
 
-from tega.config.calibration.folder import CalibrationFolder
-from tega.config.calibration.records import CalibrationRecord, read_record, write_record
+from tega.config.calibration.records import CalibrationRecord
 from tega.errors import CalibrationError
 
 
@@ -77,21 +75,3 @@ class VestSkillRecord(
             right = fmean(displayed == text for _, displayed, text, _ in rows)
             found.append(AspectScore(aspect, len(rows), right, fmean(1 / max(row[3], 1) for row in rows)))
         return found
-
-
-def keep_vest_skill(record: VestSkillRecord, folder: CalibrationFolder) -> Path:
-    """Write a result into the person's folder; return the file."""
-    path = folder.person(record.person) / "vest-skill" / f"{record.made.strftime('%Y%m%d-%H%M%S')}.toml"
-    write_record(record, path)
-    return path
-
-
-def kept_vest_skill(folder: CalibrationFolder, person: str, mapping: str) -> list[VestSkillRecord]:
-    """Return a person's results with a mapping, oldest first.
-
-    Raises:
-        CalibrationError: A file is damaged.
-    """
-    files = sorted((folder.person(person) / "vest-skill").glob("*.toml"))
-    records = (read_record(file, VestSkillRecord) for file in files)
-    return sorted((one for one in records if one.mapping == mapping), key=lambda one: one.made)

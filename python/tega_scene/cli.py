@@ -16,7 +16,20 @@ if TYPE_CHECKING:
     from tega_scene.outcomes import SceneOutcome
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
-_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+def _size(_ctx: click.Context, _option: click.Parameter, text: str) -> tuple[int, int]:
+    """Read a size such as 1920x1080; a usage error where it is none."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and len(text) < 12):
+        raise click.UsageError(f"--size {text}: write it as 1920x1080")
+    return int(width), int(height)
+
+
+_size_option = click.option(
+    "--size", metavar="WxH", default="1920x1080", show_default=True, callback=_size,
+    help="Width and height of the pictures.",
+)  # fmt: skip
 
 
 @click.group(
@@ -62,28 +75,14 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
     return function
 
 
-@scene.command(
-    epilog="Example: tega-teleop scene tags tags.pdf --layout tags.toml --height-mm 260 --base-mm 82"
-)
+@scene.command(epilog="Example: tega-teleop scene tags tags.pdf --layout tags.toml")
 @click.argument("out", type=_FILE, metavar="OUT.pdf")
 @click.option(
     "--layout", "layout_file", type=_FILE, metavar="TAGS.toml",
     help="Print this layout's tags; where the file is missing, write the example's into it.",
 )  # fmt: skip
-@click.option(
-    "--height-mm",
-    type=click.FloatRange(50, 1000),
-    default=260.0,
-    help="Height of the object, for the example.",
-)
-@click.option(
-    "--base-mm",
-    type=click.FloatRange(20, 500),
-    default=82.0,
-    help="Diameter of the object's base, for the example.",
-)
 @json_option
-def tags(*, out: Path, layout_file: Path | None, height_mm: float, base_mm: float, as_json: bool) -> None:
+def tags(*, out: Path, layout_file: Path | None, as_json: bool) -> None:
     """Write tags and the calibration board to scale, as PDF or SVG on A4.
 
     Print at 100 % and measure the line of 100 mm. With --json: {"files": [...], "layout": file, "tags": n}.
@@ -94,7 +93,7 @@ def tags(*, out: Path, layout_file: Path | None, height_mm: float, base_mm: floa
     if layout_file is not None and layout_file.exists():
         layout = load_layout(layout_file)
     else:
-        layout = example_layout(height_mm=height_mm, base_mm=base_mm)
+        layout = example_layout()
         if layout_file is not None:
             save_layout(layout_file, layout)
     files = write_pages(out, [*tag_pages(layout), board_page()])
@@ -112,15 +111,9 @@ def tags(*, out: Path, layout_file: Path | None, height_mm: float, base_mm: floa
 @scene.command(epilog="Example: tega-teleop scene calibrate 0 cam.json")
 @click.argument("source")
 @click.argument("out", type=_FILE, metavar="CAM.json")
-@click.option(
-    "--size",
-    metavar="WxH",
-    default="1920x1080",
-    show_default=True,
-    help="Width and height of the camera's pictures.",
-)
+@_size_option
 @json_option
-def calibrate(*, source: str, out: Path, size: str, as_json: bool) -> None:
+def calibrate(*, source: str, out: Path, size: tuple[int, int], as_json: bool) -> None:
     """Calibrate a camera's lens with the printed board: number, /dev/video0, rtsp://, a video or a folder of pictures.
 
     The command says where to hold the board next and takes the pictures itself. With --json: the intrinsics: width,
@@ -131,20 +124,12 @@ def calibrate(*, source: str, out: Path, size: str, as_json: bool) -> None:
     from tega_scene.lens import save_lens
     from tega_scene.sources import calibrate_from
 
-    lens = calibrate_from(source, parse_size(size), notify=lambda line: click.echo(line, err=True))
+    lens = calibrate_from(source, size, notify=lambda line: click.echo(line, err=True))
     save_lens(out, lens)
     if as_json:
         echo_json(msgspec.to_builtins(lens))
         return
     click.echo(f"{out}: {lens.n_views} views fit to {lens.rms_px:.3f} px; focal length {lens.fx:.0f} px")
-
-
-def parse_size(text: str) -> tuple[int, int]:
-    """Read a size such as 1920x1080; a usage error where it is none."""
-    width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal() and len(text) < 12):
-        raise click.UsageError(f"--size {text}: write it as 1920x1080")
-    return int(width), int(height)
 
 
 @scene.command(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
@@ -240,9 +225,7 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
     metavar="NAME=SOURCE",
     help="Name and address of a camera; repeatable.",
 )
-@click.option(
-    "--size", metavar="WxH", default="1920x1080", show_default=True, help="Width and height of the pictures."
-)
+@_size_option
 @click.option(
     "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
 )
@@ -251,7 +234,7 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
     type=click.Choice(["h264", "av1"]),
     default="h264",
     show_default=True,
-    help="Format of the recorded video.",
+    help="Format of the video.",
 )
 @click.option(
     "--seconds", type=click.FloatRange(0.1), help="Seconds after which recording stops; else Ctrl-C stops it."
@@ -261,7 +244,7 @@ def record(
     *,
     out: Path,
     cameras: tuple[str, ...],
-    size: str,
+    size: tuple[int, int],
     rate_hz: float,
     video: Literal["h264", "av1"],
     seconds: float | None,
@@ -286,7 +269,7 @@ def record(
         found = record_cameras(
             out,
             named,
-            size=parse_size(size),
+            size=size,
             rate_hz=rate_hz,
             stop=lambda: stop() or (end_s is not None and time.monotonic() >= end_s),
             video=video,
@@ -324,10 +307,7 @@ def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
 
 @scene.command(epilog="Example: tega-teleop scene flash flashes.csv")
 @click.argument("out", type=_FILE, metavar="FLASHES.csv")
-@click.option(
-    "--flashes", type=click.IntRange(3, 100), default=12, show_default=True, help="How often it gets white."
-)
-def flash(*, out: Path, flashes: int) -> None:
+def flash(*, out: Path) -> None:
     """Make this terminal white and black by turns, fewer than two times a second, and write down when.
 
     Hold it before the cameras while scene record runs; then scene offset says how late each camera is.
@@ -337,8 +317,8 @@ def flash(*, out: Path, flashes: int) -> None:
     def write(text: str) -> None:
         click.echo(text, nl=False, color=True)
 
-    flash_light(out, write, n_flashes=flashes)
-    click.echo(f"{out}: {2 * flashes} moments; tega-teleop scene offset SCENE.mcap NAME {out}")
+    flash_light(out, write)
+    click.echo(f"{out}: when the light was switched; tega-teleop scene offset SCENE.mcap NAME {out}")
 
 
 @scene.command(epilog="Example: tega-teleop scene offset session.mcap front flashes.csv")

@@ -30,9 +30,6 @@ _AV1_BEFORE: Final = frozenset({2, 5, 15})
 class SceneDecoder:
     """Decodes packets as they come, and converts the picture that is asked for, no other.
 
-    Args:
-        video: Their format.
-
     Raises:
         RecordingError: It is neither ``h264`` nor ``av1``.
         MissingExtraError: PyAV is not installed.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from tega.errors import TegaError
@@ -26,11 +27,7 @@ _SLOW: Final = 0.9
 
 
 def check_scene(config: SessionConfig) -> list[Finding]:
-    """Film two seconds with all cameras at once, and encode them, as a run does; nothing is kept.
-
-    Args:
-        config: The settings.
-    """
+    """Film two seconds with all cameras at once, and encode them, as a run does; nothing is kept."""
     cameras = cameras_of(config)
     if not cameras:
         return []
@@ -39,34 +36,30 @@ def check_scene(config: SessionConfig) -> list[Finding]:
 
 
 def _check(camera: SceneConfig) -> Finding:
-    check, name = f"scene.{camera.name}", f"scene camera {camera.source}"
+    name = f"scene camera {camera.source}"
+    found = partial(Finding, check=f"scene.{camera.name}", device=camera.source)
     try:
         if camera.lens is not None and camera.layout is not None:
             lens = load_lens(camera.lens)
             load_layout(camera.layout)
             if (lens.width, lens.height) != camera.size:
-                return Finding(
-                    check=check,
+                return found(
                     status="error",
                     finding=f"{camera.lens.name} is of pictures of {lens.width}×{lens.height}, and the camera "
                     f"films {camera.width}×{camera.height}",
                     why="a lens is calibrated for one size",
                     todo=("calibrate it again with tega-teleop scene calibrate, or set that size",),
-                    device=camera.source,
                 )
         film = Filming(camera, give=lambda _packets: None)
         film.open()
     except TegaError as error:
-        todo = (error.hint,) if error.hint else ()
         node = f"/dev/video{camera.source}" if camera.source.isdecimal() else camera.source
         busy = holders(node) if node.startswith("/dev/") else []
-        return Finding(
-            check=check,
+        return found(
             status="error" if busy else "missing",
             finding=error.message,
             why=f"{', '.join(busy)} has {node} open" if busy else "",
-            todo=todo,
-            device=camera.source,
+            todo=(error.hint,) if error.hint else (),
         )
     film.begin(0)
     film.start()
@@ -78,33 +71,22 @@ def _check(camera: SceneConfig) -> Finding:
         time.sleep(_REQUESTED_S)
     tally, rate_hz = film.tally, (film.tally.seen - before) / (time.monotonic() - begin_s)
     film.leave()
-    measured = {"rate_hz": round(rate_hz, 1), "dropped_pictures": float(tally.dropped)}
+    found = partial(found, measured={"rate_hz": round(rate_hz, 1), "dropped_pictures": float(tally.dropped)})
     if tally.trouble:
-        return Finding(check=check, status="error", finding=tally.trouble, device=camera.source)
+        return found(status="error", finding=tally.trouble)
     if tally.dropped:
-        return Finding(
-            check=check,
+        return found(
             status="warning",
             finding=f"{name}: {tally.dropped} of {tally.seen} pictures could not be encoded in time",
             why="this machine is busy, or the pictures are many and large for it",
             todo=("take a smaller size or rate_hz, or video = 'h264'",),
-            device=camera.source,
-            measured=measured,
         )
     if is_camera(camera.source) and rate_hz < _SLOW * camera.rate_hz:
-        return Finding(
-            check=check,
+        return found(
             status="warning",
             finding=f"{name} sends {rate_hz:.0f} pictures a second, not {camera.rate_hz:g}",
             why="in the dark many cameras slow down; or the USB bus or the network carries no more",
             todo=("more light, another port, a smaller size, or its true rate_hz in [[scene]]",),
-            device=camera.source,
-            measured=measured,
         )
-    return Finding(
-        check=check,
-        status="ok",
-        finding=f"{name} is filmed and encoded: {rate_hz:.0f} pictures a second, {camera.width}×{camera.height}",
-        device=camera.source,
-        measured=measured,
-    )
+    text = f"{rate_hz:.0f} pictures a second, {camera.width}×{camera.height}"
+    return found(status="ok", finding=f"{name} is filmed and encoded: {text}")

@@ -155,9 +155,6 @@ class TagLayout(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def load_layout(file: Path) -> TagLayout:
     """Read a tag layout.
 
-    Args:
-        file: The TOML file.
-
     Raises:
         ConfigError: It is missing, is no TOML, a value is out of range, a tag's sides are not two directions at right
             angles, or a number is given twice.

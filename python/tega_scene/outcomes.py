@@ -1,43 +1,33 @@
 """Score a lift from the poses that a camera saw: lift-off, 0.2 m, stable, slips, deformations, drop, put down, placed.
 
-The rule is that of a simulated trial's truth (:class:`tega_sim.score.TrialScorer`), here with measured input. Heights
-and width are smoothed by straight lines about each moment, slip by few pieces of parabolas, which neither smear the
-beginning of a fall nor take noise for motion (:mod:`tega_scene.smoothing`). All are evaluated a hundred times a
-second.
+The rule is that of a simulated trial's truth (:class:`tega_sim.score.TrialScorer`), here with measured input
+(:mod:`tega_scene.courses`).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import Final, Literal
 
 import msgspec
 import numpy as np
 
-from tega.errors import RecordingError
 from tega.stages.events.outcomes import LIFT_WINDOW_S, STABLE_S
-from tega_scene.layout import TagBody, TagLayout
+from tega_scene.courses import GRID_S, REST_S, SceneCourses, righted, scene_courses
+from tega_scene.layout import TagLayout
 from tega_scene.resting import (
     LOST_M,
-    TALL_M,
     SceneRest,
     checked_mark,
-    likely_error,
     placed,
     resting,
 )
-from tega_scene.smoothing import Course, joined, smoothed, trended, where_seen
-from tega_scene.track import BodyTrack, SceneTrack
+from tega_scene.track import SceneTrack
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 OFF_M, STANDS_M = 1e-3, 0.5e-3
 """Height of the object's lowest point from which it is off the table, and below which it stands again."""
 
-_GRID_S: Final = 0.01
-_REST_S: Final = 0.6
 _GAP_S: Final = 0.25
 _SUSTAINED_S: Final = 0.05
 _TAKEN_S: Final = 0.07
@@ -111,129 +101,6 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
     on_mark: bool | None = None
 
 
-class SceneCourses(NamedTuple):
-    """Courses of height, slip and width that the rule judges, n moments.
-
-    Attributes:
-        t_s: float64 (n,), a hundred a second.
-        height: Height of the object's grip point over its place at the start, metres.
-        lowest: Height of the lowest point of its base over its place at the start, metres. It is straight from frame
-            to frame, since a fitted line would blur the moment of lift-off.
-        slip: How far its grip point is lower than the palm, against the start, metres.
-        width: How much wider it is than untouched, metres.
-    """
-
-    t_s: NDArray[np.float64]
-    height: Course
-    lowest: Course
-    slip: Course
-    width: Course
-
-
-def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTrack:
-    """Return poses of an object that stands upright on the table while it rests at the trial's start.
-
-    A box on its lid is never quite parallel to it: the tilt at rest is removed, about the middle of its tags. The
-    base is then over or under the table by the error of the place, nearly all of it along the view. It is moved along
-    the view by that part (conditional mean of a normal error), and by the remainder straight down.
-
-    Args:
-        track: Poses.
-        layout: Which tags are where.
-        begin_s: Start of the trial on the video's clock.
-
-    Raises:
-        RecordingError: The object is not seen at the start, so that there is nothing to measure against.
-    """
-    body = track.object
-    rest = (track.t_s >= begin_s) & (track.t_s <= begin_s + _REST_S) & np.isfinite(body.position_m[:, 0])
-    if rest.sum() < 3:
-        raise RecordingError(
-            f"the object's tags are seen in {rest.sum()} pictures of the trial's first {_REST_S} s, 3 are needed",
-            "leave the object untouched and in sight when the trial begins",
-        )
-    turn = body.rotation[rest]
-    up = np.median(turn[:, 2], axis=0)  # the table's up in the body's axes
-    up /= np.linalg.norm(up)
-    # The shortest turn that brings the body's axis there (Rodrigues, for the cross product of both).
-    axis = np.cross((0, 0, 1.0), up)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    right = np.eye(3) + cross + cross @ cross / (1 + up[2])
-    middle = np.mean([tag.at_mm for tag in layout.object.all_tags() if not any(tag.slides)], axis=0) / 1000
-    position = body.position_m + body.rotation @ (middle - right @ middle)
-    ray = np.median(position[rest], axis=0) + middle - track.eye_m
-    ray /= np.linalg.norm(ray)
-    likely = likely_error(ray)
-    position -= np.median(position[rest, 2]) * likely[:, 2] / (likely[2, 2] + TALL_M**2)
-    position[:, 2] -= np.median(position[rest, 2])
-    return track._replace(object=body._replace(position_m=position, rotation=body.rotation @ right))
-
-
-def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s: float) -> SceneCourses:
-    """Return the rule's input.
-
-    Args:
-        track: Poses, :func:`righted`.
-        layout: Which tags are where.
-        begin_s: Start of the trial on the video's clock; the object stands untouched for a moment from then on.
-        end_s: Its end.
-    """
-    t_s, thing = track.t_s, track.object
-    grip, grip_error = _heights(track, thing, layout.object, np.array([0, 0, layout.object.grip_mm / 1000]))
-    base, base_error = _heights(track, thing, layout.object, np.zeros(3))
-    lowest = base - layout.object.base_mm / 2000 * np.sqrt(np.clip(1 - thing.rotation[:, 2, 2] ** 2, 0, 1))
-    rest = (t_s >= begin_s) & (t_s <= begin_s + _REST_S) & np.isfinite(grip)
-    grid = np.arange(begin_s, end_s, _GRID_S)
-    palm, palm_error = np.full((2, len(t_s)), np.nan)
-    if layout.hand.all_tags():
-        palm, palm_error = _heights(track, track.hand, layout.hand, np.zeros(3))
-    width = thing.width_m - (
-        np.nanmedian(thing.width_m[rest]) if np.isfinite(thing.width_m[rest]).any() else 0.0
-    )
-    return SceneCourses(
-        grid,
-        smoothed(t_s, grip - np.median(grip[rest]), grip_error, grid),
-        joined(t_s, lowest - np.median(lowest[rest]), base_error, grid),
-        trended(t_s, palm - grip, np.hypot(grip_error, palm_error), grid),
-        where_seen(t_s[np.isfinite(width)], grid, smoothed(t_s, width, thing.width_error_m, grid)),
-    )
-
-
-def _heights(
-    track: SceneTrack, pose: BodyTrack, body: TagBody, at_m: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a point's height over the table in each picture, and its standard error there, float64 (n,), metres.
-
-    A camera measures positions across its view some ten times better than along it, and looks down, so noise along
-    the view enters the height. But an object's distance from the camera on level ground hardly changes while it is
-    lifted, slips or falls. That distance is smoothed over time, and the height is taken where each frame's ray has
-    that distance.
-
-    Args:
-        track: Where the camera stands.
-        pose: Poses of the body.
-        body: Its tags; the ray is that to their middle.
-        at_m: The point, float64 (3,), in the body's axes.
-    """
-    middle = np.mean([tag.at_mm for tag in body.all_tags() if not any(tag.slides)], axis=0) / 1000
-    place, cov = pose.point(middle)
-    from_eye = place - track.eye_m
-    away = np.hypot(from_eye[:, 0], from_eye[:, 1])
-    level = np.zeros_like(from_eye)
-    level[:, :2] = from_eye[:, :2] / away[:, None]
-    grid = np.arange(track.t_s[0], track.t_s[-1] + _GRID_S, _GRID_S)
-    steady = trended(track.t_s, away, np.sqrt(np.einsum("ni,nij,nj->n", level, cov, level)), grid)
-    drop = from_eye[:, 2] / away
-    across = np.array([0, 0, 1.0]) - drop[:, None] * level
-    arm = pose.rotation @ (at_m - middle)
-    turn = np.column_stack([arm[:, 1], -arm[:, 0]])  # how a small turn about x and y moves its end up
-    variance = np.einsum("ni,nij,nj->n", across, cov, across) + np.einsum(
-        "ni,nij,nj->n", turn, pose.covariance[:, 3:5, 3:5], turn
-    )
-    height = track.eye_m[2] + drop * np.interp(track.t_s, grid, steady.value) + arm[:, 2]
-    return height, np.sqrt(variance)
-
-
 def score_scene(
     track: SceneTrack,
     layout: TagLayout,
@@ -241,7 +108,6 @@ def score_scene(
     begin_s: float | None = None,
     end_s: float | None = None,
     harm_m: float = 0.006,
-    window_s: float = LIFT_WINDOW_S,
     mark_m: tuple[float, float] | None = None,
 ) -> SceneOutcome:
     """Score a trial by rule.
@@ -252,8 +118,6 @@ def score_scene(
         begin_s: Start of the trial on the video's clock; the first picture where ``None``.
         end_s: Its end; the last picture where ``None``.
         harm_m: Narrowing from which the object counts as deformed, metres.
-        window_s: Time from the start within which the object has to be lifted, seconds;
-            see :mod:`tega.stages.events.outcomes`.
         mark_m: Second mark, on which the object is to be put down: x and y from the first one in the table's axes,
             metres. ``None`` where it is not asked for.
 
@@ -267,7 +131,7 @@ def score_scene(
     end_s = float(track.t_s[-1]) if end_s is None else end_s
     track = righted(track, layout, begin_s=begin_s)
     courses = scene_courses(track, layout, begin_s=begin_s, end_s=end_s)
-    ruling = SceneRule(courses, harm_m, window_s=begin_s + window_s)
+    ruling = SceneRule(courses, harm_m, window_s=begin_s + LIFT_WINDOW_S)
     ruling.go()
     inside = (track.t_s >= begin_s) & (track.t_s <= end_s)
     at = track.object.position_m[inside]
@@ -304,7 +168,7 @@ def score_scene(
     if hand_seen < 0.5:
         notes.append(f"the hand was seen in {hand_seen:.0%} of the pictures: slips and drops may be missing")
     width = np.isfinite(track.object.width_m)
-    if widest is not None and not (width & (track.t_s >= begin_s) & (track.t_s <= begin_s + _REST_S)).any():
+    if widest is not None and not (width & (track.t_s >= begin_s) & (track.t_s <= begin_s + REST_S)).any():
         notes.append(
             "the width's tags were not seen before the touch: every width is off by how they are folded"
         )
@@ -361,7 +225,7 @@ class SceneRule:
         courses = self._courses
         dropped = False
         reference_m = off_s = 0.0
-        sustained = round(_SUSTAINED_S / _GRID_S)
+        sustained = round(_SUSTAINED_S / GRID_S)
         off = courses.lowest.value > OFF_M
         for k, t_s in enumerate(courses.t_s.tolist()):
             if not self.aloft and off[k] and off[k : k + sustained].all():
@@ -408,7 +272,7 @@ class SceneRule:
         speed = max(abs(float(course.slope[k])), 0.005)
         error_m = float(course.error[k])
         size_error_m = {"slip": np.sqrt(2) * error_m, "deformation": error_m}.get(kind, 0.0)
-        return SceneEvent(kind, t_s, float(np.hypot(error_m / speed, _GRID_S)), size_m, float(size_error_m))
+        return SceneEvent(kind, t_s, float(np.hypot(error_m / speed, GRID_S)), size_m, float(size_error_m))
 
 
 def _on_mark(ruling: SceneRule, rest: SceneRest | None, mark_m: tuple[float, float]) -> bool:
@@ -427,7 +291,7 @@ def _put_down(
     events = []
     stood_s = ruling.stands_s[-1]
     if lifted_s is not None and stood_s > lifted_s and ruling.scorer.time_of("drop") is None:
-        events.append(SceneEvent("put_down", stood_s, _GRID_S, *away))
+        events.append(SceneEvent("put_down", stood_s, GRID_S, *away))
     if on_mark:
         events.append(SceneEvent("placed", rest.since_s + STABLE_S, rest.error_s, *away))
     return events

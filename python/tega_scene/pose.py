@@ -54,6 +54,21 @@ class FittedPose(NamedTuple):
     width_error_m: float = float("nan")
 
 
+class _Sight(NamedTuple):
+    """Corners of n / 4 tags: float64 (n, 3) in the body's axes, (n, 2) at depth 1, and weights (2 n,)."""
+
+    points: NDArray[np.float64]
+    rays: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+    def residuals(
+        self, position: NDArray[np.float64], rotation: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return :func:`residuals` times weights, (2 n,) and (2 n, 6)."""
+        left, slope = residuals(self.points, self.rays, position, rotation)
+        return left * self.weights, slope * self.weights[:, None]
+
+
 class BodyFitter:
     """Fits the poses of one body.
 
@@ -97,45 +112,42 @@ class BodyFitter:
             found = self._fit_rigid(used, seen, before)
             if found is None:
                 return None
-            position, rotation, left = found
+            sight, position, rotation, left = found
             worst = int(np.argmax(left))
             if left[worst] <= self.strange_px or len(used) == 1:
                 break
             del used[worst]
         if not used or left[worst] > 2 * self.strange_px:
             return None
-        return self._with_width(used, seen, position, rotation)
+        return self._with_width(sight, seen, position, rotation)
 
     def _fit_rigid(
         self, used: list[int], seen: dict[int, NDArray[np.float64]], before: FittedPose | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-        """Return position, rotation, and each tag's largest residual, pixels."""
-        points = np.concatenate([self.corners_m[number] for number in used])
-        rays = self._lens.rays(np.concatenate([seen[number] for number in used]))
-        weights = np.concatenate([corner_weights(seen[number]) for number in used])
-        starts: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-        if before is not None:
-            starts.append((before.position_m, before.rotation))
-        for turn, shift in _first_poses(self._cv2, points, rays, flat=len(used) == 1):
-            starts.append((shift, turn))
+    ) -> tuple[_Sight, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return the corners, position, rotation, and each tag's largest residual, pixels."""
+        sight = _Sight(
+            np.concatenate([self.corners_m[number] for number in used]),
+            self._lens.rays(np.concatenate([seen[number] for number in used])),
+            np.concatenate([corner_weights(seen[number]) for number in used]),
+        )
+        starts = [] if before is None else [(before.rotation, before.position_m)]
         best: tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
-        for shift, turn in starts:
-            refined = _refine(points, rays, weights, shift, turn)
+        for turn, shift in (*starts, *_first_poses(self._cv2, sight, flat=len(used) == 1)):
+            refined = _refine(sight, shift, turn)
             if refined is None:
                 continue
             position, rotation, left = refined
             cost = float((left**2).sum())
-            left = left / weights
             if best is None or cost < best[0] * (0.5 if before is not None else 1):
-                best = cost, position, rotation, left
+                best = cost, position, rotation, left / sight.weights
         if best is None:
             return None
         _, position, rotation, left = best
-        return position, rotation, np.abs(left.reshape(len(used), -1)).max(1) * self._lens.fx
+        return sight, position, rotation, np.abs(left.reshape(len(used), -1)).max(1) * self._lens.fx
 
     def _with_width(
         self,
-        used: list[int],
+        sight: _Sight,
         seen: dict[int, NDArray[np.float64]],
         position: NDArray[np.float64],
         rotation: NDArray[np.float64],
@@ -145,10 +157,7 @@ class BodyFitter:
         The tags of the width have no say in the pose: how they sit on their stalks would move it whenever one of them
         is hidden.
         """
-        points = np.concatenate([self.corners_m[number] for number in used])
-        rays = self._lens.rays(np.concatenate([seen[number] for number in used]))
-        weights = np.concatenate([corner_weights(seen[number]) for number in used])
-        left, slope = _weighed(points, rays, weights, position, rotation)
+        left, slope = sight.residuals(position, rotation)
         rms_px = float(np.sqrt((left**2).sum() / max(1, len(left) - 6))) * self._lens.fx
         normal = slope.T @ slope
         if np.linalg.cond(normal) > 1e14:
@@ -156,7 +165,7 @@ class BodyFitter:
         sigma = max(rms_px, CORNER_PX) / self._lens.fx
         covariance = np.asarray(np.linalg.inv(normal) * sigma**2, np.float64)
         width, width_error = self._width(seen, position, rotation, covariance, sigma)
-        return FittedPose(position, rotation, covariance, rms_px, len(used), width, width_error)
+        return FittedPose(position, rotation, covariance, rms_px, len(sight.points) // 4, width, width_error)
 
     def _width(
         self,
@@ -197,9 +206,10 @@ def _middle(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _first_poses(
-    cv2: object, points: NDArray[np.float64], rays: NDArray[np.float64], *, flat: bool
+    cv2: Any, sight: _Sight, *, flat: bool
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return rotations and positions to begin with."""
+    points, rays = sight.points, sight.rays
     poses = []
     if flat:
         # The two turns of a flat square; its own axes are needed for that.
@@ -208,45 +218,31 @@ def _first_poses(
         side = float(np.linalg.norm(x))
         axes = np.column_stack([x / side, y / side, np.cross(x, y) / side**2])
         square = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0.0]]) * side / 2
-        _, turns, shifts, _ = cv2.solvePnPGeneric(  # type: ignore[attr-defined]
-            square,
-            rays,
-            np.eye(3),
-            None,
-            flags=cv2.SOLVEPNP_IPPE_SQUARE,  # type: ignore[attr-defined]
+        _, turns, shifts, _ = cv2.solvePnPGeneric(
+            square, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE
         )
         for turn, shift in zip(turns, shifts, strict=True):
-            rotation = cv2.Rodrigues(turn)[0] @ axes.T  # type: ignore[attr-defined]
+            rotation = cv2.Rodrigues(turn)[0] @ axes.T
             poses.append((rotation, shift.ravel() - rotation @ middle))
     else:
-        ok, turns, shifts, _ = cv2.solvePnPGeneric(  # type: ignore[attr-defined]
-            points,
-            rays,
-            np.eye(3),
-            None,
-            flags=cv2.SOLVEPNP_SQPNP,  # type: ignore[attr-defined]
-        )
+        ok, turns, shifts, _ = cv2.solvePnPGeneric(points, rays, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
         for turn, shift in zip(turns, shifts, strict=True) if ok else ():
-            poses.append((cv2.Rodrigues(turn)[0], shift.ravel()))  # type: ignore[attr-defined]
+            poses.append((cv2.Rodrigues(turn)[0], shift.ravel()))
     return poses
 
 
 def _refine(
-    points: NDArray[np.float64],
-    rays: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    position: NDArray[np.float64],
-    rotation: NDArray[np.float64],
+    sight: _Sight, position: NDArray[np.float64], rotation: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
     """Return position, rotation and weighed residuals (2 n,) at depth 1, of their least sum of squares near a start."""
     damping = 1e-6
-    left, slope = _weighed(points, rays, weights, position, rotation)
+    left, slope = sight.residuals(position, rotation)
     cost = float(left @ left)
     for _ in range(_STEPS):
         normal = slope.T @ slope
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope.T @ left)
         there, turned = position + step[:3], rotation_about(step[3:]) @ rotation
-        new, new_slope = _weighed(points, rays, weights, there, turned)
+        new, new_slope = sight.residuals(there, turned)
         new_cost = float(new @ new)
         if not np.isfinite(new_cost):
             return None
@@ -261,18 +257,6 @@ def _refine(
             if damping > 1e3:
                 break
     return (position, rotation, left) if position[2] > 0 else None
-
-
-def _weighed(
-    points: NDArray[np.float64],
-    rays: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    position: NDArray[np.float64],
-    rotation: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return :func:`residuals` times weights (2 n,)."""
-    left, slope = residuals(points, rays, position, rotation)
-    return left * weights, slope * weights[:, None]
 
 
 def residuals(

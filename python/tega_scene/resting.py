@@ -124,7 +124,7 @@ def resting(track: SceneTrack, layout: TagLayout, *, stood_s: float, end_s: floa
     """Return where the object stands at the end, by the pictures of the last second.
 
     Args:
-        track: Poses of an object that was set upright at the trial's start, :func:`tega_scene.outcomes.righted`.
+        track: Poses of an object that was set upright at the trial's start, :func:`tega_scene.courses.righted`.
         layout: Which tags are where.
         stood_s: When it was put down, on the video's clock.
         end_s: End of the trial.

@@ -11,7 +11,7 @@
     observers.py the raters' files
     score/       agreement between accounts of the same trials; BORIS files
     ratings.py   participants' ratings
-    touch_rows.py each fingertip's readings, frame by frame
+    attempt_rows.py each fingertip, frame by frame; hand and arm
     privacy.py   withdrawal and the anonymised copy
     trials.py    one row a trial, with the events it comes from
     rank.py people.py counts.py coupling.py power.py    the statistics, each with its source

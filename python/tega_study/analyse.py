@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
@@ -32,10 +32,9 @@ from tega_study.state import derive, rehearsed
 from tega_study.touch_picture import FingerPicture, pictures_of
 from tega_study.trials import Trial, bench_trials, course_path, study_trials
 from tega_study.unblinding import note_unblinding, unblindings
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import staying
 
 FORMAT = "tega-study-analysis"
-_STATED = ("assumptions", "parameters", "object_facts", "rehearsed")
 
 
 class Flow(msgspec.Struct, frozen=True, kw_only=True):
@@ -163,8 +162,7 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
         RecordingError: The folder is damaged, or has no trial that counts.
     """
     plan, trials = study_trials(folder)
-    settings, gone = plan.settings, withdrawn_ids(folder)
-    stay = [person for person in plan.participants if person not in gone]
+    settings, stay = plan.settings, staying(folder, plan)
     complete = sum(
         derive(plan.of(person), read_events(events_path(folder, person))).next is None for person in stay
     )
@@ -182,46 +180,33 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
         redone={trial.id: trial.redone for trial in trials if trial.redone},
     )
     unfinished = complete < len(stay)
-    stated: dict[str, Any] = {
-        "objects": settings.objects,
-        "conditions": settings.conditions,
-        "family": settings.family,
-        "alpha": settings.alpha,
-        "simulated": settings.simulated,
-        "plan_sha256": settings.plan_sha256,
-        "flow": flow,
-        "assumptions": read_assumptions(folder),
-        "parameters": read_parameters(folder),
-        "object_facts": read_objects(folder),
-        "rehearsed": _rehearsed(folder, stay) if not settings.simulated else (),
-        "counted_by": _counted_by(trials),
-    }
-    _need_trials(trials)
-    if unfinished and not unblind:
-        blind = Analysis(source="study", interim=True, blind=True, unblinded=unblindings(folder), **stated)
-        return blind, FigureMaterial()
-    if unfinished:
-        note_unblinding(folder, f"{complete} of {len(stay)} people complete")
-    courses = {}
-    for trial in trials:
-        path = course_path(folder, trial)
-        if trial.counts and path.exists():
-            courses[trial.id] = read_course(path)
-    result = analyse(
-        trials,
-        courses,
+    blind = Analysis(
         source="study",
+        simulated=settings.simulated,
+        interim=unfinished,
+        blind=True,
         objects=settings.objects,
         conditions=settings.conditions,
         family=settings.family,
         alpha=settings.alpha,
-        simulated=settings.simulated,
-        interim=unfinished,
-        crossed=settings.layout == "period",
         plan_sha256=settings.plan_sha256,
         flow=flow,
-        per_cell=settings.trials,
+        assumptions=read_assumptions(folder),
+        parameters=read_parameters(folder),
+        object_facts=read_objects(folder),
+        rehearsed=_rehearsed(folder, stay) if not settings.simulated else (),
+        counted_by=_counted_by(trials),
+        unblinded=unblindings(folder),
     )
+    _need_trials(trials)
+    if unfinished and not unblind:
+        return blind, FigureMaterial()
+    if unfinished:
+        note_unblinding(folder, f"{complete} of {len(stay)} people complete")
+    paths = {trial.id: course_path(folder, trial) for trial in trials if trial.counts}
+    courses = {number: read_course(path) for number, path in paths.items() if path.exists()}
+    crossed = settings.layout == "period"
+    result = analyse(blind, trials, courses, per_cell=settings.trials, crossed=crossed)
     pictures = pictures_of(folder, trials, settings.objects, settings.conditions[0])
     result = msgspec.structs.replace(
         result,
@@ -231,7 +216,6 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
         sensitivity=read_sensitivity(folder),
         fingers=finger_rows(pictures, trials),
         unblinded=unblindings(folder),
-        **{name: stated[name] for name in _STATED},
     )
     return result, FigureMaterial(courses, pictures)
 
@@ -263,87 +247,63 @@ def analyse_bench(paths: Sequence[Path]) -> Analysis:
         planned_trials=None,
         status=_status(trials),
     )
-    return analyse(
-        trials,
-        {},
+    blind = Analysis(
         source=", ".join(path.name for path in paths),
+        simulated=True,
+        interim=False,
+        blind=True,
         objects=objects,
         conditions=conditions,
         family=default_family(objects),
-        simulated=True,
+        alpha=0.05,
+        plan_sha256="",
         flow=flow,
-        per_cell=max(trial.repeat for trial in trials),
     )
+    return analyse(blind, trials, {}, per_cell=max(trial.repeat for trial in trials))
 
 
 def analyse(
+    blind: Analysis,
     trials: Sequence[Trial],
     courses: Mapping[str, TouchCourse],
     *,
-    source: str,
-    objects: Sequence[str],
-    conditions: Sequence[str],
-    family: Sequence[str],
-    flow: Flow,
     per_cell: int,
-    alpha: float = 0.05,
-    simulated: bool = False,
-    interim: bool = False,
     crossed: bool = False,
-    plan_sha256: str = "",
 ) -> Analysis:
     """Work out all numbers of a report.
 
     Args:
+        blind: The analysis as it is while results are withheld.
         trials: One row a trial.
         courses: By trial id, of those that have one.
         per_cell: Trials per person, object and condition, for the planner.
-        source: As in :class:`Analysis`, like the others.
-        objects: In the order of the tables.
-        conditions: The first is compared with the second.
-        family: ``metric:object``.
-        flow: Counts of the people and trials that took part.
-        alpha: Level.
-        simulated: Whether the people are.
-        interim: Whether the plan is not complete yet.
         crossed: Whether each person had one condition before the other.
-        plan_sha256: SHA-256 of the plan.
 
     Raises:
         RecordingError: No trial counts.
     """
     _need_trials(trials)
+    objects, conditions, family = blind.objects, blind.conditions, blind.family
     pair = (conditions[0], conditions[1])
     cells = cells_of(trials, objects, conditions)
-    tests = compare(trials, objects, pair, family=family, crossed=crossed)
     couplings, arms, contrasts, uses = answers(trials, courses, objects, conditions)
-    return Analysis(
-        source=source,
-        simulated=simulated,
-        interim=interim,
+    of_paper = directions(trials, pair) if blind.simulated and pair == ("haptic", "non-haptic") else ()
+    others = ((other, conditions[1]) for other in conditions[2:])
+    return msgspec.structs.replace(
+        blind,
         blind=False,
-        objects=tuple(objects),
-        conditions=tuple(conditions),
-        family=tuple(family),
-        alpha=alpha,
-        plan_sha256=plan_sha256,
-        flow=flow,
         counted_by=_counted_by(trials),
         trials=tuple(trials),
         cells=tuple(cells),
-        tests=tuple(tests),
+        tests=tuple(compare(trials, objects, pair, family=family, crossed=crossed)),
         couplings=tuple(couplings),
         arms=tuple(arms),
         contrasts=tuple(contrasts),
         pose_use=tuple(uses),
-        planner=next_study(cells, family, pair, trials=per_cell, alpha=alpha),
+        planner=next_study(cells, family, pair, trials=per_cell, alpha=blind.alpha),
         outcomes=outcomes(trials, objects, pair),
-        further=tuple(
-            one for other in conditions[2:] for one in outcomes(trials, objects, (other, conditions[1]))
-        ),
-        directions=tuple(one for one in directions(trials, pair) if one.object in objects)
-        if simulated and pair == ("haptic", "non-haptic")
-        else (),
+        further=tuple(one for other in others for one in outcomes(trials, objects, other)),
+        directions=tuple(one for one in of_paper if one.object in objects),
     )
 
 
@@ -361,7 +321,4 @@ def _counted_by(trials: Sequence[Trial]) -> dict[str, int]:
 
 
 def _status(trials: Sequence[Trial]) -> dict[str, int]:
-    counts: dict[str, int] = {}
-    for trial in trials:
-        counts[trial.status] = counts.get(trial.status, 0) + 1
-    return dict(sorted(counts.items()))
+    return dict(sorted(Counter(trial.status for trial in trials).items()))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.runtime.scientific import scipy_stats, statsmodels
-from tega_study.people import Ratio
+from tega_study.people import Ratio, ratio_by_t
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -33,7 +33,7 @@ class Shares(NamedTuple):
     high: float
 
 
-def clopper_pearson(k: int, n: int, *, confidence: float = 0.95) -> tuple[float, float]:
+def clopper_pearson(k: int, n: int) -> tuple[float, float]:
     """Return the exact confidence interval of a share of ``k`` in ``n``.
 
     Example:
@@ -41,7 +41,7 @@ def clopper_pearson(k: int, n: int, *, confidence: float = 0.95) -> tuple[float,
         >>> round(low, 3), high
         (0.478, 1.0)
     """
-    found = scipy_stats().binomtest(k, n).proportion_ci(confidence_level=confidence, method="exact")
+    found = scipy_stats().binomtest(k, n).proportion_ci(method="exact")
     return float(found.low), float(found.high)
 
 
@@ -91,7 +91,6 @@ def adjusted_ratio(
     person: ArrayLike,
     *,
     counts: bool,
-    confidence: float = 0.95,
 ) -> Ratio | None:
     """Compare conditions by regression, with what drifts over the session taken out.
 
@@ -108,7 +107,6 @@ def adjusted_ratio(
         place: Its place in the session; its logarithm is the covariate, since learning is fast at first.
         person: The person's ID.
         counts: Whether values are counts.
-        confidence: Confidence level of the interval.
 
     Returns:
         ``None`` with fewer than three people, where a condition has no event, or where nothing converged.
@@ -142,7 +140,4 @@ def adjusted_ratio(
     b, se = float(found.params[1]), float(found.bse[1])
     if not found.converged or not 1e-8 < se < 20:
         return None
-    t_of = scipy_stats().t
-    reach = float(t_of.ppf(0.5 + confidence / 2, n - 1)) * se
-    p = 2 * float(t_of.sf(abs(b / se), n - 1))
-    return Ratio(math.exp(b), math.exp(b - reach), math.exp(b + reach), b / se, n - 1, p)
+    return ratio_by_t(b, se, n - 1)

@@ -70,9 +70,6 @@ class Correlation(NamedTuple):
 def read_course(path: Path) -> TouchCourse:
     """Read ``t_s,cci,eda,pose``.
 
-    Args:
-        path: The file.
-
     Raises:
         RecordingError: It is missing, or something in it is no number of its range.
     """
@@ -100,17 +97,17 @@ def write_course(path: Path, course: TouchCourse) -> None:
     write_whole(path, text)
 
 
-def on_grid(course: TouchCourse, *, rate_hz: float = GRID_HZ) -> TouchCourse:
+def on_grid(course: TouchCourse) -> TouchCourse:
     """Bring a course onto an even grid: touch as the mean of each cell, the pose that held at the cell's end.
 
     Cells without a sample are left out; the grid's times are the cells' ends.
     """
-    cells = np.floor(course.t_s * rate_hz + 1e-9).astype(int)
+    cells = np.floor(course.t_s * GRID_HZ + 1e-9).astype(int)
     there, start = np.unique(cells, return_index=True)
     last = np.append(start[1:], len(cells)) - 1
     counts = np.diff(np.append(start, len(cells)))
     return TouchCourse(
-        (there + 1) / rate_hz,
+        (there + 1) / GRID_HZ,
         np.add.reduceat(course.cci, start) / counts if len(start) else course.cci,
         np.add.reduceat(course.eda, start) / counts if len(start) else course.eda,
         course.pose[last] if len(start) else course.pose,
@@ -144,18 +141,17 @@ def effective_n(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int) ->
     return float(n) if inflated <= 1 else max(3.0, n / inflated)
 
 
-def correlate(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int | None = None) -> Correlation:
+def correlate(x: NDArray[np.float64], y: NDArray[np.float64]) -> Correlation:
     """Correlate two series, judged by as many independent samples as they are worth.
 
     Args:
         x: A series.
         y: Another, as long.
-        lags: For :func:`effective_n`; a quarter of the length where ``None``.
     """
     r, n = pearson(x, y), len(x)
     if math.isnan(r):
         return Correlation(r, n, math.nan, math.nan, math.nan, math.nan)
-    n_eff = effective_n(x, y, lags=n // 4 if lags is None else lags)
+    n_eff = effective_n(x, y, lags=n // 4)
     stats = scipy_stats()
     if n_eff <= 3 or abs(r) >= 1:
         return Correlation(r, n, n_eff, math.nan, math.nan, math.nan)
@@ -190,22 +186,13 @@ def other_trials(
     ]
 
 
-def partial(x: NDArray[np.float64], y: NDArray[np.float64], given: NDArray[np.float64]) -> float:
-    """Return the partial correlation of two series given a third."""
-    xy, xg, yg = pearson(x, y), pearson(x, given), pearson(y, given)
-    rest = (1 - xg * xg) * (1 - yg * yg)
-    return (xy - xg * yg) / math.sqrt(rest) if rest > 0 else math.nan
-
-
-def response_slope(
-    pose: NDArray[np.float64], touch: NDArray[np.float64], *, rate_hz: float = GRID_HZ
-) -> float:
+def response_slope(pose: NDArray[np.float64], touch: NDArray[np.float64]) -> float:
     """Return by how many levels the pose changes within 0.3 s for a unit of touch 0.4 s before.
 
     Below 0: more touch leads to a looser grip, as in a response. The slope is noisy, and needs many trials. Samples
     without touch are skipped.
     """
-    ahead, ago = round(0.3 * rate_hz), round(0.4 * rate_hz)
+    ahead, ago = round(0.3 * GRID_HZ), round(0.4 * GRID_HZ)
     felt = touch[: len(touch) - ago - ahead]
     change = pose[ago + ahead :] - pose[ago : len(pose) - ahead]
     use = felt > 0

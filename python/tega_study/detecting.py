@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -17,14 +18,13 @@ from tega.haptics import FINGERS
 from tega.records.touch import CERTAIN
 from tega.stages.events import DetectedEvent, Detector, TouchFrame
 from tega.stages.events.settings import SETTINGS
-from tega_study.hand_rows import HandRow, hand_path, read_hand
-from tega_study.journal import Journal, JournalEvent, Kind, events_path, read_events
+from tega_study.attempt_rows import HandRow, TouchRow, hand_path, read_hand, read_touch, touch_path
+from tega_study.journal import JournalEvent, Kind, attempts, events_path, read_events, replaced_journal
 from tega_study.plan import read_plan
-from tega_study.touch_rows import TouchRow, read_touch, touch_path
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import staying
 
 DETECTOR = "detector"
-DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip"}
+DETECTED = ("lift_off", "slip")
 """Events of the detector that a study counts."""
 
 NOT_OBSERVABLE = "not observable on this rig"
@@ -72,7 +72,6 @@ def events_of(
     hand: Sequence[HandRow],
     *,
     live: bool = False,
-    detector: Detector | None = None,
 ) -> list[DetectedEvent]:
     """Find the events of a trial.
 
@@ -80,13 +79,11 @@ def events_of(
         touch: Frames of its fingertips.
         hand: Looks at its hand and arm.
         live: Say only what could have been said at the time, as the run does.
-        detector: What finds them; one with the settings in use where ``None``.
 
     Returns:
         Events in the order of time.
     """
-    if detector is None:
-        detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
+    detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
     found: list[DetectedEvent] = []
     items: list[tuple[float, int, TouchRow | HandRow]] = [
         *((row.t_s, 1, row) for row in touch),
@@ -121,19 +118,18 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
         InvalidValueError: Unknown participant ID.
         RecordingError: The study is damaged, or no attempt has frames of its fingertips.
     """
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
+    stay = staying(folder, plan)
     found: list[TrialEvents] = []
     for person in participants or plan.participants:
         mine = {trial.trial: trial for trial in plan.of(person)}
-        if person in gone:
+        if person not in stay:
             continue
-        main = read_events(events_path(folder, person))
-        ends = {(e.trial, e.attempt): e for e in main if e.kind == "trial_end"}
         rows: list[tuple[JournalEvent, JournalEvent, TrialEvents]] = []
-        for start in (event for event in main if event.kind == "trial_start"):
-            trial, key = mine[start.trial], (start.trial, start.attempt)
+        for start, end in attempts(read_events(events_path(folder, person))):
+            trial = mine[start.trial]
             path = touch_path(folder, person, trial.id, start.attempt)
-            if key not in ends or not path.exists():
+            if not path.exists():
                 continue
             touch = read_touch(path)
             hand = read_hand(hand_path(folder, person, trial.id, start.attempt))
@@ -149,7 +145,7 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
                 if event.t_s >= 0 and event.confidence >= CERTAIN and event.kind not in done.unobservable
             )
             done = msgspec.structs.replace(done, events=events)
-            rows.append((start, ends[key], done))
+            rows.append((start, end, done))
         if rows:
             _write(detected_path(folder, person), plan.settings.plan_sha256, rows)
         found += [done for _start, _end, done in rows]
@@ -163,32 +159,20 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
 
 def _write(path: Path, signed: str, rows: Sequence[tuple[JournalEvent, JournalEvent, TrialEvents]]) -> None:
     """Write a session's events, whole or not at all."""
-    beside = path.with_name(path.name + ".new")
-    beside.unlink(missing_ok=True)
-    with Journal(beside) as journal:
+    with replaced_journal(path) as journal:
         journal.add("session_start", t_ns=rows[0][0].t_ns, source=DETECTOR, text=signed)
         for start, end, done in rows:
-            trial, attempt = done.trial, done.attempt
-            journal.add("trial_start", t_ns=start.t_ns, source=DETECTOR, trial=trial, attempt=attempt)
-            for event in done.events:
-                if event.kind in DETECTED:
-                    journal.add(
-                        DETECTED[event.kind],
-                        t_ns=start.t_ns + round(event.t_s * 1e9),
-                        source=DETECTOR,
-                        value=round(event.confidence, 3),
-                        trial=trial,
-                        attempt=attempt,
-                    )
-            for kind in done.unobservable:
-                journal.add(
-                    "note",
-                    t_ns=end.t_ns,
-                    source=DETECTOR,
-                    item=kind,
-                    text=NOT_OBSERVABLE,
-                    trial=trial,
-                    attempt=attempt,
-                )
-            journal.add("trial_end", t_ns=end.t_ns, source=DETECTOR, trial=trial, attempt=attempt)
-    beside.replace(path)
+            events: list[dict[str, Any]] = [
+                {
+                    "kind": event.kind,
+                    "t_ns": start.t_ns + round(event.t_s * 1e9),
+                    "value": round(event.confidence, 3),
+                }
+                for event in done.events
+                if event.kind in DETECTED
+            ]
+            notes = [
+                {"kind": "note", "t_ns": end.t_ns, "item": kind, "text": NOT_OBSERVABLE}
+                for kind in done.unobservable
+            ]
+            journal.add_attempt((start, end), DETECTOR, [*events, *notes])

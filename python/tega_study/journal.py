@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
@@ -36,6 +37,9 @@ Kind = Literal[
 ]
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
+
+WITH_DATA: Final = ("done", "failed_task")
+"""Statuses of an attempt that has data, and that may be repeated."""
 
 
 class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
@@ -78,9 +82,6 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
 def read_events(path: Path) -> list[JournalEvent]:
     """Read a session's events; a last line that was cut off is passed over, a missing file holds none.
 
-    Args:
-        path: The file.
-
     Raises:
         RecordingError: Another line is no event, or lines are missing.
     """
@@ -90,6 +91,20 @@ def read_events(path: Path) -> list[JournalEvent]:
 def undone_numbers(events: Sequence[JournalEvent]) -> set[int]:
     """Return the numbers of the events that were undone."""
     return {event.undone for event in events if event.kind == "undo" and event.undone is not None}
+
+
+def attempts(
+    events: Sequence[JournalEvent], *, with_data: bool = False
+) -> list[tuple[JournalEvent, JournalEvent]]:
+    """Return start and end of every attempt that has ended, in the order of the ends.
+
+    Args:
+        events: A session's events.
+        with_data: Only attempts that ended as done or failed.
+    """
+    starts = {(e.trial, e.attempt): e for e in events if e.kind == "trial_start"}
+    ends = [e for e in events if e.kind == "trial_end" and (e.trial, e.attempt) in starts]
+    return [(starts[e.trial, e.attempt], e) for e in ends if not with_data or e.status in WITH_DATA]
 
 
 def counting(events: Sequence[JournalEvent], trial: int, attempt: int) -> list[JournalEvent]:
@@ -118,41 +133,41 @@ class Journal(JsonLines[JournalEvent]):
         """All events so far."""
         return self.entries
 
-    def add(
-        self,
-        kind: Kind,
-        *,
-        t_ns: int,
-        trial: int = 0,
-        attempt: int = 1,
-        status: Status | None = None,
-        success: bool | None = None,
-        undone: int | None = None,
-        source: str = "",
-        text: str = "",
-        item: str = "",
-        value: float | None = None,
-        duration_s: float | None = None,
-        modifiers: tuple[str, ...] = (),
-    ) -> JournalEvent:
+    def add(self, kind: Kind, *, t_ns: int, **fields: Any) -> JournalEvent:
         """Add an event; when this returns it is on the disk. Arguments as in :class:`JournalEvent`."""
-        event = JournalEvent(
-            n=len(self.entries) + 1,
-            t_ns=t_ns,
-            kind=kind,
-            trial=trial,
-            attempt=attempt,
-            status=status,
-            success=success,
-            undone=undone,
-            source=source,
-            text=text,
-            item=item,
-            value=value,
-            duration_s=duration_s,
-            modifiers=modifiers,
-        )
-        return self.append(event)
+        return self.append(JournalEvent(n=len(self.entries) + 1, t_ns=t_ns, kind=kind, **fields))
+
+    def add_attempt(
+        self,
+        ends: tuple[JournalEvent, JournalEvent],
+        source: str,
+        events: Iterable[Mapping[str, Any]],
+        **outcome: Any,
+    ) -> None:
+        """Add another account of an attempt: its start, its events, its end.
+
+        Args:
+            ends: The session's own start and end of the attempt.
+            source: Source of the account.
+            events: Fields of each event; trial, attempt and source are those of the attempt.
+            outcome: Further fields of the end.
+        """
+        start, end = ends
+        common: dict[str, Any] = {"trial": start.trial, "attempt": start.attempt, "source": source}
+        self.add("trial_start", t_ns=start.t_ns, **common)
+        for event in events:
+            self.add(**event, **common)
+        self.add("trial_end", t_ns=end.t_ns, **common, **outcome)
+
+
+@contextmanager
+def replaced_journal(path: Path) -> Iterator[Journal]:
+    """Open an empty journal that takes the place of a file once it is written whole."""
+    beside = path.with_name(f"{path.name}.new")
+    beside.unlink(missing_ok=True)
+    with Journal(beside) as journal:
+        yield journal
+    beside.replace(path)
 
 
 def events_path(folder: Path, participant: str) -> Path:

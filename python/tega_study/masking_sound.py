@@ -36,11 +36,8 @@ BEEP_DBFS: Final = -30.0
 _BEEP_RAMP_S = 0.005
 
 
-def pink_loop(seed: int = 0) -> NDArray[np.float32]:
+def pink_loop() -> NDArray[np.float32]:
     """Make a loop of pink noise: power falls as 1/f within :data:`BAND_HZ`, phases are random, its end fits its start.
-
-    Args:
-        seed: Seed of the phases; a study plays the same sound in all conditions and to everybody.
 
     Returns:
         float32 (524288,), root mean square 1.
@@ -48,7 +45,7 @@ def pink_loop(seed: int = 0) -> NDArray[np.float32]:
     hz = np.fft.rfftfreq(_LOOP, 1 / RATE_HZ)
     inside = (hz >= BAND_HZ[0]) & (hz <= BAND_HZ[1])
     amplitude = np.where(inside, 1 / np.sqrt(np.maximum(hz, 1.0)), 0.0)
-    phase_rad = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(hz))
+    phase_rad = np.random.default_rng(0).uniform(0, 2 * np.pi, len(hz))
     loop = np.fft.irfft(amplitude * np.exp(1j * phase_rad), _LOOP)
     made: NDArray[np.float32] = (loop / np.sqrt((loop**2).mean())).astype(np.float32)
     return made
@@ -151,9 +148,6 @@ class MaskingSound:
 
     def render(self, n: int) -> NDArray[np.float32]:
         """Make the next samples: half a second from silence to the level, and back once it is being closed.
-
-        Args:
-            n: How many.
 
         Returns:
             float32 (n, 2), -1 to 1.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -13,31 +13,29 @@ import numpy as np
 from tega.errors import InvalidValueError, RecordingError
 from tega_scene.layout import TagLayout
 from tega_scene.lens import Lens
-from tega_scene.outcomes import SceneOutcome, score_scene
+from tega_scene.outcomes import SceneEvent, SceneOutcome, score_scene
 from tega_scene.own_film import own_film, own_recording
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.track import track_scene
-from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
+from tega_study.journal import (
+    Journal,
+    JournalEvent,
+    Kind,
+    attempts,
+    counting,
+    events_path,
+    read_events,
+    replaced_journal,
+)
 from tega_study.lead.trial import recording_folder
 from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.observe.observing import checked_rater
 from tega_study.observers import RECORDED, WHOLE, observer_path
 from tega_study.plan import read_plan
-from tega_study.score.boris import attempts
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import check_stays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-KINDS: Final[dict[str, Kind]] = {
-    "lift_off": "lift_off",
-    "lifted": "lifted",
-    "slip": "slip",
-    "deformation": "deformation",
-    "drop": "drop",
-    "placed": "placed",
-}
-"""Events of a scene that a study's journal has."""
 
 CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
 """Kinds of events that a person may add."""
@@ -95,13 +93,8 @@ def measure_session(
     """
     plan = read_plan(folder)
     mine = {trial.trial: trial for trial in plan.of(participant)}
-    if participant in withdrawn_ids(folder):
-        raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
-    ended = [
-        (start, end)
-        for start, end in attempts(read_events(events_path(folder, participant)))
-        if end.status in {"done", "failed_task"}
-    ]
+    check_stays(folder, participant)
+    ended = attempts(read_events(events_path(folder, participant)), with_data=True)
     if video is None:
         films = _own_films([recording_folder(folder, mine[s.trial], s.attempt) for s, _ in ended], camera)
     else:
@@ -184,42 +177,25 @@ def write_measured(
         signed: Checksum of the plan.
         found: Start, end and outcome of each attempt.
     """
-    beside = path.with_suffix(".new")
-    beside.unlink(missing_ok=True)
-    with Journal(beside) as journal:
+    with replaced_journal(path) as journal:
         journal.add("session_start", t_ns=found[0][0].t_ns, source=CAMERA, text=signed)
         for start, end, seen in found:
-            if (outcome := seen.outcome) is None:
-                continue
-            trial, attempt = seen.trial, seen.attempt
-            journal.add("trial_start", t_ns=start.t_ns, source=CAMERA, trial=trial, attempt=attempt)
-            for event in outcome.events:
-                size = (
-                    f"{1000 * event.size_m:.2f} ± {1000 * event.size_error_m:.2f} mm, "
-                    if event.size_m
-                    else ""
-                )
-                journal.add(
-                    KINDS.get(event.kind, "note"),
-                    t_ns=start.t_ns + round(event.t_s * 1e9),
-                    source=CAMERA,
-                    value=round(1000 * event.size_m, 3) if event.size_m else None,
-                    text=f"{event.kind}: {size}± {1000 * event.t_error_s:.0f} ms",
-                    trial=trial,
-                    attempt=attempt,
-                )
-            rest = () if outcome.rest is None else (outcome.rest.said(),)
-            for note in (*rest, *outcome.notes):
-                journal.add("note", t_ns=end.t_ns, source=CAMERA, text=note, trial=trial, attempt=attempt)
-            journal.add(
-                "trial_end",
-                t_ns=end.t_ns,
-                source=CAMERA,
-                success=outcome.success,
-                trial=trial,
-                attempt=attempt,
-            )
-    beside.replace(path)
+            if (outcome := seen.outcome) is not None:
+                events = [_measured_fields(event, start.t_ns) for event in outcome.events]
+                rest = () if outcome.rest is None else (outcome.rest.said(),)
+                notes = [{"kind": "note", "t_ns": end.t_ns, "text": text} for text in (*rest, *outcome.notes)]
+                journal.add_attempt((start, end), CAMERA, [*events, *notes], success=outcome.success)
+
+
+def _measured_fields(event: SceneEvent, start_ns: int) -> dict[str, Any]:
+    """Return the journal's fields of a measured event."""
+    size = f"{1000 * event.size_m:.2f} ± {1000 * event.size_error_m:.2f} mm, " if event.size_m else ""
+    return {
+        "kind": "note" if event.kind == "put_down" else event.kind,
+        "t_ns": start_ns + round(event.t_s * 1e9),
+        "value": round(1000 * event.size_m, 3) if event.size_m else None,
+        "text": f"{event.kind}: {size}± {1000 * event.t_error_s:.0f} ms",
+    }
 
 
 def confirm_trial(
@@ -285,8 +261,6 @@ def confirm_trial(
         if not journal.events:
             signed = next(event.text for event in measured if event.kind == "session_start")
             journal.add("session_start", t_ns=start.t_ns, source=name, text=signed, item=RECORDED)
-        journal.add("trial_start", t_ns=start.t_ns, trial=trial, attempt=attempt, source=name)
-        for kind, t_ns in sorted(kept, key=lambda one: one[1]):
-            journal.add(kind, t_ns=t_ns, trial=trial, attempt=attempt, source=name)
-        journal.add("trial_end", t_ns=end.t_ns, trial=trial, attempt=attempt, source=name, text=WHOLE)
+        rows = [{"kind": kind, "t_ns": t_ns} for kind, t_ns in sorted(kept, key=lambda one: one[1])]
+        journal.add_attempt((start, end), name, rows, text=WHOLE)
         return [e for e in counting(journal.events, trial, attempt) if e.kind in CORRECTED]

@@ -50,9 +50,6 @@ class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 def read_objects(folder: Path) -> dict[str, ObjectFacts]:
     """Read the properties of a study's objects; nothing if none were recorded.
 
-    Args:
-        folder: The study's folder.
-
     Raises:
         RecordingError: The file holds something else.
         UnsafeNameError: A photo's name could lie outside of the folder.

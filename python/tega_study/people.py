@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.runtime.scientific import scipy_stats
-from tega_study.rank import rank_sum_counts
+from tega_study.rank import CONFIDENCE, rank_sum_counts
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -61,14 +61,13 @@ class CrossOver(NamedTuple):
     p: float
 
 
-def sign_flip(differences: ArrayLike, *, seed: int = 0) -> float:
+def sign_flip(differences: ArrayLike) -> float:
     """Return the two-sided p of the mean of paired differences over all changes of their signs.
 
     Exact up to 24 people; beyond, 99,999 random changes and the one that is there.
 
     Args:
         differences: One per person.
-        seed: Seed of the random changes.
 
     Example:
         >>> sign_flip([-1.0, -2.0, -1.5, -3.0, -2.5, -1.0])
@@ -86,7 +85,7 @@ def sign_flip(differences: ArrayLike, *, seed: int = 0) -> float:
         # As many sums are as far below as above: each has its mirror image.
         above = some.size * others.size - int(np.searchsorted(others, seen - some, side="left").sum())
         return float(2 * above / 2 ** len(values))
-    signs = np.random.default_rng(seed).integers(0, 2, (DRAWS, len(values))) * 2 - 1
+    signs = np.random.default_rng(0).integers(0, 2, (DRAWS, len(values))) * 2 - 1
     return float((1 + np.sum(np.abs(signs @ values) >= seen)) / (DRAWS + 1))
 
 
@@ -98,7 +97,7 @@ def _all_signs(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return sums
 
 
-def ratio_of_means(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Ratio | None:
+def ratio_of_means(first: ArrayLike, second: ArrayLike) -> Ratio | None:
     """Compare counts as a ratio of means, people as clusters.
 
     In a balanced design this is what Poisson GEE with any working correlation gives, in closed form: the standard error
@@ -108,7 +107,6 @@ def ratio_of_means(first: ArrayLike, second: ArrayLike, *, confidence: float = 0
     Args:
         first: Each person's mean under the first condition.
         second: Under the second.
-        confidence: Confidence level of the interval.
 
     Returns:
         ``None`` where a condition has no event at all, there are fewer than two people, or everybody is the same.
@@ -119,10 +117,10 @@ def ratio_of_means(first: ArrayLike, second: ArrayLike, *, confidence: float = 0
         return None
     off = a / a.mean() - b / b.mean()
     se = math.sqrt(float(np.sum(off**2))) / n * n / (n - 1)
-    return _ratio(math.log(a.sum() / b.sum()), se, n - 1, confidence)
+    return ratio_by_t(math.log(a.sum() / b.sum()), se, n - 1)
 
 
-def paired_log_ratio(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Ratio | None:
+def paired_log_ratio(first: ArrayLike, second: ArrayLike) -> Ratio | None:
     """Compare each person's mean logarithm: a paired t, given as a ratio.
 
     With people who differ in their effect, a mixed model with a random intercept rejects a true null in a
@@ -132,25 +130,31 @@ def paired_log_ratio(first: ArrayLike, second: ArrayLike, *, confidence: float =
     Args:
         first: Each person's mean of the logarithm under the first condition.
         second: Under the second.
-        confidence: Confidence level of the interval.
     """
     off = np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64)
     if len(off) < 2:
         return None
-    return _ratio(float(off.mean()), float(off.std(ddof=1)) / math.sqrt(len(off)), len(off) - 1, confidence)
+    return ratio_by_t(float(off.mean()), float(off.std(ddof=1)) / math.sqrt(len(off)), len(off) - 1)
 
 
-def _ratio(log_ratio: float, se: float, df: int, confidence: float) -> Ratio | None:
+def ratio_by_t(log_ratio: float, se: float, df: int) -> Ratio | None:
+    """Return a ratio with its interval and p by Student's t; ``None`` without an error to judge by.
+
+    Args:
+        log_ratio: Natural logarithm of the ratio.
+        se: Its standard error.
+        df: Degrees of freedom.
+    """
     if se < 1e-8:  # nobody differs from anybody: there is no error to judge by
         return None
     t_of = scipy_stats().t
-    reach = float(t_of.ppf(0.5 + confidence / 2, df)) * se
+    reach = float(t_of.ppf(0.5 + CONFIDENCE / 2, df)) * se
     t = log_ratio / se
     p = 2 * float(t_of.sf(abs(t), df))
     return Ratio(math.exp(log_ratio), math.exp(log_ratio - reach), math.exp(log_ratio + reach), t, df, p)
 
 
-def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]], *, seed: int = 0) -> float:
+def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]]) -> float:
     """Return the two-sided p over all exchanges of conditions among each person's own trials.
 
     Says something about these people's trials, not about other people, and takes trials as exchangeable: learning and
@@ -158,7 +162,6 @@ def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]], *, seed: int = 
 
     Args:
         groups: For each person the values under the first and under the second condition.
-        seed: Seed of the random exchanges.
     """
     pooled = [np.concatenate([np.asarray(a, float), np.asarray(b, float)]) for a, b in groups]
     sizes = [np.size(a) for a, _ in groups]
@@ -172,7 +175,7 @@ def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]], *, seed: int = 
             counts = rank_sum_counts(values.astype(int).tolist(), size)
             ways = np.convolve(ways, counts / counts.sum())
         return float(min(1.0, ways[np.abs(np.arange(len(ways)) - expected) >= off].sum()))
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     sums = np.zeros(EXCHANGES)
     for values, size in zip(pooled, sizes, strict=True):
         drawn: NDArray[np.float64] = random.permuted(np.tile(values, (EXCHANGES, 1)), axis=1)

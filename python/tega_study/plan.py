@@ -13,7 +13,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
@@ -21,6 +21,7 @@ from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.toml_text import tree_text
+from tega.runtime.files.whole_file import write_whole
 from tega.stages.events.outcomes import LIFT_WINDOW_S, StableReading
 from tega_study.order import Layout, allocate, lay_out
 
@@ -172,56 +173,40 @@ def default_family(objects: Sequence[str]) -> tuple[str, ...]:
     return (*both, f"deformations:{soft}")
 
 
+_DEFAULTS: Final[Mapping[str, Any]] = {
+    "objects": ("bottle", "container", "bag"),
+    "conditions": ("haptic", "non-haptic"),
+    "trials": 10,
+    "layout": "abba",
+    "rest_s": 60.0,
+    "change_rest_s": 180.0,
+    "long_rest_s": 300.0,
+    "long_rest_every": 20,
+    "window_s": LIFT_WINDOW_S,
+    "alpha": 0.05,
+}
+
+
 def make_plan(
-    *,
-    participants: int,
-    seed: int = 1,
-    objects: Sequence[str] = ("bottle", "container", "bag"),
-    conditions: Sequence[str] = ("haptic", "non-haptic"),
-    trials: int = 10,
-    layout: Layout = "abba",
-    rest_s: float = 60.0,
-    change_rest_s: float = 180.0,
-    long_rest_s: float = 300.0,
-    long_rest_every: int = 20,
-    window_s: float = LIFT_WINDOW_S,
-    stable: StableReading = "begun",
-    scored_by: ScoredBy = "session",
-    alpha: float = 0.05,
-    family: Sequence[str] | None = None,
-    probe: bool = False,
-    simulated: bool = False,
-    behaviours: Sequence[str] = (),
+    *, participants: int, seed: int = 1, family: Sequence[str] | None = None, **settings: Any
 ) -> StudyPlan:
     """Make a counterbalanced plan; equal arguments give equal plans.
 
     Args:
-        participants: As in :class:`StudySettings`, like the others.
+        participants: As in :class:`StudySettings`.
         seed: Seed of all orders.
-        objects: Names without spaces.
-        conditions: The first two are compared; names of :data:`CONDITIONS` can be run, others only be planned.
-        trials: Per person, object and condition.
-        layout: See :func:`tega_study.order.lay_out`.
-        rest_s: Seconds, as the next two.
-        change_rest_s: Where the condition changes.
-        long_rest_s: After every ``long_rest_every`` trials.
-        long_rest_every: Trials.
-        window_s: Seconds.
-        stable: As in :class:`StudySettings`, like the next.
-        scored_by: Source of the outcomes that count.
-        alpha: Level of the tests.
         family: ``metric:object``; the paper's seven where ``None``.
-        probe: Whether beeps are to be answered in every trial.
-        simulated: Whether the people are simulated.
-        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
+        settings: Other attributes of :class:`StudySettings`; the paper's protocol unless given.
 
     Raises:
         InvalidValueError: A value is out of range, or a name comes twice or cannot be used.
     """
-    own = (*CODED, *behaviours)
-    for subject, names in (("objects", objects), ("conditions", conditions), ("behaviours", own)):
+    fields: dict[str, Any] = {**_DEFAULTS, **settings, "participants": participants, "seed": seed}
+    own = (*CODED, *fields.get("behaviours", ()))
+    for subject, names in (*((one, fields[one]) for one in ("objects", "conditions")), ("behaviours", own)):
         if len(set(names)) != len(names):
             raise InvalidValueError(f"{subject} = {', '.join(names)}: a name comes twice", "name each once")
+    objects = fields["objects"]
     tests = default_family(objects) if family is None and objects else tuple(family or ())
     known = _tests(objects)
     for test in tests:
@@ -230,36 +215,14 @@ def make_plan(
                 f"family: {test!r} is no test of this study", f"write metric:object, such as {min(known)}"
             )
     try:
-        settings = msgspec.convert(
-            {
-                "participants": participants,
-                "objects": list(objects),
-                "conditions": list(conditions),
-                "trials": trials,
-                "layout": layout,
-                "rest_s": rest_s,
-                "change_rest_s": change_rest_s,
-                "long_rest_s": long_rest_s,
-                "long_rest_every": long_rest_every,
-                "window_s": window_s,
-                "stable": stable,
-                "scored_by": scored_by,
-                "alpha": alpha,
-                "family": list(tests),
-                "probe": probe,
-                "seed": seed,
-                "simulated": simulated,
-                "behaviours": list(behaviours),
-            },
-            StudySettings,
-        )
+        made = msgspec.convert({**fields, "family": tests}, StudySettings)
     except msgspec.ValidationError as error:
         raise InvalidValueError(f"plan of a study: {error}", "names: letters, digits, + - _") from error
-    orders = allocate(participants, settings.objects, settings.conditions, seed=seed)
     rows: list[PlannedTrial] = []
+    orders = allocate(participants, made.objects, made.conditions, seed=seed)
     for number, (row, order) in enumerate(orders, start=1):
-        rows += _rows(settings, person_id(number), row, order)
-    return StudyPlan(_signed(settings, rows), tuple(rows))
+        rows += _rows(made, person_id(number), row, order)
+    return StudyPlan(_signed(made, rows), tuple(rows))
 
 
 def _rows(
@@ -337,10 +300,7 @@ def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -
             ("plan.csv", _plan_csv(plan.trials)),
             ("study.toml", _toml(settings).encode()),
         ):
-            with (beside / name).open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
+            write_whole(beside / name, content, sync=True)
         beside.chmod(0o777 & ~_umask())
         if folder.exists():
             folder.rmdir()  # refuses if somebody has put something there meanwhile
@@ -358,9 +318,6 @@ def _umask() -> int:
 
 def read_plan(folder: Path) -> StudyPlan:
     """Read a study's plan.
-
-    Args:
-        folder: The study's folder.
 
     Raises:
         RecordingError: There is none, or it is not as it was written.

@@ -48,6 +48,9 @@ SPREADS = {
 }
 """Three assumptions, from hardly any differences to large ones; a pilot's variance over mean says which is nearer."""
 
+POWER = 0.8
+"""Share of studies that have to find an effect."""
+
 MOST_PEOPLE = 24
 """Largest study that is tried: two full sets of the orders of three objects under two conditions."""
 
@@ -150,33 +153,27 @@ def people_for(
     family: Sequence[PlannedTest],
     target: int = 0,
     *,
-    power: float = 0.8,
     trials: int = 10,
     spread: EffectSpread = SPREADS["mid"],
     alpha: float = 0.05,
     runs: int = 1000,
-    seed: int = 1,
 ) -> Power | None:
     """Return the smallest study that finds the effect often enough; ``None`` if :data:`MOST_PEOPLE` are too few.
 
     Args:
         family: As in :func:`power_of`, like the others.
         target: Place of the test that counts.
-        power: Share of studies that have to find it.
         trials: Per person, object and condition.
         spread: See :data:`SPREADS`.
         alpha: Two-sided level.
         runs: Number of studies for each size.
-        seed: Seed of the simulation.
     """
     low = least_people(family[target].metric, tests=len(family), alpha=alpha) or MOST_PEOPLE + 1
     best, high = None, MOST_PEOPLE
     while low <= high:  # more people find it more often
         people = (low + high) // 2
-        tried = power_of(
-            family, target, people=people, trials=trials, spread=spread, alpha=alpha, runs=runs, seed=seed
-        )
-        if tried.found >= power:
+        tried = power_of(family, target, people=people, trials=trials, spread=spread, alpha=alpha, runs=runs)
+        if tried.found >= POWER:
             best, high = tried, people - 1
         else:
             low = people + 1

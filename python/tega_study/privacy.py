@@ -27,7 +27,7 @@ from tega_study.objects import OBJECTS, objects_text, read_objects
 from tega_study.observers import PART, observer_path, read_observers
 from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega_study.unblinding import copy_unblindings
-from tega_study.withdrawn import WITHDRAWN, lines_of, withdrawn_ids
+from tega_study.withdrawn import WITHDRAWN, lines_of, staying, withdrawn_ids
 
 ELSEWHERE = NOTES
 REPORTS = ("report", "report.html")
@@ -205,12 +205,12 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
 
     if not key:
         raise InvalidValueError("key is empty", "give a long random word")
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
 
     def rank(person: str) -> str:
         return hashlib.sha256(f"tega-export|{key}|{person}".encode()).hexdigest()
 
-    stay = [person for person in sorted(plan.participants, key=rank) if person not in gone]
+    stay = sorted(staying(folder, plan), key=rank)
     if not stay:
         raise RecordingError(f"{folder}: everybody has withdrawn", "there is nothing to export")
     new = {person: person_id(number) for number, person in enumerate(stay, start=1)}

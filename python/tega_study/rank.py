@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
+CONFIDENCE = 0.95
+"""Level of every interval of a report."""
 EXACT_UP_TO = 240
 """Trials in both groups together up to which the exact distribution with ties is computed (under a second)."""
 
@@ -65,13 +67,12 @@ class Shift(NamedTuple):
     coverage: float
 
 
-def mann_whitney(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> MannWhitney:
+def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
     """Compare two independent groups, two-sided.
 
     Args:
         x: First group.
         y: Second group.
-        confidence: Confidence level of the interval.
 
     Raises:
         ShapeError: A group is empty.
@@ -93,7 +94,7 @@ def mann_whitney(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> Man
     else:
         p, method = p_asymptotic, "asymptotic"
     a = u / (n * m)
-    low, high = rank_biserial_interval(a, n, m, confidence=confidence)
+    low, high = rank_biserial_interval(a, n, m)
     return MannWhitney(u, p, method, p_asymptotic, conditional, a, 2 * a - 1, low, high)
 
 
@@ -126,14 +127,14 @@ def _conditional(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     return float(min(1.0, 2 * min(counts[: seen + 1].sum(), counts[seen:].sum()) / total))
 
 
-def rank_biserial_interval(a: float, n: int, m: int, *, confidence: float = 0.95) -> tuple[float, float]:
+def rank_biserial_interval(a: float, n: int, m: int) -> tuple[float, float]:
     """Return a confidence interval of the rank-biserial correlation of ``n`` against ``m`` values.
 
     Newcombe's method 5 (Statist. Med. 25 (2006) 559): the interval contains every A that is within the normal
     quantile times the standard error of the observed one, by Hanley and McNeil's model at *that* A. It stays inside
     -1 to 1, and has a width where the groups do not overlap.
     """
-    z = float(scipy_stats().norm.ppf(0.5 + confidence / 2))
+    z = float(scipy_stats().norm.ppf(0.5 + CONFIDENCE / 2))
     size = (n + m) / 2 - 1
 
     def inside(theta: float) -> bool:
@@ -150,7 +151,7 @@ def rank_biserial_interval(a: float, n: int, m: int, *, confidence: float = 0.95
     return 2 * edge(0.0) - 1, 2 * edge(1.0) - 1
 
 
-def shift(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> Shift:
+def shift(x: ArrayLike, y: ArrayLike) -> Shift:
     """Estimate how far the first group lies over the second.
 
     The interval runs between the k-th differences from both ends, k from the exact distribution of U.
@@ -158,7 +159,6 @@ def shift(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> Shift:
     Args:
         x: First group.
         y: Second group.
-        confidence: At least this, where the groups are large enough.
 
     Raises:
         ShapeError: A group is empty.
@@ -168,12 +168,12 @@ def shift(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> Shift:
     differences = np.sort(np.round(np.subtract.outer(first, second).ravel(), 9))
     estimate = float(np.median(differences))
     if n + m > EXACT_UP_TO:
-        z = float(scipy_stats().norm.ppf(0.5 + confidence / 2))
+        z = float(scipy_stats().norm.ppf(0.5 + CONFIDENCE / 2))
         k = max(1, math.floor(n * m / 2 - z * math.sqrt(n * m * (n + m + 1) / 12)))
-        return Shift(estimate, float(differences[k - 1]), float(differences[n * m - k]), confidence)
+        return Shift(estimate, float(differences[k - 1]), float(differences[n * m - k]), CONFIDENCE)
     counts = rank_sum_counts(range(1, n + m + 1), n)[n * (n + 1) // 2 :]
     below = np.cumsum(counts) / counts.sum()
-    k = int(np.searchsorted(below, (1 - confidence) / 2 + 1e-12, side="right"))
+    k = int(np.searchsorted(below, (1 - CONFIDENCE) / 2 + 1e-12, side="right"))
     if k == 0:
         return Shift(estimate, -math.inf, math.inf, 1.0)
     return Shift(

@@ -10,7 +10,7 @@ import msgspec
 from tega_study.journal import events_path, read_events, undone_numbers
 from tega_study.lead.questions import QUESTIONS, raw_tlx
 from tega_study.plan import read_plan
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import staying
 
 RAW_TLX = "raw NASA-TLX"
 
@@ -40,17 +40,12 @@ class RatingUse(msgspec.Struct, frozen=True, kw_only=True):
 def ratings(folder: Path) -> tuple[RatingUse, ...]:
     """Return all answers of a study by question and condition.
 
-    Args:
-        folder: The study's folder.
-
     Raises:
         RecordingError: The study is damaged.
     """
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
     scores: dict[tuple[str, str], dict[str, list[float]]] = {}
-    for person in plan.participants:
-        if person in gone:
-            continue
+    for person in staying(folder, plan):
         condition_of = {trial.trial: trial.condition for trial in plan.of(person)}
         blocks: dict[int, dict[str, float | None]] = {}
         events = read_events(events_path(folder, person))

@@ -16,7 +16,7 @@ from tega_study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_
 from tega_study.figure_3 import figure_3
 from tega_study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
 from tega_study.page import report_html
-from tega_study.tables import write_csv
+from tega_study.tables import csv_files
 
 FIGURES = ("fig3", "fig7", "fig8", "lags", "poses")
 
@@ -61,14 +61,14 @@ def write_report(source: Path, out: Path | None = None, *, unblind: bool = False
     beside = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
     try:
         figures = figures_of(analysis, material)
-        (beside / "analysis.json").write_bytes(
-            msgspec.json.format(msgspec.json.encode(analysis), indent=1) + b"\n"
-        )
-        write_csv(analysis, material.courses, beside)
-        for name, drawing in figures.items():
-            (beside / f"{name}.svg").write_text(drawing, encoding="utf-8", newline="\n")
-        page = beside / "report.html"
-        page.write_text(report_html(analysis, figures), encoding="utf-8", newline="\n")
+        files = {
+            "analysis.json": msgspec.json.format(msgspec.json.encode(analysis), indent=1).decode() + "\n",
+            **csv_files(analysis, material.courses),
+            **{f"{name}.svg": drawing for name, drawing in figures.items()},
+            "report.html": report_html(analysis, figures),
+        }
+        for name, text in files.items():
+            (beside / name).write_text(text, encoding="utf-8", newline="\n")
         beside.chmod(folder.stat().st_mode & 0o777)
         if tables.exists():
             _keep_others(tables, beside)

@@ -15,9 +15,6 @@ def squeeze_shares(events: Sequence[JournalEvent]) -> dict[int, float]:
 
     The first is the last one before the first trial, so that a half-hearted one can be done again; without any there,
     the first of all.
-
-    Args:
-        events: The session's.
     """
     known = {e.n: e.value for e in events if e.kind == "squeeze" and e.value is not None and e.value > 0}
     if not known:

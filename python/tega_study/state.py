@@ -9,15 +9,14 @@ from typing import Literal
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega_study.journal import Journal, JournalEvent, Status, events_path, undone_numbers
+from tega_study.journal import WITH_DATA, Journal, JournalEvent, Status, events_path, undone_numbers
 from tega_study.plan import PlannedTrial, StudyPlan
+from tega_study.withdrawn import check_stays
 
 Where = Literal["lab", "emulated", "simulated"]
 """Kind of a session's devices."""
 
 TrialStatus = Literal["planned", "running", "redo"] | Status
-REPEATABLE = ("done", "failed_task")
-"""How a trial ended that has data. The experimenter may have it done again, once."""
 
 
 class SessionState(msgspec.Struct, frozen=True):
@@ -85,7 +84,7 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
             )
         if event.kind == "redo":
             again = event.trial in redone or event.attempt != attempts[event.trial]
-            if status[event.trial] not in REPEATABLE or again:
+            if status[event.trial] not in WITH_DATA or again:
                 raise RecordingError(
                     f"event {event.n}: trial {event.trial} cannot be done again",
                     "restore the file from a copy",
@@ -150,11 +149,8 @@ def resume(
         RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open.
     """
-    from tega_study.withdrawn import withdrawn_ids
-
     trials = plan.of(participant)
-    if participant in withdrawn_ids(folder):
-        raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
+    check_stays(folder, participant)
     check_where(plan, where)
     journal = Journal(events_path(folder, participant))
     try:

@@ -6,7 +6,6 @@ import csv
 import hashlib
 import io
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import msgspec
 
@@ -119,16 +118,6 @@ def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]
             ["version", stated.version],
         ]
     return lines + [[name, hashlib.sha256(text.encode()).hexdigest()] for name, text in files.items()]
-
-
-def write_csv(analysis: Analysis, courses: Mapping[str, TouchCourse], folder: Path) -> list[Path]:
-    """Write every CSV file into a folder, which must exist; return them."""
-    paths = []
-    for name, text in csv_files(analysis, courses).items():
-        path = folder / name
-        path.write_text(text, encoding="utf-8", newline="\n")
-        paths.append(path)
-    return paths
 
 
 def _records(rows: Sequence[msgspec.Struct]) -> str:

@@ -9,12 +9,12 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega_study.beep_score import score_beeps
-from tega_study.journal import JournalEvent, Status, counting, events_path, read_events
+from tega_study.journal import WITH_DATA, JournalEvent, Status, counting, events_path, read_events
 from tega_study.measured import CAMERA, camera_success, measured_path, read_measured
 from tega_study.observers import read_observers, saw_whole
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.squeeze_score import squeeze_shares
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import staying
 
 _CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo", "rating"}
 
@@ -80,7 +80,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def counts(self) -> bool:
         """Whether the trial takes part in the analysis."""
-        return self.status in {"done", "failed_task"}
+        return self.status in WITH_DATA
 
 
 def course_path(folder: Path, trial: Trial | PlannedTrial) -> Path:
@@ -91,26 +91,21 @@ def course_path(folder: Path, trial: Trial | PlannedTrial) -> Path:
 def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
     """Read a study's trials from its sessions' events, in the order of the plan; those not run are left out.
 
-    Args:
-        folder: The study's folder.
-
     Raises:
         RecordingError: Plan or events are damaged.
     """
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
     trials: list[Trial] = []
-    for person in plan.participants:
-        if person not in gone:
-            path = events_path(folder, person)
-            where = path.relative_to(folder).as_posix()
-            trials += trials_of_events(
-                plan.of(person),
-                read_events(path),
-                where=where,
-                observers=read_observers(folder, person),
-                measured=read_measured(folder, person) if plan.settings.scored_by == "camera" else (),
-                simulated=plan.settings.simulated,
-            )
+    for person in staying(folder, plan):
+        path = events_path(folder, person)
+        trials += trials_of_events(
+            plan.of(person),
+            read_events(path),
+            where=path.relative_to(folder).as_posix(),
+            observers=read_observers(folder, person),
+            measured=read_measured(folder, person) if plan.settings.scored_by == "camera" else (),
+            simulated=plan.settings.simulated,
+        )
     return plan, trials
 
 
@@ -289,9 +284,6 @@ def _counted_by(events: Sequence[JournalEvent], *, by_bench: bool) -> str:
 
 def bench_trials(paths: Iterable[Path]) -> list[Trial]:
     """Read the results that ``tega-teleop sim trials`` writes; a seed there is a person here.
-
-    Args:
-        paths: The files.
 
     Raises:
         RecordingError: A file is missing, or holds something else.

@@ -6,10 +6,14 @@ import logging
 import os
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega_study.journal import events_path
+
+if TYPE_CHECKING:
+    from tega_study.plan import StudyPlan
 
 _LOG = logging.getLogger(__name__)
 
@@ -17,11 +21,7 @@ WITHDRAWN = "withdrawn.txt"
 
 
 def withdrawn_ids(folder: Path) -> set[str]:
-    """Return the ids of those who have withdrawn; nothing is deleted by asking.
-
-    Args:
-        folder: The study's folder.
-    """
+    """Return the ids of those who have withdrawn; nothing is deleted by asking."""
     path = folder / WITHDRAWN
     if not path.exists():
         return set()
@@ -35,6 +35,22 @@ def withdrawn_ids(folder: Path) -> set[str]:
                 person,
             )
     return ids
+
+
+def check_stays(folder: Path, participant: str) -> None:
+    """Refuse a participant who has withdrawn.
+
+    Raises:
+        RecordingError: The participant has withdrawn.
+    """
+    if participant in withdrawn_ids(folder):
+        raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
+
+
+def staying(folder: Path, plan: StudyPlan) -> list[str]:
+    """Return the IDs of a plan's participants who have not withdrawn, in the plan's order."""
+    gone = withdrawn_ids(folder)
+    return [person for person in plan.participants if person not in gone]
 
 
 def lines_of(path: Path) -> list[str]:

@@ -39,10 +39,10 @@ from tega_sim.plan import TrialResult
 from tega_sim.score import TrialEvent
 from tega_sim.trials import read_results
 from tega_sim.world.objects import read_objects as read_simulated
+from tega_study.attempt_rows import read_hand, read_touch
 from tega_study.bundle import open_bundle, write_bundle
 from tega_study.coupling import TouchCourse, read_course, write_course
 from tega_study.episodes.journal import EpisodeLine, read_episodes
-from tega_study.hand_rows import read_hand
 from tega_study.journal import Journal, events_path, read_events
 from tega_study.lead.status_file import SessionBoard, read_board
 from tega_study.lead.tell import CommandFile
@@ -51,7 +51,6 @@ from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import clips, recorded, trial_pictures
 from tega_study.silico.assumptions import read_assumptions, read_parameters
 from tega_study.touch_picture import read_touch_picture
-from tega_study.touch_rows import read_touch
 
 _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 
+from reference.command import call
 from reference.parts import observed
 from reference.waiting import until
 from tega.config import check_tree
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader, Message
-from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
@@ -195,9 +195,6 @@ def test_without_the_package_there_is_one_clear_line(
     monkeypatch.setitem(sys.modules, "pylsl", None)
     settings = tmp_path / "s.toml"
     settings.write_text('[emg]\ndriver = "synthetic-emg"\nkind = "raw"\n[markers]\nlsl_out = "x"\n')
-    with pytest.raises(SystemExit) as left:
-        main(["run", str(settings)])
-    assert left.value.code == 3
-    error, hint = capsys.readouterr().err.splitlines()
+    error, hint = call(capsys, "run", settings, code=3)[1].splitlines()
     assert "'markers.lsl_out' needs the package 'pylsl'" in error
     assert "[lsl]'" in hint

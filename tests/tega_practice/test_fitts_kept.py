@@ -10,14 +10,14 @@ import pytest
 
 pytest.importorskip("scipy", reason="intervals need SciPy")
 
+from reference.command import call
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import PracticeRecord, read_record
 from tega.errors import CalibrationError, TegaError
-from tega.ui.cli.main import main
 from tega_practice.fitts import Movement
 from tega_practice.interval import mean_interval
-from tega_practice.kept import FittsRecord, compare_kept, keep_fitts, kept_fitts, movement_row
-from tega_practice.kept_tracking import compare_tracked, kept_practices
+from tega_practice.kept import FittsRecord, compare_kept, keep_record, kept_records, movement_row
+from tega_practice.kept_tracking import compare_tracked
 
 MADE = datetime(2026, 11, 23, 12, 0, 0, tzinfo=UTC)
 
@@ -50,7 +50,7 @@ def result(person: str, decoder: str, time_s: float, *, minutes: int = 0) -> Fit
 
 def test_a_result_is_kept_whole(tmp_path: Path) -> None:
     record = result("p01", "learned", 1.0)
-    path = keep_fitts(record, CalibrationFolder(tmp_path))
+    path = keep_record(record, CalibrationFolder(tmp_path))
     assert path == tmp_path / "people/p01/fitts/20261123-120000.toml"
     assert read_record(path, FittsRecord) == record
     assert read_record(path, FittsRecord).score() == record.score()
@@ -62,9 +62,9 @@ def test_decoders_are_compared_within_people_and_over_them(tmp_path: Path) -> No
     minutes = 0
     for person, slower in (("p01", 1.0), ("p02", 1.3)):
         for decoder, time_s in (("rules", 2.0), ("learned", 1.0)):
-            keep_fitts(result(person, decoder, slower * time_s, minutes=minutes), folder)
+            keep_record(result(person, decoder, slower * time_s, minutes=minutes), folder)
             minutes += 1
-    found = compare_kept(kept_fitts(folder), ["rules", "learned"])
+    found = compare_kept(kept_records(FittsRecord, folder), ["rules", "learned"])
     assert [(one.person, one.decoder, one.unit) for one in found] == [
         ("p01", "rules", "conditions"),
         ("p01", "learned", "conditions"),
@@ -80,7 +80,7 @@ def test_decoders_are_compared_within_people_and_over_them(tmp_path: Path) -> No
     assert learned.difference_bits_s.mean == pytest.approx(
         learned.throughput_bits_s.mean - rules.throughput_bits_s.mean
     )
-    assert [one.person for one in compare_kept(kept_fitts(folder, "p02"))] == ["p02", "p02"]
+    assert [one.person for one in compare_kept(kept_records(FittsRecord, folder, "p02"))] == ["p02", "p02"]
 
 
 def practice(person: str, decoder: str, error: float, *, minutes: int) -> PracticeRecord:
@@ -111,7 +111,7 @@ def test_practices_are_compared_by_decoder_within_people_and_over_them(tmp_path:
         )
     ):
         folder.keep_practice(practice(person, decoder, error, minutes=n))
-    found = compare_tracked(kept_practices(folder), ["rules", "learned"])
+    found = compare_tracked(kept_records(PracticeRecord, folder), ["rules", "learned"])
     assert [(one.person, one.decoder, one.practices, one.unit) for one in found] == [
         ("p01", "rules", 2, "practices"),
         ("p01", "learned", 1, "practices"),
@@ -125,23 +125,22 @@ def test_practices_are_compared_by_decoder_within_people_and_over_them(tmp_path:
     assert difference is not None
     assert difference.mean == pytest.approx((-0.6 - 0.3) / 2)
     assert difference.n == 2
-    assert [one.person for one in compare_tracked(kept_practices(folder, "p02"))] == ["p02", "p02"]
+    assert [one.person for one in compare_tracked(kept_records(PracticeRecord, folder, "p02"))] == [
+        "p02",
+        "p02",
+    ]
     assert compare_tracked([]) == []
 
 
 def test_the_verb_compares_tests_and_practices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = CalibrationFolder(tmp_path)
     folder.keep_practice(practice("p01", "rules", 1.0, minutes=0))
-    words = ["emg", "skill", str(tmp_path)]
-    with pytest.raises(SystemExit):
-        main([*words, "--json"])
-    reported = json.loads(capsys.readouterr().out)
+    words = ("emg", "skill", tmp_path)
+    reported = json.loads(call(capsys, *words, "--json")[0])
     assert reported["fitts"] == []
     assert reported["tracking"][0]["rms_error_levels"]["mean"] == 1.0
-    keep_fitts(result("p01", "learned", 1.0), folder)
-    with pytest.raises(SystemExit):
-        main(words)
-    text = capsys.readouterr().out
+    keep_record(result("p01", "learned", 1.0), folder)
+    text, _ = call(capsys, *words)
     assert "Fitts tests" in text
     assert "Practice" in text
 
@@ -149,11 +148,11 @@ def test_the_verb_compares_tests_and_practices(tmp_path: Path, capsys: pytest.Ca
 def test_what_is_not_there_or_damaged_is_refused(tmp_path: Path) -> None:
     folder = CalibrationFolder(tmp_path)
     with pytest.raises(CalibrationError, match="no Fitts test was kept"):
-        compare_kept(kept_fitts(folder))
-    path = keep_fitts(result("p01", "rules", 1.0), folder)
+        compare_kept(kept_records(FittsRecord, folder))
+    path = keep_record(result("p01", "rules", 1.0), folder)
     path.write_text(path.read_text(encoding="utf-8").replace("0.25, 0.2,", "0.25,", 1), encoding="utf-8")
     with pytest.raises(TegaError, match="is not 10 numbers"):
-        compare_kept(kept_fitts(folder))
+        compare_kept(kept_records(FittsRecord, folder))
 
 
 def test_an_interval_by_hand() -> None:

@@ -25,9 +25,10 @@ from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 from tega_figures.felt.information import Discriminant
 from tega_figures.felt.skin import BatchSkin
+from tega_practice.kept import kept_records
 from tega_practice.two_down_one_up import LONGEST, TwoDownOneUp
 from tega_practice.vest_course import learn_vest
-from tega_practice.vest_kept import VestSkillRecord, kept_vest_skill
+from tega_practice.vest_kept import VestSkillRecord
 from tega_practice.vest_lesson import Lesson
 from tega_sim.operator.person import typical_person
 from tega_sim.operator.sections import VestSection
@@ -138,9 +139,8 @@ def test_somebody_who_knows_is_right_and_the_score_is_kept(tmp_path: Path) -> No
     assert record.difference_percent is not None
     assert record.difference_percent < 15
     assert 0 < record.dose_s == pytest.approx(float(vest.budget.dose_s.max()), abs=0.01)
-    assert kept_vest_skill(CalibrationFolder(tmp_path), "p01", "slip-row") == [record]
+    assert kept_records(VestSkillRecord, CalibrationFolder(tmp_path), "p01") == [record]
     assert file.is_relative_to(tmp_path / "people" / "p01")
-    assert kept_vest_skill(CalibrationFolder(tmp_path), "p01", "columns") == []
     assert not vest.sent[-1][1].intensities.any()
     # In the test nothing is said about right and wrong.
     test = next(n for n, message in enumerate(person.said) if message.startswith("Test:"))
@@ -231,7 +231,7 @@ def test_a_lesson_ends_where_the_day_is_used_up_and_where_the_vest_is_dead(tmp_p
     with pytest.raises(CalibrationError, match="day's vibration is nearly used up"):
         learn_vest(config, vest, Person(vest, knowing(config)), clock=clock)
     assert not vest.sent[-1][1].intensities.any()
-    assert kept_vest_skill(CalibrationFolder(tmp_path), "p01", "columns") == []
+    assert kept_records(VestSkillRecord, CalibrationFolder(tmp_path), "p01") == []
     clock = ManualClock()
     dead: Any = LimitedVest(clock, dead=True)
     with pytest.raises(DeviceUnavailableError, match=r"did not show .*: off"):

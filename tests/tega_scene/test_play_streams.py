@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from reference.command import call
 from reference.parts import observed
 
 pytest.importorskip("foxglove", reason="needs the extra record")
@@ -36,7 +37,6 @@ from tega.records import EmgSamples, Marker, Picture
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
-from tega.ui.cli.main import main
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.camera_pictures import cameras_html
 from tega.ui.view.browser.feed import SessionFeed
@@ -482,7 +482,4 @@ def test_a_scene_without_a_page_is_refused(
     moved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene = write_scene(tmp_path / "scene.mcap", {"front": packets(filmed(range(0, 500, 100)))})
-    with pytest.raises(SystemExit) as left:
-        main(["play", str(moved), "--scene", str(scene)])
-    assert left.value.code == 2
-    assert "needs --view" in capsys.readouterr().err
+    assert "needs --view" in call(capsys, "play", moved, "--scene", scene, code=2)[1]

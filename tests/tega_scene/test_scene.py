@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tega.errors import CalibrationError, ConfigError, InvalidValueError, RecordingError, UnsafeNameError
+from tega.errors import CalibrationError, ConfigError, InvalidValueError, RecordingError
 from tega.ui.cli.main import cli
 from tega_scene.calibrate import LensCalibration
 from tega_scene.corners import TagFinder
+from tega_scene.courses import righted, scene_courses
 from tega_scene.layout import PlacedTag, TagBody, TagLayout, example_layout, load_layout, save_layout
 from tega_scene.lens import load_lens, save_lens
-from tega_scene.outcomes import righted, scene_courses, score_scene
+from tega_scene.outcomes import score_scene
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.pose import BodyFitter
 from tega_scene.sheets import board_page, page_svg, pages_pdf, tag_pages, write_pages
@@ -249,29 +250,6 @@ def test_a_lens_is_found_from_pictures_of_the_board(tmp_path: Path) -> None:
     grid = np.stack(np.meshgrid(np.linspace(60, 1220, 7), np.linspace(60, 660, 5)), -1).reshape(-1, 2)
     off = lens.pixels(np.column_stack([SMALL.rays(grid), np.ones(len(grid))])) - grid
     assert np.abs(off - off.mean(0)).max() < 0.5
-
-
-@pytest.mark.slow
-def test_the_wizard_keeps_a_camera_s_lens_and_the_one_before(tmp_path: Path) -> None:
-    from tega_figures.scene.bench import board_pictures
-    from tega_figures.scene.render import Film
-
-    cv2 = pytest.importorskip("cv2")
-    board = tmp_path / "board"
-    board.mkdir()
-    for number, image in enumerate(board_pictures(Film(), lens=SMALL, n=18)):
-        cv2.imwrite(str(board / f"{number:02}.png"), image)
-    (tmp_path / "lab.toml").write_text("[session]\n")
-    words = ["calibrate", str(tmp_path / "lab.toml"), "--person", "p01", "--camera", f"front={board}"]
-    words += ["--yes", "--json", "--time-scale", "0.05"]
-    for _ in range(2):
-        message = CliRunner().invoke(cli, words)
-        assert message.exit_code == 0, message.output
-    kept = tmp_path / "calibrations" / "cameras" / "front.json"
-    assert load_lens(kept).rms_px < 0.2
-    assert len(list((kept.parent / "before").glob("front.until-*.json"))) == 1
-    unsafe = CliRunner().invoke(cli, [word.replace("front=", "../x=") for word in words])
-    assert isinstance(unsafe.exception, UnsafeNameError)
 
 
 def test_too_few_views_are_no_calibration() -> None:

@@ -112,14 +112,13 @@ def test_a_damaged_file_of_offsets_is_told(tmp_path: Path) -> None:
 def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: Path) -> None:
     pytest.importorskip("av")
     pytest.importorskip("foxglove")
-    from foxglove import channels, messages
-
     from tega.recording.mcap_file import McapFile
     from tega.recording.replay.followed_file import PlayedMoment
     from tega.records.bus import Bus
     from tega.records.display import DisplayPicture
     from tega_scene.pictures import read_times, times_path
     from tega_scene.played import followed_scene
+    from tega_scene.records import SceneVideo
     from tega_scene.video import SceneEncoder
 
     late_s = 0.053
@@ -129,22 +128,12 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     file = McapFile(recording, lossless=True)
     file.epoch_ns = 1_700_000_000_000_000_000
     file.metadata("tega_scene", {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
-    channel = channels.CompressedVideoChannel("/scene/front/video", context=file.context)
     encoder, rng = SceneEncoder(160, 120, rate_hz=RATE_HZ), np.random.default_rng(6)
     for at_s, lit in zip(t_s, light, strict=True):
         image = rng.integers(60, 90, (120, 160)).astype(np.uint8)
         image[50:80, 90:130] += np.uint8(70 * lit)
         for t_ns, data in encoder.encode(image, round(at_s * 1e9)):
-            at_ns = file.epoch_ns + t_ns
-            channel.log(
-                messages.CompressedVideo(
-                    timestamp=messages.Timestamp(*divmod(at_ns, 1_000_000_000)),
-                    frame_id="front",
-                    data=data,
-                    format="h264",
-                ),
-                log_time=at_ns,
-            )
+            file.write(SceneVideo(camera="front", t_ns=t_ns, data=data, video="h264"), t_ns)
     file.close()
     message = CliRunner().invoke(
         cli, ["scene", "offset", str(recording), "front", str(tmp_path / "flashes.csv"), "--json"]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from tega_scene.courses import SceneCourses, heights, righted
 from tega_scene.layout import example_layout
-from tega_scene.outcomes import SceneCourses, SceneRule, _heights, righted, score_scene
+from tega_scene.outcomes import SceneRule, score_scene
 from tega_scene.resting import placed
 from tega_scene.smoothing import _CHANGE_COST, Course, smoothed, trended
 from tega_scene.track import BodyTrack, SceneTrack
@@ -105,7 +106,7 @@ def test_noise_along_the_view_stays_out_of_heights() -> None:
     layout = example_layout()
     track = _track(np.random.default_rng(6).normal(0, 1e-3, len(FRAMES)))
     point = np.array([0, 0, layout.object.grip_mm / 1000])
-    height, error = _heights(track, track.object, layout.object, point)
+    height, error = heights(track, track.object, layout.object, point)
     raw = track.object.point(point)[0][:, 2]
     assert raw.std() > 3e-4
     assert height.std() < raw.std() / 2

@@ -33,7 +33,7 @@ from tega.runtime.clock import ManualClock
 from tega.stages.base import ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
 from tega.stages.pulses import PulsesMapping, PulsesOptions
-from tega_study.hand_rows import HandRow
+from tega_study.attempt_rows import HandRow
 from tega_study.lead.running_trial import Going
 
 _END_S, _LIFTED_S, _SLIDES_S = 4.0, 1.0, 2.5

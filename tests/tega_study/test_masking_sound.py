@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from reference.study_bench import ScriptedDesk, quick_study
 from reference.waiting import until
 from tega.config import load_config
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
@@ -18,7 +18,6 @@ from tega_study.journal import events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.masking_settings import MaskingSection
 from tega_study.masking_sound import BAND_HZ, RATE_HZ, MaskingSound, pink_loop
-from tega_study.plan import make_plan, write_plan
 
 QUIET = MaskingSection(level_dbfs=-30.0)
 
@@ -86,37 +85,12 @@ def test_without_a_loudspeaker_package_or_level_it_says_what_to_do(
         MaskingSound(QUIET).open()
 
 
-class Desk:
-    """An experimenter who only listens."""
-
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def show(self, screen: Any) -> None:
-        """Look."""
-
-    def say(self, text: str) -> None:
-        """Hear."""
-        self.said.append(text)
-
-    def keys(self) -> list[str]:
-        """Press nothing."""
-        return []
-
-    def line(self, prompt: str) -> str:
-        """Type nothing."""
-        raise AssertionError(prompt)
-
-
 @pytest.mark.slow
 def test_a_session_says_what_masks_it_and_stops_where_that_has_gone(port: SoundPort, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     from tega_study.lead.benches import SimulatedBench
 
-    plan = make_plan(
-        participants=1, objects=["bag"], conditions=("haptic", "non-haptic"), trials=1, simulated=True
-    )
-    write_plan(plan, tmp_path, {})
+    plan = quick_study(tmp_path)
     bench = SimulatedBench(plan, "p01", real_time=False)
 
     def notes() -> list[str]:
@@ -124,13 +98,15 @@ def test_a_session_says_what_masks_it_and_stops_where_that_has_gone(port: SoundP
 
     with MaskingSound(QUIET) as sound:
         until(lambda: sound.playing)
-        lead_session(tmp_path, "p01", bench, Desk(), time_scale=0.01, auto=True, trials=1, masking=sound)
+        lead_session(
+            tmp_path, "p01", bench, ScriptedDesk(), time_scale=0.01, auto=True, trials=1, masking=sound
+        )
         assert "masking sound: pink noise at -30 dB of full scale (RMS) on the system output" in notes()
         port.present = False
         until(lambda: not sound.playing)
         with pytest.raises(DeviceUnavailableError, match="the masking sound stopped"):
-            lead_session(tmp_path, "p01", bench, Desk(), time_scale=0.01, auto=True, masking=sound)
+            lead_session(tmp_path, "p01", bench, ScriptedDesk(), time_scale=0.01, auto=True, masking=sound)
     assert any("the masking sound stopped" in note for note in notes())
-    state = lead_session(tmp_path, "p01", bench, Desk(), time_scale=0.01, auto=True)
+    state = lead_session(tmp_path, "p01", bench, ScriptedDesk(), time_scale=0.01, auto=True)
     assert state.next is None
     assert "masking sound: none" in notes()

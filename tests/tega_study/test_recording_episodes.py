@@ -13,9 +13,11 @@ import pytest
 
 pytest.importorskip("foxglove", reason="comes with the extra record")
 
+from reference.command import call
 from reference.held import PEDAL, emulated
 from reference.played import finger, muscles
 from reference.sessions import messages, record, reported, tree
+from reference.study_bench import ScriptedDesk
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.encode import encode_session
@@ -23,7 +25,6 @@ from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder, recorded_task
 from tega.recording.mcap_reader import McapReader, read_picture
 from tega.recording.replay import replay_file
-from tega.ui.cli.main import main
 from tega_emulators.lab import emulated_lab
 from tega_emulators.process import Emulator
 from tega_study.episodes.journal import EPISODES, EpisodeJournal, read_episodes
@@ -31,31 +32,21 @@ from tega_study.episodes.take import EpisodeTaker
 from tega_study.lead.experimenter import ENTER, Screen
 
 
-class _Operator:
+class _Operator(ScriptedDesk):
     """Presses at each screen what comes next: a phase, and the key for it once it has lasted."""
 
     def __init__(self, *steps: tuple[str, str]) -> None:
-        self._steps, self._keys = list(steps), list[str]()
+        super().__init__()
+        self._steps = list(steps)
         self.screens: list[tuple[str, str]] = []
-        self.said: list[str] = []
 
-    def show(self, screen: Screen) -> None:
+    def observe(self, screen: Screen) -> None:
         self.screens.append((screen.phase, screen.heading))
-        if self._keys or not self._steps or screen.phase != self._steps[0][0]:
+        if self.waiting or not self._steps or screen.phase != self._steps[0][0]:
             return
         lasts = screen.phase != "episode" or (screen.big.endswith(" s") and float(screen.big[:-2]) > 1.2)
         if lasts:
-            self._keys += list(self._steps.pop(0)[1])
-
-    def say(self, text: str) -> None:
-        self.said.append(text)
-
-    def keys(self) -> list[str]:
-        keys, self._keys = self._keys, []
-        return keys
-
-    def line(self, prompt: str) -> str:
-        raise AssertionError(prompt)
+            self.waiting += list(self._steps.pop(0)[1])
 
 
 def lab(duration_s: float = 30.0, **settings: Any) -> Any:
@@ -208,7 +199,7 @@ class _Foot(_Operator):
         _, subject = self._left.pop(0)
         self._displayed = ("", 0.0)
         if isinstance(subject, str):
-            self._keys += list(subject)
+            self.waiting += list(subject)
             return
         self._peer.say(f"press {subject}")
         time.sleep(0.05)  # no bounce
@@ -255,8 +246,8 @@ def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_
             def show(self, screen: Screen) -> None:
                 n = len(self._left)
                 super().show(screen)
-                if len(self._left) < n and not self._keys:
-                    self._keys.append("b")
+                if len(self._left) < n and not self.waiting:
+                    self.waiting.append("b")
 
         operator = Typing(peer, ("ready", 0), ("episode", 0), ("decide", 0), ("ready", "qq"))
         taken = EpisodeTaker(config, tmp_path / "s", operator, task="lift", pedals="b").take()
@@ -289,11 +280,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
 
 
 def called(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
-    with pytest.raises(SystemExit) as ended:
-        main(["recording", *words])
-    message = capsys.readouterr()
-    assert ended.value.code == code, message.err
-    return message.out if code == 0 else message.err
+    return call(capsys, "recording", *words, code=code)[code > 0]
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.study_bench import StandingBench
+from reference.study_bench import StandingBench, quick_study
 from tega.loop.snapshot import LoopView
 from tega.runtime.clock import SystemClock
 from tega.stages.metrics import contact_record
@@ -19,7 +19,7 @@ from tega_study.lead.arm_lift import ARM, ArmLift
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.running_trial import Going
 from tega_study.lead.trial import LedTrial, undo_last
-from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
+from tega_study.plan import PlannedTrial, read_plan
 from tega_study.trials import study_trials
 
 
@@ -51,8 +51,7 @@ class _ByArm(SimulatedBench):
 
 
 def _study(folder: Path, name: str = "bag") -> Path:
-    plan = make_plan(participants=1, seed=3, objects=[name], trials=1, rest_s=0.1, simulated=True)
-    write_plan(plan, folder / "study")
+    quick_study(folder / "study", objects=[name], change_rest_s=180.0)
     return folder / "study"
 
 

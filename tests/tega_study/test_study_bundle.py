@@ -22,7 +22,6 @@ from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.merge import merge_sessions
 from tega.recording.trim import trim_session
-from tega.ui.cli.main import main
 from tega_study.bids_names import BIDS_NAME, bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle
 from tega_study.journal import Journal, events_path
@@ -300,27 +299,23 @@ def test_no_pipe_is_waited_for(tmp_path: Path) -> None:
 def test_the_verbs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def call(*words: str, code: int = 0) -> str:
-        with pytest.raises(SystemExit) as ended:
-            main(["study", *words])
-        reported = capsys.readouterr()
-        assert ended.value.code == code, reported.err
-        return reported.out
+    def called(*words: str, code: int = 0) -> str:
+        return call(capsys, "study", *words, code=code)[0]
 
     monkeypatch.chdir(tmp_path)
-    assert "p01.zip: p01, 4 trials, " in call("bundle", "study", "p01", "p01.zip")
-    message = call("open", "p01.zip")
+    assert "p01.zip: p01, 4 trials, " in called("bundle", "study", "p01", "p01.zip")
+    message = called("open", "p01.zip")
     assert message.startswith("p01: p01, ")
     assert "not data of a person" in message
     assert "haptic: 2 trials that count, 2 successes, 2 slips, 0 deformations" in message
     assert "4 trials, worked out again: the same" in message
-    assert "p01  complete" in call("status", "p01")
+    assert "p01  complete" in called("status", "p01")
 
     def better(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
         manifest["trials"][0]["slips"] = 0
 
     foreign = rewritten(tmp_path / "p01.zip", better)
-    assert json.loads(call("open", str(foreign), "--out", "other", "--json", code=1))["same"] is False
+    assert json.loads(called("open", str(foreign), "--out", "other", "--json", code=1))["same"] is False
 
 
 def _with(bundle: Path, name: str, content: bytes) -> Path:

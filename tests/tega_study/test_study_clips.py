@@ -71,9 +71,9 @@ def study(where: Path, plan: StudyPlan, recording: Path, **changes: Any) -> Path
             for trial in plan.of(person):
                 start_ns = FIRST_NS + trial.trial * 100 * S
                 n = trial.trial
-                main.add("trial_start", t_ns=start_ns, trial=n, source="auto")
+                begun = main.add("trial_start", t_ns=start_ns, trial=n, source="auto")
                 main.add("slip", t_ns=start_ns + 500 * MS, trial=n, source="auto")
-                main.add(
+                ended = main.add(
                     "trial_end",
                     t_ns=start_ns + LENGTH_NS,
                     trial=n,
@@ -81,11 +81,9 @@ def study(where: Path, plan: StudyPlan, recording: Path, **changes: Any) -> Path
                     success=True,
                     source="auto",
                 )
-                found.add("trial_start", t_ns=start_ns, trial=n, source=DETECTOR)
-                for at_ms in (500, 900):
-                    at_ns = start_ns + at_ms * MS
-                    found.add("slip", t_ns=at_ns, trial=n, source=DETECTOR, value=0.8)
-                found.add("trial_end", t_ns=start_ns + LENGTH_NS, trial=n, source=DETECTOR)
+                times_ns = (start_ns + at_ms * MS for at_ms in (500, 900))
+                rows = [{"kind": "slip", "t_ns": t_ns, "value": 0.8} for t_ns in times_ns]
+                found.add_attempt((begun, ended), DETECTOR, rows)
                 kept = where / "recordings" / person / f"{trial.id}-a1"
                 kept.mkdir(parents=True)
                 facts = {

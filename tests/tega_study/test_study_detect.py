@@ -13,36 +13,21 @@ from click.testing import CliRunner
 pytest.importorskip("mujoco")
 pytest.importorskip("scipy")
 
+from reference.study_bench import ScriptedDesk, quick_study
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.analyse import analyse_study
+from tega_study.attempt_rows import HandRow, hand_path, read_hand, read_touch, touch_path, write_hand
 from tega_study.cli import study
 from tega_study.detecting import detect_study, detected_path, events_of, read_detected
-from tega_study.hand_rows import HandRow, hand_path, read_hand, write_hand
 from tega_study.journal import Journal, events_path
 from tega_study.lead import lead_session
 from tega_study.lead.benches import SimulatedBench
-from tega_study.lead.experimenter import Screen
 from tega_study.observers import read_observers
 from tega_study.page import report_html
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import agreements, export_boris, import_boris
-from tega_study.touch_rows import read_touch, touch_path
 from tega_study.trials import study_trials
-
-
-class Nobody:
-    """Nobody at the desk: the session goes on by the clock."""
-
-    def show(self, screen: Screen) -> None: ...
-
-    def say(self, text: str) -> None: ...
-
-    def keys(self) -> list[str]:
-        return []
-
-    def line(self, prompt: str) -> str:
-        raise AssertionError(prompt)
 
 
 @pytest.fixture(scope="module")
@@ -50,12 +35,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Lead a session with a trial in each of three conditions."""
     folder = tmp_path_factory.mktemp("detect") / "study"
     conditions = ["haptic", "non-haptic", "event-gated"]
-    plan = make_plan(
-        participants=1, seed=3, objects=["bag"], conditions=conditions, trials=1, rest_s=0.1, simulated=True
-    )
-    write_plan(plan, folder)
+    plan = quick_study(folder, conditions=conditions, change_rest_s=180.0, long_rest_s=300.0)
     bench = SimulatedBench(plan, "p01", real_time=False)
-    lead_session(folder, "p01", bench, Nobody(), time_scale=0.01, auto=True)
+    lead_session(folder, "p01", bench, ScriptedDesk(), time_scale=0.01, auto=True)
     return folder
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from reference.study_bench import ScriptedDesk, quick_study
 from tega.errors import DeviceUnavailableError
 from tega.records import MuscleCondition
 from tega_study.analyse import analyse_study
@@ -17,10 +18,9 @@ from tega_study.journal import JournalEvent, events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence, trial_medians
-from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
 from tega_study.page import report_html
-from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.plan import read_plan
 from tega_study.privacy import export
 from tega_study.squeeze_score import squeeze_shares
 from tega_study.trials import study_trials
@@ -113,39 +113,27 @@ def test_a_task_of_a_rest_is_ended_by_the_experimenter_and_tells_what_was_wrong(
         broken.result()
 
 
-class _Looking:
+class _Looking(ScriptedDesk):
     """Has the person squeeze before each trial, ends it after some seconds of effort, and keeps what the rests show."""
 
-    def __init__(self, folder: Path, tire: Callable[[], object]) -> None:
-        self._events, self._keys = events_path(folder, "p01"), list[str]()
+    def __init__(self, tire: Callable[[], object]) -> None:
+        super().__init__()
         self._tire = tire
-        self.phase = ""
         self.displayed: list[str] = []
-        self.said: list[str] = []
 
-    def show(self, screen: Screen) -> None:
-        if screen.phase == "questions" != self.phase:
-            self._keys += [ENTER, *("-" * len(QUESTIONS)), ENTER]
+    def observe(self, screen: Screen) -> None:
         if screen.phase == "ready" != self.phase:
             squeezed = self.phase == "task" or ("g", "a squeeze against the first") not in screen.keys
-            self._keys.append(ENTER if squeezed else "g")
+            self.waiting.append(ENTER if squeezed else "g")
         if screen.phase in {"rest", "ready"}:
             self.displayed += screen.lines
         if screen.phase == "trial" and float(screen.big.split(" s of")[0]) > 4:
-            self._keys.append("e")
-        self.phase = screen.phase
+            self.waiting.append("e")
 
     def say(self, text: str) -> None:
-        self.said.append(text)
+        super().say(text)
         if text.startswith("a squeeze against the first"):
             self._tire()
-
-    def keys(self) -> list[str]:
-        keys, self._keys = self._keys, []
-        return keys
-
-    def line(self, prompt: str) -> str:
-        raise AssertionError(prompt)
 
 
 @pytest.mark.slow
@@ -158,10 +146,7 @@ def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path:
     from tega_study.lead.benches import LabBench
 
     folder = tmp_path / "study"
-    write_plan(
-        make_plan(participants=1, objects=["bag"], trials=1, rest_s=0.1, change_rest_s=0.1, simulated=True),
-        folder,
-    )
+    quick_study(folder, seed=1)
     lab_folder = tmp_path / "lab"
     lab_folder.mkdir()
     with emulated_lab(lab_folder, emg_hz=1000.0, fingers=("thumb",)) as lab:
@@ -170,7 +155,7 @@ def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path:
         weak = msgspec.structs.replace(made.emg, maxima=(1e-4,) * 3)  # what is tensed is full effort
         save_calibration(msgspec.structs.replace(made, emg=weak), lab_folder / "calibration.toml")
         bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config, where="emulated")
-        desk = _Looking(folder, lambda: lab.emg.say("effort 0.5"))
+        desk = _Looking(lambda: lab.emg.say("effort 0.5"))
         lead_session(folder, "p01", bench, desk, time_scale=0.1)
     events = read_events(events_path(folder, "p01"))
     for trial in read_plan(folder).of("p01"):

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("jinja2")
 
+from reference.command import call
 from tega.errors import InvalidValueError
-from tega.ui.cli.main import main
 from tega_study.forms import FORMS, write_forms
 from tega_study.plan import make_plan, write_plan
 
@@ -37,12 +37,9 @@ def test_the_forms_say_what_the_plan_says(tmp_path: Path) -> None:
 
 
 def test_the_minutes_are_those_that_plan_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["study", "plan", "--participants", "2", "--anyway", "--out", str(tmp_path / "study")])
-    printed = capsys.readouterr().out
-    with pytest.raises(SystemExit) as ended:
-        main(["study", "forms", str(tmp_path / "study"), "--out", str(tmp_path / "forms")])
-    assert ended.value.code == 0
+    study = tmp_path / "study"
+    printed, _ = call(capsys, "study", "plan", "--participants", 2, "--anyway", "--out", study)
+    call(capsys, "study", "forms", study, "--out", tmp_path / "forms")
     consent = (tmp_path / "forms/consent.md").read_text()
     rests, total = (
         consent.split("rests that take ")[1].split()[0],

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from reference.study_bench import StandingBench
+from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from reference.waiting import until
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import SystemClock
@@ -35,7 +35,7 @@ from tega_study.lead.running_trial import Going
 from tega_study.lead.status_file import board_path, read_board
 from tega_study.lead.trial import LedTrial
 from tega_study.page import report_html
-from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
+from tega_study.plan import PlannedTrial, read_plan
 from tega_study.ratings import ratings
 from tega_study.score.recorded import recorded_trials
 from tega_study.score.trial_pictures import read_reel
@@ -105,8 +105,8 @@ def test_an_answer_is_one_key_and_can_be_taken_back_until_the_last_is_kept(tmp_p
     assert study_trials(folder)[1], "an answer that was taken back damages no session"
 
 
-class Experimenter:
-    """Somebody at the desk: presses Enter when asked to begin, and what else is to be pressed in each phase.
+class Experimenter(ScriptedDesk):
+    """Presses Enter when asked to begin, and what else is to be pressed in each phase.
 
     Args:
         presses: By phase of the screen, keys to press once each time the phase is entered.
@@ -114,37 +114,20 @@ class Experimenter:
     """
 
     def __init__(self, presses: dict[str, str] | None = None, answer: str = "40") -> None:
+        super().__init__(rating="i", answer=answer)
         self._presses = presses or {}
-        self._answer = answer
-        self._waiting: list[str] = []
         self.phases: list[str] = []
-        self.said: list[str] = []
 
-    def show(self, screen: Screen) -> None:
+    def observe(self, screen: Screen) -> None:
         if self.phases[-1:] != [screen.phase]:
             self.phases.append(screen.phase)
-            self._waiting += list(self._presses.get(screen.phase, ""))
+            self.waiting += list(self._presses.get(screen.phase, ""))
             if screen.phase == "ready":
-                self._waiting.append(ENTER)
-            elif screen.phase == "questions":
-                self._waiting += [ENTER, *("i" * len(QUESTIONS)), ENTER]
-
-    def say(self, text: str) -> None:
-        self.said.append(text)
-
-    def keys(self) -> list[str]:
-        keys, self._waiting = self._waiting, []
-        return keys
-
-    def line(self, prompt: str) -> str:
-        self.said.append(prompt)
-        return self._answer
+                self.waiting.append(ENTER)
 
 
 def study(folder: Path, **settings: Any) -> Path:
-    quick = {"participants": 1, "seed": 3, "objects": ["bag"], "trials": 1, "rest_s": 0.1, "simulated": True}
-    plan = make_plan(**{**quick, "change_rest_s": 0.3, "long_rest_s": 0.3, **settings})
-    write_plan(plan, folder / "study")
+    quick_study(folder / "study", **{"change_rest_s": 0.3, "long_rest_s": 0.3, **settings})
     return folder / "study"
 
 
@@ -392,7 +375,7 @@ class _Repeating(Experimenter):
     def show(self, screen: Screen) -> None:
         if screen.phase == "ready" and self.phases.count("trial") == self._after:
             self._after = -1
-            self._waiting.append("r")
+            self.waiting.append("r")
             return
         super().show(screen)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from reference.command import call
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
-from tega.ui.cli.main import main
 from tega_study.bundle import open_bundle, write_bundle
 from tega_study.journal import Journal, events_path
 from tega_study.objects import OBJECTS, ObjectFacts, note_object, read_objects
@@ -104,16 +104,13 @@ def test_the_verb_and_the_report(study: Path, capsys: pytest.CaptureFixture[str]
     from tega_study.analyse import analyse_study
     from tega_study.page import report_html
 
-    def call(*words: str) -> str:
-        with pytest.raises(SystemExit) as ended:
-            main(["study", "object", str(study), *words])
-        assert ended.value.code == 0
-        return capsys.readouterr().out
+    def called(*words: str) -> str:
+        return call(capsys, "study", "object", study, *words)[0]
 
-    assert "mass_g 32.0, stiffness_n_per_mm not known" in call(
+    assert "mass_g 32.0, stiffness_n_per_mm not known" in called(
         "bag", "--mass-g", "32", "--measured", "a <scale>"
     )
-    assert json.loads(call("bag", "--json"))["mass_g"] == 32.0
+    assert json.loads(called("bag", "--json"))["mass_g"] == 32.0
     page = report_html(analyse_study(study)[0], {})
     assert "<h2>Objects</h2>" in page
     assert "32.0" in page

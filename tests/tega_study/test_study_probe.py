@@ -11,17 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.study_bench import StandingBench
+from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega_emulators.sound_port import SoundPort
 from tega_study.beep_score import score_beeps
 from tega_study.journal import JournalEvent, Kind, events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
-from tega_study.lead.questions import QUESTIONS
 from tega_study.masking_settings import MaskingSection
 from tega_study.masking_sound import BEEP_HZ, RATE_HZ, MaskingSound, beep_tone
-from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
+from tega_study.plan import StudyPlan, make_plan, read_plan
 from tega_study.privacy import export
 from tega_study.probe import APART_S, FIRST_S, beep_times, probe_uses
 from tega_study.trials import study_trials
@@ -35,12 +34,7 @@ def port() -> Iterator[SoundPort]:
 
 
 def made_plan(folder: Path, **settings: Any) -> StudyPlan:
-    plan = make_plan(
-        **{"participants": 1, "seed": 3, "objects": ["bag"], "trials": 1, "rest_s": 0.1, "change_rest_s": 0.1,
-           "simulated": True, "probe": True, **settings}
-    )  # fmt: skip
-    write_plan(plan, folder)
-    return plan
+    return quick_study(folder, **{"probe": True, **settings})
 
 
 def event(kind: Kind, t_s: float) -> JournalEvent:
@@ -111,21 +105,16 @@ def test_a_beep_is_a_tone_in_the_noise_and_says_when_it_left(port: SoundPort) ->
     assert len(loud) <= len(tone), "without a level there is nothing but the beep"
 
 
-class _Participant:
+class _Participant(ScriptedDesk):
     """Presses the pedal after each beep that the loudspeaker plays, until two have sounded; then the trial is ended."""
 
     def __init__(self, port: SoundPort) -> None:
-        self._port, self._keys = port, list[str]()
-        self._n_heard, self._quiet = 0, True
-        self.phase = ""
-        self.said: list[str] = []
+        super().__init__()
+        self._port, self._n_heard, self._quiet = port, 0, True
 
-    def show(self, screen: Screen) -> None:
-        if screen.phase == "questions" != self.phase:
-            self._keys += [ENTER, *("-" * len(QUESTIONS)), ENTER]
+    def observe(self, screen: Screen) -> None:
         if screen.phase == "ready" != self.phase:
-            self._keys.append(ENTER)
-        self.phase = screen.phase
+            self.waiting.append(ENTER)
         blocks, self._port.played[:] = list(self._port.played), []
         for block in blocks:
             loud = bool(np.abs(block).max() > 0)
@@ -135,18 +124,8 @@ class _Participant:
             self._quiet = not loud
         if screen.phase == "trial" and time.monotonic() > getattr(self, "press_at_s", np.inf):
             del self.press_at_s
-            self._keys += ["p"] if self._n_heard < 2 else ["p", "e"]
+            self.waiting += ["p"] if self._n_heard < 2 else ["p", "e"]
             self._n_heard %= 2
-
-    def say(self, text: str) -> None:
-        self.said.append(text)
-
-    def keys(self) -> list[str]:
-        keys, self._keys = self._keys, []
-        return keys
-
-    def line(self, prompt: str) -> str:
-        raise AssertionError(prompt)
 
 
 @pytest.mark.slow

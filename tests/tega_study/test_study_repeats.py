@@ -8,56 +8,39 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from reference.study_bench import StandingBench
+from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from tega.errors import DeviceUnavailableError
 from tega.ui.cli.main import cli
 from tega_study.journal import events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
-from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.plan import read_plan
 from tega_study.state import derive
 from tega_study.trials import study_trials
 
 
-class _Desk:
+class _Desk(ScriptedDesk):
     """Presses keys by screen: in a trial the next of ``ends``, in a rest ``in_rest``, else Enter."""
 
     def __init__(self, ends: list[str], in_rest: dict[str, str] | None = None) -> None:
-        self._ends, self._in_rest = ends, in_rest or {}
-        self._displayed, self._waiting = "", list[str]()
-        self.said: list[str] = []
+        super().__init__(answer="the robot is broken")
+        self._ends, self._in_rest, self._displayed = ends, in_rest or {}, ""
         self.offered: set[str] = set()
 
-    def show(self, screen: Screen) -> None:
+    def observe(self, screen: Screen) -> None:
         self.offered |= {words for _, words in screen.keys}
         if self._displayed == screen.phase + screen.heading:
             return
         self._displayed = screen.phase + screen.heading
         if screen.phase == "trial":
-            self._waiting.append(self._ends.pop(0))
+            self.waiting.append(self._ends.pop(0))
         elif screen.phase == "ready":
             extra = next((keys for words, keys in self._in_rest.items() if words in screen.heading), "")
-            self._waiting += [*extra, ENTER]
-        elif screen.phase == "questions":
-            self._waiting += ["-"] * 11 + [ENTER]
-
-    def say(self, text: str) -> None:
-        self.said.append(text)
-
-    def keys(self) -> list[str]:
-        keys, self._waiting = self._waiting, []
-        return keys
-
-    def line(self, _prompt: str) -> str:
-        return "the robot is broken"
+            self.waiting += [*extra, ENTER]
 
 
 def _study(folder: Path) -> Path:
-    plan = make_plan(
-        participants=1, seed=3, objects=["bag"], trials=1, rest_s=0, change_rest_s=0, long_rest_s=0,
-        simulated=True,
-    )  # fmt: skip
-    write_plan(plan, folder / "study")
+    quick_study(folder / "study", rest_s=0, change_rest_s=0, long_rest_s=0)
     return folder / "study"
 
 

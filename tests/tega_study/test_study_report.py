@@ -16,8 +16,8 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
+from reference.command import call
 from tega.errors import InvalidValueError, RecordingError
-from tega.ui.cli.main import main
 from tega_study.analyse import analyse, analyse_study
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.figures import _violins, new_figure
@@ -267,32 +267,28 @@ def test_the_anonymised_copy_gives_the_same_table_and_tests(study: Path, tmp_pat
 
 @pytest.mark.slow
 def test_the_verbs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def call(*words: str, code: int = 0) -> str:
-        with pytest.raises(SystemExit) as ended:
-            main(["study", *words])
-        out = capsys.readouterr()
-        assert ended.value.code == code, out.err
-        return out.out if code == 0 else out.err
+    def called(*words: str, code: int = 0) -> str:
+        return call(capsys, "study", *words, code=code)[code > 0]
 
     folder = str(tmp_path / "s")
     made = json.loads(
-        call("plan", "--participants", "3", "--out", folder, "--trials", "2", "--anyway", "--json")
+        called("plan", "--participants", "3", "--out", folder, "--trials", "2", "--anyway", "--json")
     )
     assert made["participants"] == 3
-    assert "never overwritten" in call("plan", "--participants", "3", "--out", folder, "--anyway", code=1)
-    assert "p03  not begun" in call("status", folder)
-    assert "no finished trial" in call("report", folder, code=1)
-    assert "p01 has withdrawn" in call("withdraw", folder, "p01", "--yes")
-    assert "p01  withdrawn" in call("status", folder)
-    assert "2 people under new ids" in call("export", folder, "--out", str(tmp_path / "open"))
-    assert json.loads(call("power", "--json"))["rows"][1]["people_for_80"] == 9
-    assert "5.9,2.8" in call("power", "--slips", "many", code=2)
+    assert "never overwritten" in called("plan", "--participants", "3", "--out", folder, "--anyway", code=1)
+    assert "p03  not begun" in called("status", folder)
+    assert "no finished trial" in called("report", folder, code=1)
+    assert "p01 has withdrawn" in called("withdraw", folder, "p01", "--yes")
+    assert "p01  withdrawn" in called("status", folder)
+    assert "2 people under new ids" in called("export", folder, "--out", str(tmp_path / "open"))
+    assert json.loads(called("power", "--json"))["rows"][1]["people_for_80"] == 9
+    assert "5.9,2.8" in called("power", "--slips", "many", code=2)
     full = str(tmp_path / "full")
     fill(Path(full), people=2, courses=False)
-    reported = json.loads(call("report", full, "--json"))
+    reported = json.loads(called("report", full, "--json"))
     assert Path(reported["page"]).is_file()
     assert reported["table1"][0] == ["Condition", "Metric", "bottle", "bag"]
-    assert "Table I, simulated" in call("report", full)
+    assert "Table I, simulated" in called("report", full)
 
 
 def opening(page: str) -> str:
@@ -327,17 +323,8 @@ def test_each_further_condition_is_compared_with_the_second_over_people(report: 
         for one in two.trials
         if one.condition == "haptic"
     ]
-    three = analyse(
-        [*two.trials, *more],
-        {},
-        source="study",
-        objects=two.objects,
-        conditions=(*two.conditions, "event-gated"),
-        family=two.family,
-        flow=two.flow,
-        per_cell=3,
-        simulated=True,
-    )
+    blind = msgspec.structs.replace(two, conditions=(*two.conditions, "event-gated"), simulated=True)
+    three = analyse(blind, [*two.trials, *more], {}, per_cell=3)
     assert three.outcomes == two.outcomes
     assert [one.condition for one in three.further] == ["event-gated"] * len(two.outcomes)
     for first, third in zip(two.outcomes, three.further, strict=True):

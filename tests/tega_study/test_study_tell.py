@@ -12,52 +12,24 @@ from pathlib import Path
 
 import pytest
 
-from reference.study_bench import StandingBench
+from reference.command import call
+from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from reference.waiting import until
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.clock import ManualClock, SystemClock
-from tega.ui.cli.main import main
 from tega_study.cli.tell import COMMANDS
 from tega_study.journal import events_path, read_events
 from tega_study.lead import lead_session
-from tega_study.lead.experimenter import ENTER, Screen
-from tega_study.lead.questions import QUESTIONS
+from tega_study.lead.experimenter import ENTER
 from tega_study.lead.status_file import board_path, read_board
 from tega_study.lead.tell import KEYS, CommandFile, commands_path, notify
-from tega_study.plan import make_plan, write_plan
 from tega_study.trials import study_trials
-
-
-class _Nobody:
-    """An experimenter's desk at which nobody presses anything; the participant passes over every question."""
-
-    def __init__(self) -> None:
-        self._keys = list[str]()
-        self.phase = ""
-
-    def show(self, screen: Screen) -> None:
-        if screen.phase == "questions" != self.phase:
-            self._keys += [ENTER, *("-" * len(QUESTIONS)), ENTER]
-        self.phase = screen.phase
-
-    def say(self, text: str) -> None:
-        """Hear."""
-
-    def keys(self) -> list[str]:
-        keys, self._keys = self._keys, []
-        return keys
-
-    def line(self, prompt: str) -> str:
-        raise AssertionError(prompt)
 
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
     folder = tmp_path / "study"
-    write_plan(
-        make_plan(participants=1, objects=["bag"], trials=1, rest_s=0.1, change_rest_s=0.1, simulated=True),
-        folder,
-    )
+    quick_study(folder, seed=1, long_rest_s=300.0)
     return folder
 
 
@@ -78,7 +50,7 @@ def reported(folder: Path, command: str) -> str:
 @pytest.mark.timeout(300)
 def test_a_session_is_led_by_other_processes_from_start_to_end(study: Path) -> None:
     session = threading.Thread(
-        target=lead_session, args=(study, "p01", StandingBench(), _Nobody()), kwargs={"time_scale": 0.01}
+        target=lead_session, args=(study, "p01", StandingBench(), ScriptedDesk()), kwargs={"time_scale": 0.01}
     )
     session.start()
     try:
@@ -137,10 +109,7 @@ def test_where_nobody_leads_a_command_is_refused_and_not_kept_for_later(
     with pytest.raises(DeviceUnavailableError, match="no program leads the session of p01"):
         notify(study, "p01", "start", clock=SystemClock())
     assert not commands_path(study, "p01").exists()
-    with pytest.raises(SystemExit) as ended:
-        main(["study", "tell", str(study), "p01", "start"])
-    assert ended.value.code == 3
-    assert "no program leads" in capsys.readouterr().err
+    assert "no program leads" in call(capsys, "study", "tell", study, "p01", "start", code=3)[1]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipe and link")

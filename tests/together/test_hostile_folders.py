@@ -28,16 +28,15 @@ from tega.runtime.files.whole_file import new_file, write_whole
 from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
 from tega_bench.vest_latency.log import read_wav
+from tega_study.attempt_rows import read_hand, read_touch
 from tega_study.coupling import read_course
 from tega_study.episodes.journal import EPISODES, EpisodeJournal
-from tega_study.hand_rows import read_hand
 from tega_study.journal import Journal, events_path
 from tega_study.lead.status_file import board_path, read_board
 from tega_study.lead.tell import commands_path, notify
 from tega_study.plan import make_plan, write_plan
 from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.touch_picture import read_touch_picture
-from tega_study.touch_rows import read_touch
 from tega_study.withdrawn import withdrawn_ids
 
 pytestmark = [

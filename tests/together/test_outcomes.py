@@ -11,7 +11,8 @@ import pytest
 from reference.study_bench import StandingBench
 from tega.runtime.clock import SystemClock
 from tega.stages.events.outcomes import LiftRule, StableReading, success
-from tega_scene.outcomes import SceneCourses, SceneRule
+from tega_scene.courses import SceneCourses
+from tega_scene.outcomes import SceneRule
 from tega_scene.smoothing import Course
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from datetime import datetime
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +64,6 @@ def play_bursts(
     percent: int,
     bursts: int,
     clock: Clock,
-    seed: int = 0,
     stop: Callable[[], bool] = lambda: False,
     reported: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> tuple[list[float], int]:
@@ -80,7 +78,6 @@ def play_bursts(
         percent: How hard.
         bursts: How often.
         clock: Time.
-        seed: Seed of the rests.
         stop: Asked all the time whether to end early, which raises KeyboardInterrupt.
         reported: Called with the number of finished bursts and the total.
 
@@ -91,7 +88,7 @@ def play_bursts(
         InvalidValueError: The layout has no such motor.
         DeviceUnavailableError: The vest was not reached all the time.
     """
-    rests, left_s, unsent = random.Random(seed), list[float](), 0
+    rests, left_s, unsent = random.Random(0), list[float](), 0
     leaving: Any = watched_vest(vest)
     sent: list[int] = []
     begin_ns = clock.now_ns() + round(_BEFORE_S * 1e9)
@@ -189,18 +186,20 @@ def record_of(found: OnsetFound, log: OnsetLog) -> OnsetRecord:
 
 
 def log_of(
-    info: DeviceInfo,
-    *,
-    made: datetime,
-    layout: Layout,
-    motor: int,
-    percent: int,
-    bursts_s: list[float],
-    unsent: int,
-    clicks_s: list[float],
-    clicks: Literal["keys", "speaker"],
+    info: DeviceInfo, bursts_s: list[float], clicks_s: list[float], *, unsent: int, **facts: Any
 ) -> OnsetLog:
-    """Make the log of some bursts, times counted from the first."""
+    """Make the log of some bursts, times counted from the first.
+
+    Args:
+        info: The vest.
+        bursts_s: When each burst left, seconds on the monotonic clock.
+        clicks_s: When there was a click, likewise.
+        unsent: Bursts that did not leave as wanted.
+        facts: Other attributes of :class:`tega_bench.vest_latency.log.OnsetLog`.
+
+    Raises:
+        DeviceUnavailableError: No burst left.
+    """
     if not bursts_s:
         raise DeviceUnavailableError(
             f"{info.label}: none of the {unsent} bursts left as wanted",
@@ -208,16 +207,12 @@ def log_of(
         )
     zero_s = min(bursts_s + clicks_s)
     return OnsetLog(
-        made=made,
         driver=info.driver,
         device=device_name(info),
-        layout=layout,
-        motor=motor,
-        percent=percent,
         on_s=BURST_S,
         bursts_s=tuple(round(t - zero_s, 6) for t in bursts_s),
-        unsent=unsent,
         clicks_s=tuple(round(t - zero_s, 6) for t in clicks_s),
-        clicks=clicks,
+        unsent=unsent,
         notes=info.notes,
+        **facts,
     )

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import NameList, echo_json, json_option
+from tega.ui.cli.options import NameList, echo_json, json_option, worn_by
 from tega.ui.cli.page import view_options
-
-if TYPE_CHECKING:
-    from tega_practice.kept import DecoderSkill
-    from tega_practice.kept_tracking import TrackingSkill
 
 __all__ = ["emg_fitts", "emg_skill"]
 
@@ -76,7 +70,7 @@ def emg_fitts(
     from tega.ui.cli.guided import guided
     from tega_practice.live import fitts_test
 
-    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    config = load_config(settings, sets=worn_by(person, sets)).config
     port = view_port if view else None
     with guided(f"TEGA Fitts test of {person}", yes=yes, get_ready_s=1.0, view_port=port) as guide:
         record, score, file = fitts_test(
@@ -121,58 +115,43 @@ def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, a
     import msgspec
 
     from tega.config.calibration.folder import CalibrationFolder
-    from tega_practice.kept import compare_kept, kept_fitts
-    from tega_practice.kept_tracking import compare_tracked, kept_practices
+    from tega.config.calibration.records import PracticeRecord
+    from tega_practice.kept import FittsRecord, compare_kept, kept_records
+    from tega_practice.kept_tracking import compare_tracked
 
     home, named = CalibrationFolder(folder), decoders or ()
-    tracked = compare_tracked(kept_practices(home, person), named)
-    tests = kept_fitts(home, person)
+    tracked = compare_tracked(kept_records(PracticeRecord, home, person), named)
+    tests = kept_records(FittsRecord, home, person)
     found = compare_kept(tests, named) if tests or not tracked else []
     if as_json:
         echo_json({"fitts": msgspec.to_builtins(found), "tracking": msgspec.to_builtins(tracked)})
         return
     if found:
-        _print(found)
+        _table(
+            "Fitts tests; [95 % interval]",
+            ("tests", "bits/s", "against first", "hit %", "path %", "overshoots"),
+            [
+                (
+                    *(one.person, one.decoder, one.tests, one.throughput_bits_s, one.difference_bits_s),
+                    f"{100 * one.completion:.0f}",
+                    None if one.path_efficiency is None else f"{100 * one.path_efficiency:.0f}",
+                    f"{one.overshoots:.1f}",
+                )
+                for one in found
+            ],
+        )
     if tracked:
-        _print_tracked(tracked)
-
-
-def _print_tracked(found: list[TrackingSkill]) -> None:
-    _table(
-        "Practice: RMS error, levels of 1 to 5; [95 % interval]",
-        ("practices", "error", "against first", "on the level %"),
-        [
-            (
-                one.person,
-                one.decoder,
-                one.practices,
-                one.rms_error_levels,
-                one.difference_levels,
-                f"{100 * one.in_target:.0f}",
-            )
-            for one in found
-        ],
-    )
-
-
-def _print(found: list[DecoderSkill]) -> None:
-    _table(
-        "Fitts tests; [95 % interval]",
-        ("tests", "bits/s", "against first", "hit %", "path %", "overshoots"),
-        [
-            (
-                one.person,
-                one.decoder,
-                one.tests,
-                one.throughput_bits_s,
-                one.difference_bits_s,
-                f"{100 * one.completion:.0f}",
-                None if one.path_efficiency is None else f"{100 * one.path_efficiency:.0f}",
-                f"{one.overshoots:.1f}",
-            )
-            for one in found
-        ],
-    )
+        _table(
+            "Practice: RMS error, levels of 1 to 5; [95 % interval]",
+            ("practices", "error", "against first", "on the level %"),
+            [
+                (
+                    *(one.person, one.decoder, one.practices, one.rms_error_levels, one.difference_levels),
+                    f"{100 * one.in_target:.0f}",
+                )
+                for one in tracked
+            ],
+        )
 
 
 def _table(title: str, numbers: tuple[str, ...], rows: list[tuple[object, ...]]) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import json_option, worn_by
 from tega.ui.cli.page import view_options
 
 
@@ -47,7 +46,7 @@ def practice(
     from tega.ui.cli.guided import guided
     from tega.ui.cli.options import echo_json
 
-    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    config = load_config(settings, sets=worn_by(person, sets)).config
     port = view_port if view else None
     with guided(f"TEGA practice of {person}", yes=yes, get_ready_s=1.0, view_port=port) as guide:
         record, file = track(config, guide, duration_s=seconds, seed=seed, settings=str(settings))

@@ -50,8 +50,9 @@ def learn(
     from tega.runtime.guide import Undecided
     from tega.ui.cli.guided import guided
     from tega.ui.cli.options import echo_json, worn_by
+    from tega_practice.kept import kept_records
     from tega_practice.vest_course import learn_vest
-    from tega_practice.vest_kept import kept_vest_skill
+    from tega_practice.vest_kept import VestSkillRecord
 
     config = load_config(settings, sets=worn_by(person, sets)).config
     if config.vest.driver is None:
@@ -74,7 +75,11 @@ def learn(
         )
     guide.say(f"{record.mapping}: {record.right_percent:.0f} % right in all", tone="good")
     kept = CalibrationFolder(file.parents[3])
-    earlier = [one for one in kept_vest_skill(kept, person, record.mapping) if one.made < record.made]
+    earlier = [
+        one
+        for one in kept_records(VestSkillRecord, kept, person)
+        if one.mapping == record.mapping and one.made < record.made
+    ]
     if earlier:
         text = ", ".join(f"{one.right_percent:.0f} %" for one in earlier[-5:])
         guide.say(f"Earlier tests of {person} with {record.mapping}: {text}")

@@ -17,9 +17,6 @@ def report_apart(folder: Path) -> Path:
 
     The writing process prints errors on this process's standard error.
 
-    Args:
-        folder: The study's.
-
     Raises:
         SystemExit: That process failed; with its exit code.
     """

@@ -8,15 +8,13 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import echo_json, json_option
-
-_FOLDER = click.Path(path_type=Path, file_okay=False)
-_FILE = click.Path(path_type=Path, dir_okay=False)
+from tega_study.cli.options import FILE, FOLDER, folder_argument, participant_argument
 
 
 @click.command(epilog="Example: tega-teleop study bundle my-study p01 p01.zip")
-@click.argument("folder", type=_FOLDER)
-@click.argument("participant")
-@click.argument("out", type=_FILE)
+@folder_argument
+@participant_argument
+@click.argument("out", type=FILE)
 @click.option(
     "--bids",
     is_flag=True,
@@ -52,8 +50,8 @@ def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bo
 
 
 @click.command("open", epilog="Example: tega-teleop study open p01.zip --out p01-session")
-@click.argument("bundle", type=_FILE)
-@click.option("--out", type=_FOLDER, help="New folder; by default the file's name without its ending.")
+@click.argument("bundle", type=FILE)
+@click.option("--out", type=FOLDER, help="New folder; by default the file's name without its ending.")
 @json_option
 def open_(*, bundle: Path, out: Path | None, as_json: bool) -> None:
     """Check every hash of a bundle, unpack it as a study's folder, and compare its trials worked out again.

@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+from tega_study.cli.options import FILE, FOLDER, folder_argument
 
 
 @click.command(epilog="Example: tega-teleop study clips my-study r3-clips --rater r3")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.argument("out", type=click.Path(path_type=Path, file_okay=False), required=False)
+@folder_argument
+@click.argument("out", type=FOLDER, required=False)
 @click.option(
     "--rater", metavar="ID", required=True, help="Code of the rater who gets the clips; it must be new."
 )
@@ -21,12 +22,12 @@ from tega.ui.cli.options import echo_json, json_option
     help="Put the events that rule and detector found into the project, for the rater to decide.",
 )
 @click.option(
-    "--scene", "scenes", multiple=True, type=click.Path(path_type=Path, dir_okay=False), metavar="SCENE.mcap",
+    "--scene", "scenes", multiple=True, type=FILE, metavar="SCENE.mcap",
     help="Scene recording of the sessions, which shows the object in the clips; repeatable.",
 )  # fmt: skip
 @click.option(
     "--take",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     metavar="FILE.boris",
     help="BORIS project with the rater's codes to take in.",
 )

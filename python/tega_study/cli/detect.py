@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+from tega_study.cli.options import folder_argument
 
 if TYPE_CHECKING:
     from tega_study.detecting import TrialEvents
 
 
 @click.command(epilog="Example: tega-teleop study detect my-study p01")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@folder_argument
 @click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
 @click.option(
     "--live",

@@ -7,15 +7,12 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import echo_json, json_option
-
-_FOLDER = click.Path(path_type=Path, file_okay=False)
+from tega_study.cli.options import FOLDER, folder_argument
 
 
 @click.command(epilog="Example: tega-teleop study forms my-study --out forms")
-@click.argument("folder", type=_FOLDER)
-@click.option(
-    "--out", type=_FOLDER, required=True, help="Folder for the forms; no form in it is overwritten."
-)
+@folder_argument
+@click.option("--out", type=FOLDER, required=True, help="Folder for the forms; no form in it is overwritten.")
 @json_option
 def forms(*, folder: Path, out: Path, as_json: bool) -> None:
     """Write templates of a consent form and a data protection sheet, filled in from the plan.

@@ -8,12 +8,13 @@ from typing import Any
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+from tega_study.cli.options import FILE, folder_argument
 
 
 @click.command(
     "object", epilog="Example: tega-teleop study object my-study bag --mass-g 32 --measured 'kitchen scale'"
 )
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@folder_argument
 @click.argument("name")
 @click.option("--mass-g", type=float, help="Mass as it is lifted, grams.")
 @click.option(
@@ -21,7 +22,7 @@ from tega.ui.cli.options import echo_json, json_option
 )
 @click.option("--friction", type=float, help="Static friction against the gel.")
 @click.option("--measured", help="How these were measured.")
-@click.option("--photo", type=click.Path(path_type=Path, dir_okay=False), help="JPEG or PNG; it is copied.")
+@click.option("--photo", type=FILE, help="JPEG or PNG; it is copied.")
 @json_option
 def object_(
     *,

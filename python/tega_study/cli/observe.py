@@ -6,11 +6,13 @@ from pathlib import Path
 
 import click
 
+from tega_study.cli.options import folder_argument, participant_argument, shown_option
+
 
 @click.command(epilog="Example: tega-teleop study observe my-study p01 --rater r1")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.argument("participant")
-@click.option("--rater", default="r1", show_default=True, metavar="ID", help="Who observes: a code, no name.")
+@folder_argument
+@participant_argument
+@shown_option("--rater", default="r1", metavar="ID", help="Who observes: a code, no name.")
 @click.option("--recorded", "--no-view", is_flag=True, hidden=True)
 def observe(*, folder: Path, participant: str, rater: str, recorded: bool) -> None:
     """Score a session as it goes on: one key an event, in a terminal of its own.

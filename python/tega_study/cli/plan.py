@@ -9,72 +9,29 @@ import click
 
 from tega.errors import InvalidValueError
 from tega.ui.cli.options import NameList, echo_json, json_option
+from tega_study.cli.options import FOLDER, design_options, folder_argument, shown_option
 
 if TYPE_CHECKING:
-    from tega_study.order import Layout
-    from tega_study.plan import ScoredBy, StudyPlan
-
-
-_FOLDER = click.Path(path_type=Path, file_okay=False)
+    from tega_study.plan import StudyPlan
 
 
 @click.command(epilog="Example: tega-teleop study plan --participants 12 --seed 7 --out my-study")
 @click.option("--participants", type=click.IntRange(1, 999), required=True, help="How many people.")
 @click.option(
-    "--out", type=_FOLDER, required=True, help="New folder for the plan; nothing is ever overwritten."
+    "--out", type=FOLDER, required=True, help="New folder for the plan; nothing is ever overwritten."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**63 - 1),
-    default=1,
-    show_default=True,
-    help="Seed from which all orders are drawn.",
-)
-@click.option(
-    "--objects",
-    type=NameList(),
-    default="bottle,container,bag",
-    show_default=True,
-    help="Objects that are lifted.",
-)
-@click.option(
-    "--conditions",
-    type=NameList(),
-    default="haptic,non-haptic",
-    show_default=True,
-    help="Conditions: the first is compared with the second; a third can be event-gated.",
-)
-@click.option(
-    "--trials",
-    type=click.IntRange(1, 1000),
-    default=10,
-    show_default=True,
-    help="Trials of each object under each condition.",
-)
-@click.option(
-    "--layout",
-    type=click.Choice(["abba", "pairs", "period"]),
-    default="abba",
-    show_default=True,
+@design_options(seed="Seed from which all orders are drawn.", conditions="; a third can be event-gated")
+@shown_option(
+    "--layout", type=click.Choice(["abba", "pairs", "period"]), default="abba",
     help="Order of conditions: there and back per object (abba), in random pairs, or one after the other (period).",
-)
-@click.option(
-    "--rest-s",
-    type=click.FloatRange(0, 3600),
-    default=60.0,
-    show_default=True,
-    help="Seconds of rest between two trials.",
-)
+)  # fmt: skip
 @click.option(
     "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
 )
-@click.option(
-    "--scored-by",
-    type=click.Choice(["session", "camera"]),
-    default="session",
-    show_default=True,
+@shown_option(
+    "--scored-by", type=click.Choice(["session", "camera"]), default="session",
     help="Outcome of a trial that counts: the session's and its raters', or the scene camera's if it measured it.",
-)
+)  # fmt: skip
 @click.option("--anyway", is_flag=True, help="Write a plan with too few people for a significant result.")
 @click.option(
     "--behaviours",
@@ -86,21 +43,7 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 )
 @json_option
 def plan(
-    *,
-    participants: int,
-    out: Path,
-    seed: int,
-    objects: list[str],
-    conditions: list[str],
-    trials: int,
-    layout: Layout,
-    rest_s: float,
-    probe: bool,
-    scored_by: ScoredBy,
-    anyway: bool,
-    behaviours: list[str] | None,
-    simulated: bool,
-    as_json: bool,
+    *, out: Path, anyway: bool, behaviours: list[str] | None, simulated: bool, as_json: bool, **settings: Any
 ) -> None:
     """Write a counterbalanced plan: study.toml and plan.csv, never changed afterwards.
 
@@ -110,19 +53,7 @@ def plan(
 
     from tega_study.plan import make_plan, write_plan
 
-    made = make_plan(
-        participants=participants,
-        seed=seed,
-        objects=objects,
-        conditions=conditions,
-        simulated=simulated,
-        trials=trials,
-        layout=layout,
-        rest_s=rest_s,
-        probe=probe,
-        scored_by=scored_by,
-        behaviours=behaviours or (),
-    )
+    made = make_plan(simulated=simulated, behaviours=behaviours or (), **settings)
     warning = _too_few(made)
     if warning and not (anyway or simulated):
         raise InvalidValueError(warning, "plan more people, or add --anyway")
@@ -132,7 +63,7 @@ def plan(
     if as_json:
         echo_json({"out": str(out), **msgspec.to_builtins(made.settings)})
         return
-    click.echo(f"{out}: {participants} people, {len(first)} trials each, seed {seed}")
+    click.echo(f"{out}: {len(made.participants)} people, {len(first)} trials each, seed {made.settings.seed}")
     click.echo(f"{first[0].participant} begins with {first[0].object}, {first[0].condition}")
     click.echo(
         f"rests alone take {rests_s / 60:.0f} min a person; with 15 s a trial {rests_s / 60 + len(first) / 4:.0f} min"
@@ -158,7 +89,7 @@ def _too_few(made: StudyPlan) -> str:
 
 
 @click.command(epilog="Example: tega-teleop study status my-study")
-@click.argument("folder", type=_FOLDER)
+@folder_argument
 @json_option
 def status(*, folder: Path, as_json: bool) -> None:
     """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""

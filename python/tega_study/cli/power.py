@@ -7,34 +7,22 @@ from typing import Any
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+from tega_study.cli.options import shown_option
 
 _SIZES = (6, 9, 12, 18, 24)
+_ALPHA = 0.05
+"""Two-sided level of the report's tests."""
 
 
 @click.command(epilog="Example: tega-teleop study power --slips 5.9,2.8 --trials 10")
-@click.option("--slips", default="5.9,2.8", show_default=True, help="Mean per trial without and with touch.")
-@click.option(
-    "--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Trials of each condition."
-)
-@click.option(
-    "--alpha",
-    type=click.FloatRange(0.0001, 0.5),
-    default=0.05,
-    show_default=True,
-    help="Two-sided level of the test.",
-)
-@click.option(
-    "--tests",
-    type=click.IntRange(1, 100),
-    default=7,
-    show_default=True,
+@shown_option("--slips", default="5.9,2.8", help="Mean per trial without and with touch.")
+@shown_option("--trials", type=click.IntRange(1, 1000), default=10, help="Trials of each condition.")
+@shown_option(
+    "--tests", type=click.IntRange(1, 100), default=7,
     help="Number of tests in the plan's family, for Holm's correction. The others find nothing.",
-)
-@click.option(
-    "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Seed of the simulation."
-)
+)  # fmt: skip
 @json_option
-def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_json: bool) -> None:
+def power(*, slips: str, trials: int, tests: int, as_json: bool) -> None:
     """Compute how many people a study needs to find a difference in counts.
 
     Draws studies with people who hardly differ, who differ, and who differ a lot, and analyses each as the report does:
@@ -50,13 +38,11 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
         PlannedTest("slips", mean, reference),
         *[PlannedTest("slips", reference, reference)] * (tests - 1),
     ]
-    least = least_people("slips", tests=tests, alpha=alpha)
+    least = least_people("slips", tests=tests)
     rows: list[dict[str, Any]] = []
     for name, spread in SPREADS.items():
-        needed = people_for(family, trials=trials, spread=spread, alpha=alpha, seed=seed)
-        some = [
-            power_of(family, people=n, trials=trials, spread=spread, alpha=alpha, seed=seed) for n in _SIZES
-        ]
+        needed = people_for(family, trials=trials, spread=spread)
+        some = [power_of(family, people=n, trials=trials, spread=spread) for n in _SIZES]
         rows.append(
             {
                 "people_differ": name,
@@ -70,7 +56,7 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
                 "reference": reference,
                 "mean": mean,
                 "trials": trials,
-                "alpha": alpha,
+                "alpha": _ALPHA,
                 "tests": tests,
                 "least_people": least,
                 "rows": rows,
@@ -79,7 +65,7 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
         return
     click.echo(
         f"{reference:g} against {mean:g} per trial, {trials} trials per condition; sign-flips over people, "
-        f"Holm over {tests} tests, p < {alpha:g}"
+        f"Holm over {tests} tests, p < {_ALPHA:g}"
     )
     message = f"over {MOST_PEOPLE}" if least is None else str(least)
     click.echo(f"least number of people: {message}; with fewer no result can be significant")

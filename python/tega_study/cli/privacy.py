@@ -7,13 +7,12 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import echo_json, json_option
-
-_FOLDER = click.Path(path_type=Path, file_okay=False)
+from tega_study.cli.options import FOLDER, folder_argument, participant_argument
 
 
 @click.command(epilog="Example: tega-teleop study withdraw my-study p03")
-@click.argument("folder", type=_FOLDER)
-@click.argument("participant")
+@folder_argument
+@participant_argument
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @json_option
 def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> None:
@@ -42,8 +41,8 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
 
 
 @click.command(epilog="Example: tega-teleop study export my-study --out my-study-open")
-@click.argument("folder", type=_FOLDER)
-@click.option("--out", type=_FOLDER, required=True, help="New folder for the copy.")
+@folder_argument
+@click.option("--out", type=FOLDER, required=True, help="New folder for the copy.")
 @click.option(
     "--bids", is_flag=True, help="Write the muscle signals of all people instead, as a BIDS data set (EDF+)."
 )

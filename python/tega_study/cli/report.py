@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+from tega_study.cli.options import FOLDER
 
 if TYPE_CHECKING:
     from tega_study.analyse import Analysis
 
 
-_FOLDER = click.Path(path_type=Path, file_okay=False)
-
-
 @click.command(epilog="Example: tega-teleop study report my-study")
 @click.argument("source", type=click.Path(path_type=Path))
-@click.option("--out", type=_FOLDER, help="Folder for report.html and report/; the study's own unless given.")
+@click.option("--out", type=FOLDER, help="Folder for report.html and report/; the study's own unless given.")
 @click.option(
     "--unblind",
     is_flag=True,

@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from tega.ui.cli.options import echo_json, json_option
 from tega_sim.cli.options import loop_sets
+from tega_study.cli.options import FILE, folder_argument, participant_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.lead.benches import TrialBench
-    from tega_study.lead.trial import Task
     from tega_study.masking_sound import MaskingSound
     from tega_study.plan import StudyPlan
     from tega_study.state import Where
 
 
 @click.command(epilog="Example: tega-teleop study run my-study p01 --lab lab.toml")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.argument("participant")
+@folder_argument
+@participant_argument
 @click.option(
     "--lab",
     type=click.Path(path_type=Path),
@@ -45,28 +45,25 @@ if TYPE_CHECKING:
     help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout. Repeatable.",
 )
 @click.option(
-    "--config",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="LAB.toml",
+    "--config", type=FILE, metavar="LAB.toml",
     help="With --simulated: take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
-)
-@click.option(
-    "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
-    help="Preset of the loop, with --simulated.",
 )  # fmt: skip
-@click.option(
-    "--task",
-    type=click.Choice(["lift", "place"]),
-    default="lift",
-    show_default=True,
-    help="lift: a trial ends when the object is held up. place: it ends when the object is put down again (Enter).",
+@shown_option(
+    "--preset",
+    type=click.Choice(["paper", "live"]),
+    default="live",
+    help="Preset of the loop, with --simulated.",
 )
+@shown_option(
+    "--task", type=click.Choice(["lift", "place"]), default="lift",
+    help="lift: a trial ends when the object is held up. place: it ends when the object is put down again (Enter).",
+)  # fmt: skip
 @click.option(
     "--pedals", "--pedal", default="", metavar="KEYS",
     help="Keys that foot pedals type, such as 12345: go on, end, slip, deformation, again.",
 )  # fmt: skip
-@click.option(
-    "--answer", default="p", show_default=True, metavar="KEY",
+@shown_option(
+    "--answer", default="p", metavar="KEY",
     help="The key that the participant's pedal types at a beep, in a plan made with --probe.",
 )  # fmt: skip
 @click.option("--trials", type=click.IntRange(1), help="Number of trials after which to stop.")
@@ -86,13 +83,10 @@ def run(
     sets: tuple[str, ...],
     config: Path | None,
     preset: Literal["paper", "live"],
-    task: Task,
-    pedals: str,
     answer: str,
-    trials: int | None,
     yes: bool,
-    time_scale: float,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Lead a participant through the planned trials, or go on where it was stopped.
 
@@ -131,14 +125,11 @@ def run(
             participant,
             bench,
             desk,
-            task=task,
-            time_scale=time_scale,
-            pedals=pedals,
             answer_key=answer,
             auto=yes,
-            trials=trials,
             masking=masking,
             stop=stop,
+            **options,
         )
     if state.next is None and bench.measurable:
         click.echo(f"tega-teleop scene measure {folder} {participant} scores the trials by rule", err=True)

@@ -9,17 +9,15 @@ import click
 
 from tega.ui.cli.options import echo_json, json_option
 from tega_scene.cli import optics_options, print_outcome
-
-_FILE = click.Path(path_type=Path, dir_okay=False)
-_FOLDER = click.Path(path_type=Path, file_okay=False)
+from tega_study.cli.options import FILE, folder_argument, participant_argument
 
 
 @click.command(
     epilog="Example: tega-teleop scene measure my-study p01 cam.mp4 --lens cam.json --layout tags.toml"
 )
-@click.argument("folder", type=_FOLDER)
-@click.argument("participant")
-@click.argument("video", type=_FILE, required=False)
+@folder_argument
+@participant_argument
+@click.argument("video", type=FILE, required=False)
 @click.option(
     "--camera", metavar="NAME", help="Which camera of the settings, where several filmed the trials."
 )
@@ -76,8 +74,8 @@ def measure(
 @click.command(
     epilog="Example: tega-teleop scene confirm my-study p01 7 --rater r1 --strike 12 --add slip=4.2"
 )
-@click.argument("folder", type=_FOLDER)
-@click.argument("participant")
+@folder_argument
+@participant_argument
 @click.argument("trial", type=click.IntRange(1, 10_000))
 @click.option("--rater", required=True, metavar="ID", help="Code of the rater who looked at the video.")
 @click.option("--attempt", type=click.IntRange(1, 2), default=1, help="Which attempt of the trial.")
@@ -112,22 +110,22 @@ def confirm(
             for event in read_measured(folder, participant)
             if (event.trial, event.attempt) == (trial, attempt) and event.kind in CORRECTED
         ]
-        if as_json:
-            echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
-            return
-        for event in events:
-            click.echo(f"{event.n}: {event.text}")
-        return
-    wanted = []
-    for text in added:
-        kind, _, t_s = text.partition("=")
-        try:
-            wanted.append((kind, float(t_s)))
-        except ValueError:
-            raise click.UsageError(f"--add {text}: write it as slip=4.2") from None
-    events = confirm_trial(folder, participant, trial, rater, attempt=attempt, struck=struck, added=wanted)
+        lines = [f"{event.n}: {event.text}" for event in events]
+    else:
+        wanted = []
+        for text in added:
+            kind, _, t_s = text.partition("=")
+            try:
+                wanted.append((kind, float(t_s)))
+            except ValueError:
+                raise click.UsageError(f"--add {text}: write it as slip=4.2") from None
+        events = confirm_trial(
+            folder, participant, trial, rater, attempt=attempt, struck=struck, added=wanted
+        )
+        reported = ", ".join(one.kind for one in events) or "nothing"
+        lines = [f"{participant} trial {trial}, as {rater} has it: {reported}"]
     if as_json:
         echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
         return
-    reported = ", ".join(one.kind for one in events) or "nothing"
-    click.echo(f"{participant} trial {trial}, as {rater} has it: {reported}")
+    for line in lines:
+        click.echo(line)

@@ -7,12 +7,29 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+from tega_study.cli.options import folder_argument, shown_option
+
+_COLUMNS = {
+    "event": "kind",
+    "first": "a",
+    "second": "b",
+    "trials": "trials",
+    "n first": "n_a",
+    "n second": "n_b",
+    "F1": "f1",
+    "chance": "chance_f1",
+    "delay s": "delay_s",
+    "kappa 1 s": "kappa",
+    "ICC": "icc",
+    "": "note",
+}
+"""Attributes of an agreement in the printed table, by heading."""
 
 
 @click.command(epilog="Example: tega-teleop study score my-study --boris my-study.boris")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.option(
-    "--tolerance-s", type=click.FloatRange(0.01, 10), default=1.0, show_default=True,
+@folder_argument
+@shown_option(
+    "--tolerance-s", type=click.FloatRange(0.01, 10), default=1.0,
     help="How far apart two events may be and still be one; 0.5 suits video, 1 suits live.",
 )  # fmt: skip
 @click.option("--boris", type=click.Path(path_type=Path), metavar="OUT.boris", help="Write a BORIS project.")
@@ -59,9 +76,8 @@ def score(
     n_elan = 0 if elan is None else export_elan(folder, elan)
     found = agreements(folder, tolerance_s=tolerance_s)
     if as_json:
-        rows = msgspec.to_builtins(found)
         files = {"boris": None if boris is None else str(boris), "elan": None if elan is None else str(elan)}
-        echo_json({"agreements": rows, "imported": imported, **files})
+        echo_json({"agreements": msgspec.to_builtins(found), "imported": imported, **files})
         return
     for person, n in imported.items():
         click.echo(f"{person}: {n} trials of rater {rater} taken in")
@@ -73,41 +89,16 @@ def score(
         click.echo("nothing to compare: two accounts of the same trials are needed, such as two raters")
         return
     click.echo(f"events within {tolerance_s:g} s are one; delay: second less first")
-    head = (
-        "event",
-        "first",
-        "second",
-        "trials",
-        "n first",
-        "n second",
-        "F1",
-        "chance",
-        "delay s",
-        "kappa 1 s",
-        "ICC",
-        "",
-    )
-    rows = [head] + [
-        (
-            one.kind,
-            one.a,
-            one.b,
-            str(one.trials),
-            str(one.n_a),
-            str(one.n_b),
-            _number(one.f1),
-            _number(one.chance_f1),
-            _number(one.delay_s),
-            _number(one.kappa),
-            _number(one.icc),
-            one.note,
-        )
-        for one in found
+    rows = [
+        tuple(_COLUMNS),
+        *(tuple(_cell(getattr(one, name)) for name in _COLUMNS.values()) for one in found),
     ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
+def _cell(value: str | float | None) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.2f}" if isinstance(value, float) else str(value)

@@ -3,50 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from tega.ui.cli.options import NameList, echo_json, json_option
-from tega_study.cli.simulate import SHARD, trials_displayed
+from tega_study.cli.options import folder_argument, shown_option, trials_option, workers_options
+from tega_study.cli.simulate import trials_displayed
 
 
 @click.command(epilog="Example: tega-teleop study sensitivity in-silico")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.option(
-    "--operators",
-    type=click.IntRange(2, 999),
-    default=4,
-    show_default=True,
-    help="Simulated people in each small study.",
+@folder_argument
+@shown_option(
+    "--operators", type=click.IntRange(2, 999), default=4, help="Simulated people in each small study."
 )
-@click.option(
-    "--trials",
-    type=click.IntRange(1, 1000),
-    default=2,
-    show_default=True,
-    help="Trials of each object under each condition.",
-)
+@trials_option(2)
 @click.option(
     "--vary",
     type=NameList(),
     metavar="NAMES",
     help="Parameters such as vest.weber,motor.aim_sd; a set unless given.",
 )
-@click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores.")
-@click.option("--shard", type=SHARD, default="1/1", help="Only the i-th of n parts, for many machines.")
-@click.option("--dask", metavar="ADDRESS", default="", help="Use the workers of a dask scheduler.")
+@workers_options
 @json_option
-def sensitivity(
-    *,
-    folder: Path,
-    operators: int,
-    trials: int,
-    vary: list[str] | None,
-    jobs: int,
-    shard: tuple[int, int],
-    dask: str,
-    as_json: bool,
-) -> None:
+def sensitivity(*, folder: Path, vary: list[str] | None, as_json: bool, **requested: Any) -> None:
     """Vary the simulated study's assumptions and print where the paper's directions hold.
 
     FOLDER is a study in silico. One assumption at a time is changed: a parameter to either end of its range, the vest
@@ -59,16 +39,7 @@ def sensitivity(
     from tega_study.silico.sensitivity import VARIED, run_sensitivity
 
     with trials_displayed() as progress:
-        left = run_sensitivity(
-            folder,
-            operators=operators,
-            trials=trials,
-            varied=vary or VARIED,
-            jobs=jobs,
-            shard=shard,
-            dask=dask,
-            progress=progress,
-        )
+        left = run_sensitivity(folder, varied=vary or VARIED, progress=progress, **requested)
     page = None if unfinished(folder, read_plan(folder)) else report_apart(folder)
     if as_json:
         echo_json({"out": str(folder), "left": left, "report": page and str(page)})

@@ -7,19 +7,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import click
 
-from tega.ui.cli.options import NameList, echo_json, json_option
+from tega.ui.cli.options import echo_json, json_option
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
-
-if TYPE_CHECKING:
-    from tega_sim.operator import ViewName
+from tega_study.cli.options import FOLDER, design_options, workers_options
 
 LINE_EVERY_S = 30.0
-
-_FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
 @contextmanager
@@ -48,74 +44,16 @@ def trials_displayed() -> Iterator[Callable[[str, int, int], None]]:
     yield notify
 
 
-class _Shard(click.ParamType[tuple[int, int]]):
-    """Part of a simulation that is shared between machines, such as 2/8."""
-
-    name = "i/n"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Read the part, or fail with a usage error."""
-        if isinstance(value, tuple):
-            return value
-        part, _, parts = str(value).partition("/")
-        if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
-            self.fail(f"{value!r} is not i/n with i from 1 to n, such as 2/4", param, ctx)
-        return int(part), int(parts)
-
-
-SHARD = _Shard()
-
-
 @click.command(epilog="Example: tega-teleop study simulate --operators 10 --out in-silico")
 @click.option("--operators", type=click.IntRange(1, 999), required=True, help="How many simulated people.")
 @click.option(
-    "--out", type=_FOLDER, required=True, help="New folder, or the folder of the same study to go on with it."
+    "--out", type=FOLDER, required=True, help="New folder, or the folder of the same study to go on with it."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**31),
-    default=1,
-    show_default=True,
-    help="Seed of the people and of all chance.",
-)
-@click.option(
-    "--objects",
-    type=NameList(),
-    default="bottle,container,bag",
-    show_default=True,
-    help="Objects that are lifted.",
-)
-@click.option(
-    "--conditions",
-    type=NameList(),
-    default="haptic,non-haptic",
-    show_default=True,
-    help="Conditions: the first is compared with the second.",
-)
-@click.option(
-    "--trials",
-    type=click.IntRange(1, 1000),
-    default=10,
-    show_default=True,
-    help="Trials of each object under each condition.",
-)
-@click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores.")
-@click.option("--shard", type=SHARD, default="1/1", help="Only the i-th of n parts, for many machines.")
-@click.option(
-    "--dask",
-    metavar="ADDRESS",
-    default="",
-    help="Use the workers of a dask scheduler, such as tcp://host:8786.",
-)
+@design_options(seed="Seed of the people and of all chance.")
+@workers_options
 @click.option(
     "--parameters", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
     help="Another parameter file for the simulated people; the report then calls it changed.",
-)  # fmt: skip
-@click.option(
-    "--rules", type=click.IntRange(1, 3), default=3, show_default=True,
-    help="Version of the rules that the people follow; with 2 and 3 they practise first.",
 )  # fmt: skip
 @click.option(
     "--fresh", is_flag=True,
@@ -128,25 +66,15 @@ def simulate(
     *,
     operators: int,
     out: Path,
-    seed: int,
     objects: list[str],
-    conditions: list[str],
-    trials: int,
-    jobs: int,
-    shard: tuple[int, int],
-    dask: str,
-    parameters: Path | None,
-    rules: Literal[1, 2, 3],
-    fresh: bool,
-    view: ViewName,
     objects_file: Path | None,
     mass_kg: list[float] | None,
     stiffness_n_m: list[float] | None,
     friction: list[float] | None,
-    preset: Literal["paper", "live"],
     config: Path | None,
     sets: tuple[str, ...],
     as_json: bool,
+    **requested: Any,
 ) -> None:
     """Run the whole study with simulated people, and report it once all sessions are there.
 
@@ -169,20 +97,10 @@ def simulate(
         plan = run(
             out,
             operators=operators,
-            seed=seed,
             objects=specs,
-            conditions=conditions,
-            trials=trials,
-            jobs=jobs,
-            shard=shard,
-            dask=dask,
-            parameters=parameters,
-            preset=preset,
             settings=loop_sets(config, sets),
-            rules=rules,
-            view=view,
-            fresh=fresh,
             progress=progress,
+            **requested,
         )
     left = unfinished(out, plan)
     page = None if left else report_apart(out)

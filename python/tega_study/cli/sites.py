@@ -7,13 +7,12 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import echo_json, json_option
-
-_FILE = click.Path(path_type=Path, dir_okay=False)
+from tega_study.cli.options import FILE
 
 
 @click.command(epilog="Example: tega-teleop study sites here/*.zip there/*.zip --out table1.csv")
-@click.argument("bundles", type=_FILE, nargs=-1, required=True)
-@click.option("--out", type=_FILE, help="CSV file for the table; new.")
+@click.argument("bundles", type=FILE, nargs=-1, required=True)
+@click.option("--out", type=FILE, help="CSV file for the table; new.")
 @click.option("--unblind", is_flag=True, help="Compare conditions before the plan of every site is complete.")
 @json_option
 def sites(*, bundles: tuple[Path, ...], out: Path | None, unblind: bool, as_json: bool) -> None:

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import echo_json, json_option, worn_by
+from tega_study.cli.options import folder_argument
 
 _PATH = click.Path(path_type=Path)
 
 
 @click.command(epilog="Example: tega-teleop recording take lab.toml sessions/monday --task 'lift the bottle'")
 @click.argument("config", type=_PATH, metavar="CONFIG.toml")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@folder_argument
 @click.option("--task", required=True, help="Task of the episodes, in words.")
 @click.option(
     "--pedals", default="", metavar="KEYS",
@@ -41,16 +42,12 @@ def take(
     A discarded episode's recording is deleted; episodes.jsonl keeps a line of it. With arm.start_m the arm goes to its
     start after each, while the dead-man is held. With --json: {"folder", "kept", "discarded"}.
     """
-    import json
-
     from tega.config import load_config
     from tega.safety.ctrl_c import CtrlC
     from tega_study.episodes.take import EpisodeTaker
     from tega_study.lead.experimenter import desk_for
 
-    if person is not None:
-        sets = (*sets, f"calibration.person={json.dumps(person)}")
-    settings = load_config(config, sets=sets).config
+    settings = load_config(config, sets=worn_by(person, sets)).config
     with CtrlC() as stop, desk_for(stop) as desk:
         taker = EpisodeTaker(
             settings, folder, desk, task=task, pedals=pedals, stop=stop, settings=str(config)

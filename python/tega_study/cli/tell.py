@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+from tega_study.cli.options import folder_argument, participant_argument
 
 if TYPE_CHECKING:
     from tega_study.lead.tell import Command
@@ -17,8 +18,8 @@ COMMANDS: Final = ("start", "mark", "slip", "deformation", "drop", "undo", "end"
 
 
 @click.command(epilog="Example: tega-teleop study tell my-study p01 start")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.argument("participant")
+@folder_argument
+@participant_argument
 @click.argument("command", type=click.Choice(COMMANDS))
 @json_option
 def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> None:

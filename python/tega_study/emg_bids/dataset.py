@@ -18,7 +18,7 @@ from tega_study.journal import JournalEvent, counting, events_path, read_events
 from tega_study.plan import read_plan
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.state import rehearsed
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import staying
 
 BIDS_VERSION: Final = "1.11.1"
 _UNKNOWN: Final = "unknown: TEGA does not record it"
@@ -65,15 +65,15 @@ def export_bids(folder: Path, out: Path) -> BidsExport:
         ConfigError: ``out`` holds something.
         MissingExtraError: edfio is not installed.
     """
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
     new_session(out)
     rows: list[str] = []
     runs: list[Path] = []
     left_out: list[str] = []
     is_rehearsed = False
     try:
-        for person in plan.participants:
-            if person in gone or not events_path(folder, person).is_file():
+        for person in staying(folder, plan):
+            if not events_path(folder, person).is_file():
                 continue
             events = read_events(events_path(folder, person))
             trials, unseen = recorded_trials(folder, person)

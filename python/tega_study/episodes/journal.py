@@ -50,9 +50,6 @@ def read_episodes(folder: Path) -> list[EpisodeLine]:
 class EpisodeJournal(JsonLines[EpisodeLine]):
     """The episodes of a session's folder, open to be added to; one program at a time.
 
-    Args:
-        folder: The session's.
-
     Raises:
         RecordingError: The journal holds something else, or is a link.
         DeviceUnavailableError: Another program takes episodes there.

@@ -257,16 +257,9 @@ class EpisodeTaker:
         if self._config.arm is None or self._config.arm.start is None:
             return
         self._pedal.close()
-        running = RunningTask(start_task(self._config))
-        try:
-            while not running.over:
-                if "a" in self._received():
-                    running.end()
-                self._desk.show(doing(self._task, running))
-                time.sleep(_POLL_S)
-        finally:
-            running.end()
-        found = running.result()
+        found = RunningTask(start_task(self._config)).watch(
+            self._received, lambda now: self._desk.show(doing(self._task, now))
+        )
         self._desk.say(found if isinstance(found, str) else found.text)
 
 

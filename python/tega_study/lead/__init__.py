@@ -16,7 +16,6 @@
     between_trials.py      the trial before: result, corrections, notes
     status_file.py         the session's status for the observers' consoles, in a file beside the events
     tell.py                commands from other programs
-    session_progress.py    screen and status file, updated at a limited rate
     session.py             the session: rest, countdown, trial, questions, from the first trial to the last
 
 Every decision is an event in the session's journal; a stop at any moment loses no acknowledged event.

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tega_study.beep_score import beep_sentence
-from tega_study.journal import Journal, counting
+from tega_study.journal import WITH_DATA, Journal, Kind, counting
 from tega_study.lead.trial import EXPERIMENTER, undo_last
-from tega_study.state import REPEATABLE
 
 if TYPE_CHECKING:
     from tega.runtime.clock import Clock
@@ -87,9 +86,7 @@ class TrialBefore:
         trial, attempt = self.which
         now_ns = self._clock.now_ns()
         if key in {"y", "f"}:
-            self._journal.add(
-                "override", t_ns=now_ns, trial=trial, attempt=attempt, success=key == "y", source=EXPERIMENTER
-            )
+            self._add("override", trial, attempt, success=key == "y")
         elif key == "r":
             self._again(trial, attempt)
         elif key == "u" and (done := undo_last(self._journal, trial, attempt, t_ns=now_ns)) is not None:
@@ -103,40 +100,33 @@ class TrialBefore:
         twice = any(
             e.kind == "redo" for n in range(1, attempt + 1) for e in counting(self._journal.events, trial, n)
         )
-        if ended not in REPEATABLE or twice:
+        if ended not in WITH_DATA or twice:
             self._desk.say(f"trial {trial} cannot be done again: {'twice is the most' if twice else ended}")
             return
-        if why := self._desk.line(f"why trial {trial} is done again (empty: it is not):").strip():
-            self._journal.add(
-                "redo",
-                t_ns=self._clock.now_ns(),
-                trial=trial,
-                attempt=attempt,
-                source=EXPERIMENTER,
-                text=why,
-            )
+        if self._explained("redo", "done again", trial, attempt):
             self._desk.say(f"trial {trial} comes again at the end of its block; this attempt does not count")
 
     def _give_up(self, trial: int, attempt: int) -> None:
         """Give up a trial that was broken off: it is not repeated, and has no data."""
-        if why := self._desk.line(f"why trial {trial} is given up (empty: it is not):").strip():
-            self._journal.add(
-                "trial_end",
-                t_ns=self._clock.now_ns(),
-                trial=trial,
-                attempt=attempt,
-                status="skipped",
-                success=False,
-                source=EXPERIMENTER,
-                text=why,
-            )
+        if self._explained("trial_end", "given up", trial, attempt, status="skipped", success=False):
             self._desk.say(f"trial {trial} is given up and has no data")
+
+    def _explained(self, kind: Kind, what: str, trial: int, attempt: int, **fields: Any) -> bool:
+        """Ask for a reason, and add the event with it; return whether a reason was given."""
+        why = self._desk.line(f"why trial {trial} is {what} (empty: it is not):").strip()
+        if why:
+            self._add(kind, trial, attempt, text=why, **fields)
+        return bool(why)
 
     def note(self, text: str, *, source: str = "auto") -> None:
         """Write a note; before the first trial it belongs to none."""
-        trial, attempt = self.which or (0, 1)
+        self._add("note", *(self.which or (0, 1)), text=text, source=source)
+
+    def _add(
+        self, kind: Kind, trial: int, attempt: int, *, source: str = EXPERIMENTER, **fields: Any
+    ) -> None:
         self._journal.add(
-            "note", t_ns=self._clock.now_ns(), trial=trial, attempt=attempt, source=source, text=text
+            kind, t_ns=self._clock.now_ns(), trial=trial, attempt=attempt, source=source, **fields
         )
 
     def lines(self) -> list[str]:
@@ -148,7 +138,7 @@ class TrialBefore:
         end = next((event for event in events if event.kind == "trial_end"), None)
         if end is None or end.status is None:
             return []
-        if end.status not in REPEATABLE:
+        if end.status not in WITH_DATA:
             how = "given up" if end.status == "skipped" else end.status.replace("_", " ")
             return [f"trial {trial}: {how}, {end.text}"]
         success = bool(end.success)

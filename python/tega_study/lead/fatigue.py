@@ -42,9 +42,6 @@ def trial_medians(seen: Sequence[MuscleCondition]) -> dict[str, float]:
 def muscle_sentence(events: Sequence[JournalEvent]) -> list[str]:
     """Return how the muscles' median frequencies have changed since the first trials, to be shown in a rest.
 
-    Args:
-        events: The session's.
-
     Returns:
         A line; a second one where a muscle has fallen by 15 % or more. Nothing before the second trial with EMG.
     """
@@ -66,10 +63,6 @@ def muscle_sentence(events: Sequence[JournalEvent]) -> list[str]:
 
 
 def squeeze_sentence(events: Sequence[JournalEvent]) -> list[str]:
-    """Return how strong the newest squeeze was, to be shown in a rest; nothing before the first.
-
-    Args:
-        events: The session's.
-    """
+    """Return how strong the newest squeeze was, to be shown in a rest; nothing before the first."""
     shares = squeeze_shares(events)
     return [f"squeeze: {100 * shares[max(shares)]:.0f} % of the first"] if len(shares) > 1 else []

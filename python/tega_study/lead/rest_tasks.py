@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,6 +13,9 @@ from tega_study.lead.running_trial import in_thread
 if TYPE_CHECKING:
     from tega.runtime.guide import Bar
     from tega_study.journal import Kind
+
+
+_POLL_S = 0.02
 
 
 class RestTaskEnd(NamedTuple):
@@ -52,9 +56,6 @@ class RestTaskEndedError(Exception):
 class RunningTask:
     """A task that goes on, in a thread of its own.
 
-    Args:
-        task: Which.
-
     Attributes:
         task: Which.
         prompt: Instruction for the person now.
@@ -87,6 +88,18 @@ class RunningTask:
         """Have it end, and wait until its devices are closed."""
         self._ended.set()
         self._thread.join()
+
+    def watch(self, keys: Callable[[], list[str]], show: Callable[[RunningTask], None]) -> RestTaskEnd | str:
+        """Show the task until it ends or ``a`` ends it; return its result."""
+        try:
+            while not self.over:
+                if "a" in keys():
+                    self.end()
+                show(self)
+                time.sleep(_POLL_S)
+        finally:
+            self.end()
+        return self.result()
 
     def result(self) -> RestTaskEnd | str:
         """Return what came of it, or in a sentence why nothing did."""

@@ -11,10 +11,9 @@ import numpy as np
 
 from tega.hand.tips import tip_heights_mm
 from tega.stages.events.settings import SETTINGS
+from tega_study.attempt_rows import HandRow, TouchRow
 from tega_study.coupling import TouchCourse
-from tega_study.hand_rows import HandRow
 from tega_study.lead.arm_lift import ARM, ArmLift
-from tega_study.touch_rows import TouchRow
 
 if TYPE_CHECKING:
     from tega.hand.poses import ClosureScale

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.clock import Clock, SystemClock
@@ -15,12 +15,11 @@ from tega_study.lead.beeps import Beeps, check_answer_key
 from tega_study.lead.between_trials import TrialBefore
 from tega_study.lead.experimenter import ENTER, Desk
 from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence
-from tega_study.lead.pedals import pedal_keys
+from tega_study.lead.keys import pedal_keys
 from tega_study.lead.questions import blocks_to_ask
 from tega_study.lead.rest_tasks import RestTask, RunningTask
 from tega_study.lead.screens import doing, ended, running, waiting
-from tega_study.lead.session_progress import Telling
-from tega_study.lead.status_file import SessionBoard, board_path
+from tega_study.lead.status_file import SessionBoard, Telling, board_path
 from tega_study.lead.tell import CommandFile, commands_path
 from tega_study.lead.trial import LedTrial, Task
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
@@ -43,6 +42,27 @@ _BROKEN_ALONE = 3
 """Attempts after which a trial that breaks off again stops a session without an experimenter."""
 
 
+class LeadOptions(NamedTuple):
+    """Options of a session.
+
+    Attributes:
+        task: When a trial is over, see :class:`tega_study.lead.trial.LedTrial`.
+        time_scale: Scale of all waits; below 1 for rehearsals, as noted in the events.
+        answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
+        auto: Go on by the clock and pass over the questions.
+        masking: Sounds already, and goes on from the first trial to the last whatever the condition; the events say so.
+            It plays the beeps of a second task too.
+        stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical reasons.
+    """
+
+    task: Task = "lift"
+    time_scale: float = 1.0
+    answer_key: str = "p"
+    auto: bool = False
+    masking: MaskingSound | None = None
+    stop: Callable[[], bool] = lambda: False
+
+
 def lead_session(
     folder: Path,
     participant: str,
@@ -50,14 +70,9 @@ def lead_session(
     desk: Desk,
     *,
     clock: Clock | None = None,
-    task: Task = "lift",
-    time_scale: float = 1.0,
     pedals: str = "",
-    answer_key: str = "p",
-    auto: bool = False,
     trials: int | None = None,
-    masking: MaskingSound | None = None,
-    stop: Callable[[], bool] = lambda: False,
+    **options: Any,
 ) -> SessionState:
     """Lead a session, new or after a stop at any moment.
 
@@ -67,15 +82,9 @@ def lead_session(
         bench: What trials run on.
         desk: The experimenter's screen and keys.
         clock: The session's; the machine's monotonic one when ``None``.
-        task: When a trial is over, see :class:`tega_study.lead.trial.LedTrial`.
-        time_scale: Scale of all waits; below 1 for rehearsals, as noted in the events.
-        pedals: Keys that foot pedals type, see :func:`tega_study.lead.pedals.pedal_keys`.
-        answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
-        auto: Go on by the clock and pass over the questions.
+        pedals: Keys that foot pedals type, see :func:`tega_study.lead.keys.pedal_keys`.
         trials: Stop after so many; ``None`` for all.
-        masking: Sounds already, and goes on from the first trial to the last whatever the condition; the events say so.
-            It plays the beeps of a second task too.
-        stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical reasons.
+        options: Attributes of :class:`LeadOptions`.
 
     Returns:
         How the session stands.
@@ -88,13 +97,13 @@ def lead_session(
             sound has stopped, or a trial cannot begin and no experimenter is there.
         KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
     """
-    plan = read_plan(folder)
+    plan, chosen = read_plan(folder), LeadOptions(**options)
     for condition in plan.settings.conditions:
         bench.felt(condition)
     pressed = pedal_keys(pedals, bench.rest_tasks)
     if plan.settings.probe:
-        check_answer_key(answer_key, pedals)
-        if masking is None:
+        check_answer_key(chosen.answer_key, pedals)
+        if chosen.masking is None:
             raise DeviceUnavailableError(
                 "the plan has a second task, and nothing plays its beeps", "give lead_session a MaskingSound"
             )
@@ -109,13 +118,8 @@ def lead_session(
             bench=bench,
             desk=desk,
             clock=clock,
-            task=task,
-            time_scale=time_scale,
             pedals=pressed,
-            answer_key=answer_key,
-            auto=auto,
-            masking=masking,
-            stop=stop,
+            options=chosen,
         )
         try:
             return lead.run(trials)
@@ -134,19 +138,14 @@ class _Lead:
         bench: TrialBench,
         desk: Desk,
         clock: Clock,
-        task: Task,
-        time_scale: float,
         pedals: dict[str, tuple[str, ...]],
-        answer_key: str,
-        auto: bool,
-        masking: MaskingSound | None,
-        stop: Callable[[], bool],
+        options: LeadOptions,
     ) -> None:
         self._folder, self._plan, self._participant = folder, plan, participant
         self._mine = plan.of(participant)
         self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
-        self._task, self._scale, self._pedals, self._answer_key = task, time_scale, pedals, answer_key
-        self._auto, self._stop, self._masking = auto, stop, masking
+        self._pedals = pedals
+        self._task, self._scale, self._answer_key, self._auto, self._masking, self._stop = options
         self._before = TrialBefore(journal, desk, clock)
         self._telling = Telling(desk, board_path(folder, participant))
         self._reported = CommandFile(commands_path(folder, participant), clock)
@@ -265,16 +264,9 @@ class _Lead:
 
     def _rest_task(self, task: RestTask, heading: str) -> None:
         """Have the bench do something of a rest, and write down what came of it."""
-        running = RunningTask(task)
-        try:
-            while not running.over:
-                if "a" in self._received():
-                    running.end()
-                self._telling.show(doing(heading, running), self._as_board("task", None))
-                time.sleep(_POLL_S)
-        finally:
-            running.end()
-        found = running.result()
+        found = RunningTask(task).watch(
+            self._received, lambda now: self._telling.show(doing(heading, now), self._as_board("task", None))
+        )
         if isinstance(found, str):
             self._desk.say(f"{task.words}: {found}")
             return

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import msgspec
 
 from tega.errors import TegaError
 from tega.runtime.files.whole_file import write_whole
 from tega.stages.events.outcomes import LIFT_M, OFF_TABLE_M, LiftRule, StableReading, success
+from tega_study.attempt_rows import touch_path, write_hand, write_touch
 from tega_study.coupling import TouchCourse, write_course
-from tega_study.hand_rows import write_hand
-from tega_study.journal import Journal, JournalEvent, Kind, Status, counting
+from tega_study.journal import WITH_DATA, Journal, JournalEvent, Kind, Status, counting
 from tega_study.lead.arm_lift import ARM
 from tega_study.lead.fatigue import trial_medians
 from tega_study.lead.keys import END
 from tega_study.lead.running_trial import Going, in_thread
-from tega_study.touch_rows import touch_path, write_touch
 from tega_study.trials import course_path
 
 if TYPE_CHECKING:
@@ -189,9 +188,7 @@ class LedTrial:
         if self.beeps is not None:
             self.beeps.begin()
         where = recording_folder(self._folder, self.trial, self.attempt)
-        self._journal.add(
-            "trial_start", t_ns=started_ns, trial=self.trial.trial, attempt=self.attempt, source="auto"
-        )
+        self._add("trial_start", 0.0, "auto")
         where.mkdir(parents=True, exist_ok=True)
         facts = {
             "format": "tega-study-trial",
@@ -284,15 +281,7 @@ class LedTrial:
             if seen.kind in {"slip", "deformation"} and seen.t_s <= end.t_s:
                 self._add(seen.kind, seen.t_s, "auto")
         for channel, median_hz in trial_medians(self.going.condition()).items():
-            self._journal.add(
-                "muscles",
-                t_ns=self._at(end.t_s),
-                trial=self.trial.trial,
-                attempt=self.attempt,
-                source="auto",
-                item=channel,
-                value=round(median_hz, 2),
-            )
+            self._add("muscles", end.t_s, "auto", item=channel, value=round(median_hz, 2))
         course = self.going.course()
         before = course.t_s <= end.t_s
         path = course_path(self._folder, self.trial)
@@ -301,22 +290,13 @@ class LedTrial:
         write_touch(where, [row for row in self.going.touch() if row.t_s <= end.t_s])
         rows = [row for row in self.going.hand() if row.t_s <= end.t_s]
         write_hand(where.with_name("hand.csv"), rows)
-        if self._raised and end.status in {"done", "failed_task"}:
+        if self._raised and end.status in WITH_DATA:
             end = end._replace(status="aborted_technical", why=_reported(self._raised[0]))
         lifted = success(self.rule, (event.kind for event in self.events()))
         status = end.status
         if status == "done" and not lifted:
             status = "failed_task"
-        self._journal.add(
-            "trial_end",
-            t_ns=self._at(end.t_s),
-            trial=self.trial.trial,
-            attempt=self.attempt,
-            status=status,
-            success=lifted,
-            source="auto",
-            text=end.why,
-        )
+        self._add("trial_end", end.t_s, "auto", status=status, success=lifted, text=end.why)
         self.phase = "over"
 
     def _stop_bench(self) -> None:
@@ -326,14 +306,9 @@ class LedTrial:
     def _at(self, t_s: float) -> int:
         return (self.going.started_ns or 0) + round(t_s * 1e9)
 
-    def _add(self, kind: Kind, t_s: float, source: str) -> None:
-        self._journal.add(
-            kind,
-            t_ns=self._at(t_s),
-            trial=self.trial.trial,
-            attempt=self.attempt,
-            source=source,
-        )
+    def _add(self, kind: Kind, t_s: float, source: str, **fields: Any) -> None:
+        number, attempt = self.trial.trial, self.attempt
+        self._journal.add(kind, t_ns=self._at(t_s), trial=number, attempt=attempt, source=source, **fields)
 
     def events(self) -> list[JournalEvent]:
         """Return the events of this attempt that still count."""

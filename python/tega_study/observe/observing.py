@@ -11,6 +11,7 @@ from tega_study.journal import Journal, JournalEvent, Kind, counting, events_pat
 from tega_study.lead.status_file import SessionBoard, board_path, read_board
 from tega_study.observers import PART, RECORDED, WHOLE, observer_path
 from tega_study.plan import PlannedTrial, read_plan
+from tega_study.withdrawn import check_stays
 
 OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 """Kinds of events that a rater can see."""
@@ -71,13 +72,10 @@ class Observing:
     """
 
     def __init__(self, folder: Path, participant: str, rater: str, *, t_ns: int) -> None:
-        from tega_study.withdrawn import withdrawn_ids
-
         self.rater = checked_rater(rater)
         plan = read_plan(folder)
         self._trials = {trial.trial: trial for trial in plan.of(participant)}
-        if participant in withdrawn_ids(folder):
-            raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
+        check_stays(folder, participant)
         self._main, self._board = events_path(folder, participant), board_path(folder, participant)
         self._size, self._events = -1, list[JournalEvent]()
         self.journal = Journal(observer_path(folder, participant, rater))

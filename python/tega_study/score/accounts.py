@@ -10,14 +10,13 @@ from typing import NamedTuple
 import msgspec
 
 from tega_study.detecting import DETECTOR, NOT_OBSERVABLE, read_detected
-from tega_study.journal import JournalEvent, Kind, counting, events_path, read_events
+from tega_study.journal import JournalEvent, Kind, attempts, counting, events_path, read_events
 from tega_study.lead.arm_lift import ARM
 from tega_study.measured import CAMERA, read_measured
 from tega_study.observers import read_observers, saw_proposals, saw_whole
 from tega_study.plan import read_plan
 from tega_study.score.agree import Agreement, agreement
-from tega_study.score.boris import attempts
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import staying
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
 _PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, ARM: 4, DETECTOR: 5}
@@ -53,17 +52,12 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
 
     The truth is that of a simulated bench, where the session's own rule saw the object's height.
 
-    Args:
-        folder: The study's folder.
-
     Raises:
         RecordingError: The study is damaged.
     """
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
     accounts: dict[str, list[Scored]] = {}
-    for person in plan.participants:
-        if person in gone:
-            continue
+    for person in staying(folder, plan):
         main = read_events(events_path(folder, person))
         raters = {
             **read_observers(folder, person),
@@ -72,9 +66,7 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
         }
         simulated = any(e.kind == "lift_off" and e.source == "auto" for e in main)
         pressed = any(e.kind in KINDS and e.source == EXPERIMENTER for e in main)
-        for start, end in attempts(main):
-            if end.status not in {"done", "failed_task"}:
-                continue
+        for start, end in attempts(main, with_data=True):
             own = counting(main, start.trial, start.attempt)
             journal: dict[str, Sequence[JournalEvent]] = {}
             if simulated:
@@ -113,11 +105,10 @@ def _scored(
 
 def _displayed_proposals(folder: Path) -> set[str]:
     """Return the raters who were shown what rule and detector say."""
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
     return {
         rater
-        for person in plan.participants
-        if person not in gone
+        for person in staying(folder, plan)
         for rater, events in read_observers(folder, person).items()
         if saw_proposals(events)
     }

@@ -8,25 +8,20 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.annotations import CodedEvent, check_times, known_code
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
+from tega_study.journal import Journal, JournalEvent, attempts, counting, events_path, read_events
 from tega_study.observers import PART, WHOLE, observer_path, read_observers
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import note_elsewhere
 
-CODES: dict[str, tuple[Kind, str]] = {
-    "slip": ("slip", "s"),
-    "deformation": ("deformation", "d"),
-    "drop": ("drop", "x"),
-    "lift_off": ("lift_off", "l"),
-}
-"""Behaviours of a project: the kind of event each is, and its key."""
+CODES = {"slip": "s", "deformation": "d", "drop": "x", "lift_off": "l"}
+"""Behaviours of a project, which are kinds of events, and their keys."""
 _ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_(.+))?")
 
 
@@ -143,9 +138,8 @@ def _states(accounts: Sequence[Sequence[CodedEvent]]) -> list[str]:
 
 def _behaviours(plan: StudyPlan) -> dict[str, str]:
     """Return the behaviours of a study, each with its key."""
-    keys = {code: key for code, (_kind, key) in CODES.items()}
-    free = [key for key in "123456789abcefghijkmnopqrtuvwyz" if key not in keys.values()]
-    return keys | dict(zip(plan.settings.behaviours, free, strict=False))
+    free = [key for key in "123456789abcefghijkmnopqrtuvwyz" if key not in CODES.values()]
+    return CODES | dict(zip(plan.settings.behaviours, free, strict=False))
 
 
 def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
@@ -258,33 +252,21 @@ def write_coded(
         first_ns = min(one.start.t_ns for one in trials)
         journal.add("session_start", t_ns=first_ns, source=rater, text=signed, item=item)
         for start, end, coded, whole in trials:
-            trial, attempt = start.trial, start.attempt
-            journal.add("trial_start", t_ns=start.t_ns, trial=trial, attempt=attempt, source=rater)
-            for event in coded:
-                own = event.code in CODES
-                journal.add(
-                    CODES[event.code][0] if own else "behaviour",
-                    t_ns=start.t_ns + round(event.t_s * 1e9),
-                    trial=trial,
-                    attempt=attempt,
-                    source=rater,
-                    text=event.comment,
-                    item="" if own else event.code,
-                    duration_s=event.duration_s or None,
-                    modifiers=event.modifiers,
-                )
-            text = WHOLE if whole else PART
-            journal.add("trial_end", t_ns=end.t_ns, trial=trial, attempt=attempt, source=rater, text=text)
+            rows = [_coded_fields(event, start.t_ns) for event in coded]
+            journal.add_attempt((start, end), rater, rows, text=WHOLE if whole else PART)
 
 
-def attempts(events: Sequence[JournalEvent]) -> list[tuple[JournalEvent, JournalEvent]]:
-    """Return start and end of every attempt that was made, in their order."""
-    starts = {(e.trial, e.attempt): e for e in events if e.kind == "trial_start"}
-    return [
-        (starts[e.trial, e.attempt], e)
-        for e in events
-        if e.kind == "trial_end" and (e.trial, e.attempt) in starts
-    ]
+def _coded_fields(event: CodedEvent, start_ns: int) -> dict[str, Any]:
+    """Return the journal's fields of a coded event."""
+    own = event.code in CODES
+    return {
+        "kind": event.code if own else "behaviour",
+        "t_ns": start_ns + round(event.t_s * 1e9),
+        "text": event.comment,
+        "item": "" if own else event.code,
+        "duration_s": event.duration_s or None,
+        "modifiers": event.modifiers,
+    }
 
 
 def _of_one(

@@ -33,7 +33,7 @@ from tega_study.score.boris import CODES
 from tega_study.score.clip_video import RATE_HZ, write_clip
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.score.scene_reel import SceneReel
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.withdrawn import staying
 
 RULE: Final = "rule"
 """Name under which the events of the session's own rule are proposed."""
@@ -178,7 +178,7 @@ def make_clips(
     project = boris_project(
         name=f"{folder.name}, {rater}",
         description="blind clips in an order of their own; times count from each clip's start",
-        behaviours=[BorisBehaviour(code, letter, modifiers) for code, (_kind, letter) in CODES.items()],
+        behaviours=[BorisBehaviour(code, key, modifiers) for code, key in CODES.items()],
         subjects=sorted({trial.object for _person, trial in displayed}),
         variables=("object",),
         observations=observations,
@@ -201,11 +201,11 @@ def _own_scene(trial: RecordedTrial) -> SceneReel | None:
 
 def _displayed(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]], list[str]]:
     """Return everybody's recorded trials that count, in the rater's order, and what cannot be shown."""
-    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    plan = read_plan(folder)
     found: list[tuple[str, RecordedTrial]] = []
     left_out: list[str] = []
-    for person in plan.participants:
-        if person in gone or not events_path(folder, person).exists():
+    for person in staying(folder, plan):
+        if not events_path(folder, person).exists():
             continue
         if observer_path(folder, person, rater).exists():
             raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")

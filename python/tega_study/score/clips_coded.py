@@ -11,9 +11,9 @@ import msgspec
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.annotations import CodedEvent
 from tega.runtime.files.boris import read_boris
-from tega_study.journal import events_path, read_events
+from tega_study.journal import attempts, events_path, read_events
 from tega_study.observers import PROPOSED, RECORDED, observer_path
-from tega_study.score.boris import CODES, CodedTrial, attempts, write_coded
+from tega_study.score.boris import CODES, CodedTrial, write_coded
 from tega_study.score.clips import OPEN, VERDICTS, RaterClip, key_path, read_key
 from tega_study.withdrawn import withdrawn_ids
 

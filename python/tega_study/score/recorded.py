@@ -9,10 +9,9 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
-from tega_study.journal import events_path, read_events
+from tega_study.journal import attempts, events_path, read_events
 from tega_study.lead.trial import recording_folder
 from tega_study.plan import read_plan
-from tega_study.score.boris import attempts
 
 
 class RecordedTrial(NamedTuple):
@@ -62,11 +61,8 @@ def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial]
         InvalidValueError: Unknown participant ID.
         RecordingError: The study is damaged.
     """
-    ended = {
-        start.trial: (start, end)
-        for start, end in attempts(read_events(events_path(folder, participant)))
-        if end.status in {"done", "failed_task"}
-    }
+    events = read_events(events_path(folder, participant))
+    ended = {start.trial: (start, end) for start, end in attempts(events, with_data=True)}
     found: list[RecordedTrial] = []
     unseen: list[str] = []
     for trial in sorted(read_plan(folder).of(participant), key=lambda one: one.trial):

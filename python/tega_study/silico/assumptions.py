@@ -149,11 +149,7 @@ def assume(
 
 
 def code_sha256(root: Path = PACKAGE) -> str:
-    """Return the SHA-256 of the installed program: Python, data such as the objects, and the compiled extension.
-
-    Args:
-        root: The package's folder.
-    """
+    """Return the SHA-256 of the installed program: Python, data such as the objects, and the compiled extension."""
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:
@@ -169,9 +165,6 @@ def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]
 
 def read_assumptions(folder: Path) -> Assumptions | None:
     """Read a study's assumptions; ``None`` if it has none, as with real people.
-
-    Args:
-        folder: The study's folder.
 
     Raises:
         RecordingError: ``simulation.toml`` is damaged, or ``parameters.toml`` is not the file it names.
@@ -196,9 +189,6 @@ def read_assumptions(folder: Path) -> Assumptions | None:
 
 def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
     """Read a study's parameters by section and name, also those of an older version; none where it has none.
-
-    Args:
-        folder: The study's folder.
 
     Raises:
         RecordingError: The file is damaged.

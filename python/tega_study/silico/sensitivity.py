@@ -147,9 +147,6 @@ def run_sensitivity(
 def read_sensitivity(folder: Path) -> tuple[SensitivityRow, ...]:
     """Work out the rows of the changes that are done; none where there are no changes.
 
-    Args:
-        folder: The study's folder.
-
     Raises:
         RecordingError: A change's folder is damaged.
     """

@@ -8,7 +8,6 @@ needs no disk in common with the caller.
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
 import tempfile
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
+from tega.runtime.files.whole_file import write_whole
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import Journal, events_path
 from tega_study.plan import PlannedTrial, StudySettings
@@ -163,12 +163,7 @@ def keep_session(job: SessionJob, files: dict[str, bytes]) -> None:
     beside = job.folder / RUNNING / f"{job.person}.done"
     shutil.rmtree(beside, ignore_errors=True)
     for name, content in files.items():
-        path = beside / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+        write_whole(beside / name, content, sync=True)
     parts = sorted({Path(name).parts[0] for name in files}, key=lambda part: (part == "sessions", part))
     shutil.rmtree(events_path(job.folder, job.person).parent, ignore_errors=True)
     for part in parts:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
 from tega_study.journal import events_path, read_events
@@ -21,7 +21,6 @@ from tega_study.silico.spread import Progress, run_sessions
 from tega_study.state import derive
 
 if TYPE_CHECKING:
-    from tega_sim.operator import RulesVersion, ViewName
     from tega_sim.world import ObjectSpec
 
 
@@ -62,42 +61,22 @@ def simulate(
     folder: Path,
     *,
     operators: int,
-    seed: int = 1,
-    objects: Sequence[str] | Mapping[str, ObjectSpec] = ("bottle", "container", "bag"),
-    conditions: Sequence[str] = ("haptic", "non-haptic"),
-    trials: int = 10,
-    parameters: Path | None = None,
-    preset: Literal["paper", "live"] = "live",
-    settings: tuple[str, ...] = (),
-    rules: RulesVersion = 3,
-    view: ViewName = "direct",
-    fresh: bool = False,
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
     progress: Progress = lambda _subject, _done, _total: None,
+    **requested: Any,
 ) -> StudyPlan:
     """Run a whole study with simulated people, or the sessions that are not finished.
 
     Args:
         folder: The study's folder, new or of the same study.
         operators: How many people.
-        seed: Seed of all random draws.
-        objects: Names in :data:`tega_sim.world.OBJECTS`, or other objects by name, such as those of
-            :func:`tega_sim.world.crossed`.
-        conditions: Names in :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
-        trials: Per person, object and condition.
-        parameters: A changed parameter file for the people; none means the frozen one.
-        preset: Readings of the loop.
-        settings: Settings of the loop, as ``key=value``: stages, layout and mirror.
-        rules: Version of the rules that the people follow.
-        view: Sight of the hand while the object is held.
-        fresh: Whether each person meets each condition as if there were no other, see
-            :class:`tega_study.silico.assumptions.Assumptions`.
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
         dask: Address of a dask scheduler; its workers are used instead of this machine's cores.
         progress: Called with the number of finished trials.
+        requested: Other arguments of :func:`made_study`.
 
     Raises:
         InvalidValueError: A name is unknown, or the folder has another study.
@@ -110,20 +89,7 @@ def simulate(
         raise InvalidValueError(
             f"shard = {part}/{parts}: cannot be", "write i/n with i from 1 to n, such as 2/4"
         )
-    plan, stated = made_study(
-        folder,
-        operators=operators,
-        seed=seed,
-        objects=objects,
-        conditions=conditions,
-        trials=trials,
-        parameters=parameters,
-        preset=preset,
-        settings=settings,
-        rules=rules,
-        view=view,
-        fresh=fresh,
-    )
+    plan, stated = made_study(folder, operators=operators, **requested)
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
     if not unfinished(folder, plan):  # else another shard may be at work in there
@@ -135,22 +101,27 @@ def made_study(
     folder: Path,
     *,
     operators: int,
-    seed: int,
-    objects: Sequence[str] | Mapping[str, ObjectSpec],
-    conditions: Sequence[str],
-    trials: int,
-    parameters: Path | None = None,
-    everyone: dict[str, float] | None = None,
-    preset: Literal["paper", "live"] = "live",
-    settings: tuple[str, ...] = (),
-    rules: RulesVersion = 3,
-    view: ViewName = "direct",
-    fresh: bool = False,
+    seed: int = 1,
+    objects: Sequence[str] | Mapping[str, ObjectSpec] = ("bottle", "container", "bag"),
+    conditions: Sequence[str] = ("haptic", "non-haptic"),
+    trials: int = 10,
+    **assumed: Any,
 ) -> tuple[StudyPlan, Assumptions]:
-    """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
+    """Plan a study in silico and write plan and assumptions, or find the same ones.
 
-    ``everyone``, ``preset``, ``settings``, ``rules``, ``view``, and ``fresh`` are those of
-    :class:`tega_study.silico.assumptions.Assumptions`.
+    Args:
+        folder: The study's folder, new or of the same study.
+        operators: How many people.
+        seed: Seed of all random draws.
+        objects: Names in :data:`tega_sim.world.OBJECTS`, or other objects by name, such as those of
+            :func:`tega_sim.world.crossed`.
+        conditions: Names in :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
+        trials: Per person, object and condition.
+        assumed: Other arguments of :func:`tega_study.silico.assumptions.assume`.
+
+    Raises:
+        InvalidValueError: A name is unknown, or the folder has another study.
+        ConfigError: As of :func:`tega_study.silico.assumptions.assume`.
     """
     from tega_sim.conditions import SESSION_CONDITIONS
     from tega_sim.world import OBJECTS
@@ -172,16 +143,8 @@ def made_study(
         trials=trials,
         simulated=True,
     )
-    stated, content = assume(
-        objects if isinstance(objects, Mapping) else {name: OBJECTS[name] for name in objects},
-        parameters=parameters,
-        everyone=everyone,
-        preset=preset,
-        settings=settings,
-        rules=rules,
-        view=view,
-        fresh=fresh,
-    )
+    specs = objects if isinstance(objects, Mapping) else {name: OBJECTS[name] for name in objects}
+    stated, content = assume(specs, **assumed)
     ensure_plan(plan, folder, assumption_files(stated, content))
     return plan, stated
 

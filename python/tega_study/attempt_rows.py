@@ -1,0 +1,140 @@
+"""Write and read the tables of an attempt beside its recording, each whole or not at all.
+
+``touch.csv`` has the fingertips frame by frame, ``hand.csv`` what hand and arm did.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from tega.errors import RecordingError
+from tega.haptics import FINGERS
+from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.whole_file import write_whole
+
+_Row = TypeVar("_Row")
+
+_TIPS = tuple(f"{finger}_mm" for finger in FINGERS)
+
+
+class TouchRow(NamedTuple):
+    """A measured frame of a fingertip.
+
+    Attributes:
+        t_s: Since the trial's start, seconds.
+        finger: Which.
+        in_contact: 1 where something is touched.
+        eda: Contact area, pixels (Eq 4).
+        mass: Sum of the pressure map.
+        peak: Its largest value.
+        x: Centroid, pixels.
+        y: Vertical position of the centroid, pixels.
+    """
+
+    t_s: float
+    finger: str
+    in_contact: int
+    eda: float
+    mass: float
+    peak: float
+    x: float
+    y: float
+
+
+class HandRow(NamedTuple):
+    """State of hand and arm at one moment.
+
+    Attributes:
+        t_s: Since the trial's start, seconds.
+        level: Closure level asked for, 1 to 5; ``None`` before the first.
+        closure: Closure measured at the joints, levels with fractions; ``None`` where no hand is read.
+        height_m: Height of the arm's end, metres; ``None`` if no arm is measured.
+        tips_mm: Height of each fingertip over the palm by the joints, thumb first, millimetres; ``None`` where no hand
+            is read.
+    """
+
+    t_s: float
+    level: int | None
+    closure: float | None
+    height_m: float | None
+    tips_mm: tuple[float, ...] | None = None
+
+
+def touch_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Path:
+    """Return where an attempt's frames are."""
+    return folder / "recordings" / participant / f"{trial_id}-a{attempt}" / "touch.csv"
+
+
+def hand_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Path:
+    """Return where an attempt's rows of hand and arm are."""
+    return touch_path(folder, participant, trial_id, attempt).with_name("hand.csv")
+
+
+def write_touch(path: Path, rows: Sequence[TouchRow]) -> None:
+    """Write frames."""
+    text = ",".join(TouchRow._fields) + "\n"
+    text += "".join(
+        f"{r.t_s:.4f},{r.finger},{r.in_contact},{r.eda:g},{r.mass:.5g},{r.peak:.5g},{r.x:.2f},{r.y:.2f}\n"
+        for r in rows
+    )
+    write_whole(path, text)
+
+
+def write_hand(path: Path, rows: Sequence[HandRow]) -> None:
+    """Write rows of hand and arm."""
+    text = ",".join((*HandRow._fields[:-1], *_TIPS)) + "\n"
+    for row in rows:
+        cells = [_cell(row.level, "d"), _cell(row.closure, ".4f"), _cell(row.height_m, ".5f")]
+        cells += [_cell(tip_mm, ".3f") for tip_mm in row.tips_mm or (None,) * len(_TIPS)]
+        text += f"{row.t_s:.4f},{','.join(cells)}\n"
+    write_whole(path, text)
+
+
+def _cell(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
+
+
+def read_touch(path: Path) -> list[TouchRow]:
+    """Read frames.
+
+    Raises:
+        RecordingError: The file is missing or damaged.
+    """
+
+    def row_of(row: Mapping[str, str]) -> TouchRow:
+        numbers = (float(row[name]) for name in TouchRow._fields[3:])
+        return TouchRow(float(row["t_s"]), row["finger"], int(row["in_contact"]), *numbers)
+
+    return _read(path, row_of, "no frames of a trial")
+
+
+def read_hand(path: Path) -> list[HandRow]:
+    """Read rows of hand and arm; a file that is not there has none.
+
+    Raises:
+        RecordingError: The file is damaged.
+    """
+
+    def row_of(row: Mapping[str, str]) -> HandRow:
+        level, closure, height_m = (row[name] for name in HandRow._fields[1:-1])
+        return HandRow(
+            float(row["t_s"]),
+            int(level) if level else None,
+            float(closure) if closure else None,
+            float(height_m) if height_m else None,
+            tuple(float(row[tip]) for tip in _TIPS) if row.get(_TIPS[0]) else None,
+        )
+
+    return _read(path, row_of, "no course of a hand") if path.exists() else []
+
+
+def _read(path: Path, row_of: Callable[[Mapping[str, str]], _Row], problem: str) -> list[_Row]:
+    try:
+        rows = csv.DictReader(io.StringIO(read_words(path, most_mib=256), newline=""))
+        return [row_of(row) for row in rows]
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise RecordingError(f"{path}: {problem}: {error}", "restore it from a copy") from error

@@ -1,0 +1,85 @@
+"""Arguments and options that verbs of a study share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import click
+
+from tega.ui.cli.options import NameList
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+FILE: Final = click.Path(path_type=Path, dir_okay=False)
+FOLDER: Final = click.Path(path_type=Path, file_okay=False)
+
+folder_argument = click.argument("folder", type=FOLDER)
+participant_argument = click.argument("participant")
+shown_option = partial(click.option, show_default=True)
+
+
+class _Shard(click.ParamType[tuple[int, int]]):
+    """Part of a simulation that is shared between machines, such as 2/8."""
+
+    name = "i/n"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Read the part, or fail with a usage error."""
+        if isinstance(value, tuple):
+            return value
+        part, _, parts = str(value).partition("/")
+        if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+            self.fail(f"{value!r} is not i/n with i from 1 to n, such as 2/4", param, ctx)
+        return int(part), int(parts)
+
+
+def trials_option(default: int) -> Callable[[_Function], _Function]:
+    """Return the option of the trials of each object and condition."""
+    text = "Trials of each object under each condition."
+    return shown_option("--trials", type=click.IntRange(1, 1000), default=default, help=text)
+
+
+def design_options(*, seed: str, conditions: str = "") -> Callable[[_Function], _Function]:
+    """Return the options of a study's design: seed, objects, conditions, trials.
+
+    Args:
+        seed: What the seed is for.
+        conditions: Further help for the conditions.
+    """
+    what = f"Conditions: the first is compared with the second{conditions}."
+    both = "haptic,non-haptic"
+
+    def add(function: _Function) -> _Function:
+        for option in (
+            trials_option(10),
+            shown_option("--conditions", type=NameList(), default=both, help=what),
+            shown_option(
+                "--objects", type=NameList(), default="bottle,container,bag", help="Objects that are lifted."
+            ),
+            shown_option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, help=seed),
+        ):
+            function = option(function)
+        return function
+
+    return add
+
+
+def workers_options(function: _Function) -> _Function:
+    """Add the options for where sessions run: cores, a part for this machine, a dask cluster."""
+    dask = "Use the workers of a dask scheduler, such as tcp://host:8786."
+    for option in (
+        click.option("--dask", metavar="ADDRESS", default="", help=dask),
+        click.option(
+            "--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines."
+        ),
+        click.option(
+            "--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores."
+        ),
+    ):
+        function = option(function)
+    return function
