@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.recording.decode_ahead import decode_ahead
+from tega.recording.compute_ahead import PICTURES, compute_ahead
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import span
 from tega.records import Contact, HandCommand
@@ -77,9 +77,18 @@ class Episode(NamedTuple):
 
     def pictures(self) -> Iterator[tuple[str, NDArray[np.uint8], int]]:
         """Read the pictures: finger, picture as uint8 (H, W, 3) in BGR, and how many frames in a row show it."""
-        places = dict.fromkeys(self.displayed, 0)
         messages = McapReader(self.path).messages(lambda topic: topic.endswith("/image"))
-        for message, decoding in decode_ahead(messages):
+        decoded = compute_ahead(
+            self._shown(messages), lambda one: one.finger, lambda one: read_picture(one.message)
+        )
+        for shown, image in decoded:
+            assert image is not None
+            yield shown.finger, image, shown.n_frames
+
+    def _shown(self, messages: Iterable[Message]) -> Iterator[_Shown]:
+        """Yield the messages of pictures that any frame shows."""
+        places = dict.fromkeys(self.displayed, 0)
+        for message in messages:
             finger = _finger(message, "/image")
             if finger:
                 displayed, place = self.displayed.get(finger, ()), places.get(finger, 0)
@@ -88,10 +97,17 @@ class Episode(NamedTuple):
                         f"{self.path.name}: damaged, or not written by TEGA: pictures of {finger} in two topics",
                         "inspect says how far it can be read",
                     )
-                n_frames = int(displayed[place])
                 places[finger] = place + 1
-                if n_frames and decoding is not None:
-                    yield finger, decoding.result(), n_frames
+                if displayed[place] and message.schema in PICTURES and message.value is not None:
+                    yield _Shown(finger, message, int(displayed[place]))
+
+
+class _Shown(NamedTuple):
+    """A picture that frames show, not decoded, and how many in a row do."""
+
+    finger: str
+    message: Message
+    n_frames: int
 
 
 @reports_damage

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.plain_name import plain_name
 from tega_scene.own_film import filmed_cameras
@@ -52,6 +53,8 @@ def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
     Raises:
         RecordingError: It is damaged.
     """
+    if "foxglove.CompressedVideo" not in open_indexed(recording).topics.values():
+        return {}  # by the index at its end; the file is passed over only where it has films
     names = filmed_cameras(McapReader(recording))
     for name in names:
         plain_name(name, subject="camera", source=recording.name)

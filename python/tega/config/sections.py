@@ -345,7 +345,8 @@ class RecordingSection(_Section, frozen=True):
 
     Attributes:
         dir: Folder of the session, to which every run adds a file; none means nothing is recorded.
-        lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG.
+        lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG, and beside one of
+            320 x 240 pixels the sums over cells that the metric ``live`` reads.
         jpeg_quality: 1 to 100.
         queue_mib: Maximum size of the data waiting to be encoded, and the same again for the disk; beyond it frames
             are dropped and counted.

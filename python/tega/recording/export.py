@@ -153,10 +153,14 @@ def _own(descriptor: Any) -> frozenset[str]:
 
 @cache
 def _fields(descriptor: Any) -> list[tuple[str, bool, Callable[[Row, str, Any], None] | None]]:
-    """Return of each field its name, whether it is optional, and the maker of its cells; a list of numbers has none."""
+    """Return of each field its name, whether it is optional, and the maker of its cells; a list of numbers has none.
+
+    Bytes are no column.
+    """
     return [
         (field.name, field.containing_oneof is not None, _cells(field, _own(descriptor)))
         for field in descriptor.fields
+        if field.type != field.TYPE_BYTES
     ]
 
 

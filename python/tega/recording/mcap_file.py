@@ -47,7 +47,7 @@ class McapFile(RecordChannels):
         most_bytes: int = 128 * 1024 * 1024,
         raw: BinaryIO | None = None,
     ) -> None:
-        super().__init__(lossless=lossless, jpeg_quality=jpeg_quality)
+        super().__init__(lossless=lossless, jpeg_quality=jpeg_quality, cells=True)
         options = require("foxglove.mcap", driver="recording", extra="record")
         try:
             self._raw = path.open("xb", buffering=0) if raw is None else raw

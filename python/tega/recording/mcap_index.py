@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from array import array
+from bisect import bisect_left
 from collections import defaultdict
-from heapq import heappop, heappush
-from itertools import accumulate, count
+from itertools import accumulate
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,7 +18,15 @@ import numpy as np
 
 from tega.errors import RecordingError, TegaError
 from tega.recording.foreign import no_session
-from tega.recording.mcap_reader import MOST_RECORD, McapReader, Message, decoded_message, open_recording
+from tega.recording.mcap_reader import (
+    MOST_RECORD,
+    McapReader,
+    Message,
+    chunk_records,
+    decoded_message,
+    open_recording,
+)
+from tega.recording.mcap_schemas import decoder
 from tega.runtime.files.foreign_file import MIB, reports_damage
 from tega.runtime.lifecycle import require
 
@@ -37,6 +46,17 @@ class _Chunk(NamedTuple):
     from_ns: int
     until_ns: int
     lists: Mapping[int, int]
+
+
+class _Plan(NamedTuple):
+    """How the messages of a channel are read: its topic, its schema's name, and what decodes them, if anything."""
+
+    topic: str
+    schema: str
+    decode: Callable[[bytes], Any] | None
+
+
+_log_time = attrgetter("log_time")
 
 
 @reports_damage
@@ -120,7 +140,7 @@ class IndexedReader(McapReader):
         """Return every message in the order of the log times, those of one time as they were written.
 
         Args:
-            wanted: Asked by schema and topic whether to decode.
+            wanted: Asked by schema and topic whether to decode, at the first message of each channel.
             since_ns: Skip parts of the file that end before this log time; the first messages may still be earlier.
 
         Raises:
@@ -129,34 +149,43 @@ class IndexedReader(McapReader):
         # A message is next once no later part of the file begins before it.
         chunks = [chunk for chunk in self._chunks if chunk.until_ns >= since_ns]
         earliest_ns = [*accumulate((chunk.from_ns for chunk in reversed(chunks)), min)]
-        waiting: list[tuple[int, int, Any]] = []
-        numbers, mib = count(), self.path.stat().st_size // MIB
+        waiting: list[Any] = []
+        plans: dict[int, _Plan] = {}
+        mib = self.path.stat().st_size // MIB
         for chunk, next_ns in zip(chunks, [*earliest_ns[-2::-1], math.inf], strict=False):
             self.progress(self.path.name, chunk.begins // MIB, mib)
             safe_ns: float = next_ns
             try:
-                for record in self._records_of(chunk.begins):
-                    heappush(waiting, (record.log_time, next(numbers), record))
+                waiting += self._records_of(chunk.begins)
             except TegaError:
                 raise
             except Exception as error:  # whatever damage makes the reader say: all before it is good
                 self.cut, safe_ns = type(error).__name__, math.inf
-            while waiting and waiting[0][0] < safe_ns:
+            waiting.sort(key=_log_time)
+            n_safe = bisect_left(waiting, safe_ns, key=_log_time)
+            for record in waiting[:n_safe]:
                 try:
-                    message = self._wanted_message(heappop(waiting)[2], wanted)
+                    plan = plans.get(record.channel_id)
+                    if plan is None:
+                        plan = plans[record.channel_id] = self._plan_of(record.channel_id, wanted)
+                    value = None if plan.decode is None else plan.decode(record.data)
                 except Exception as error:  # of a damaged schema or message, or one of an unknown channel
                     self.cut = type(error).__name__
                     return
-                yield message
+                yield Message(plan.topic, plan.schema, record.log_time, len(record.data), value)
             if self.cut:
                 return
+            del waiting[:n_safe]
         self.progress(self.path.name, mib, mib)
 
-    def _wanted_message(self, record: Any, wanted: Callable[[str, str], bool]) -> Message:
-        channel = self._channels[record.channel_id]
-        schema = self._schemas.get(channel.schema_id)
-        decode = wanted("" if schema is None else schema.name, channel.topic)
-        return decoded_message(record, channel, self._schemas, lambda _topic: decode)
+    def _plan_of(self, number: int, wanted: Callable[[str, str], bool]) -> _Plan:
+        """Return how the messages of a channel are read."""
+        channel = self._channels[number]
+        schema, decode = self._schemas.get(channel.schema_id), None
+        name = "" if schema is None else schema.name
+        if schema is not None and schema.encoding == "protobuf" and wanted(name, channel.topic):
+            decode = decoder(name, schema.data).FromString
+        return _Plan(channel.topic, name, decode)
 
     def _damaged(self, error: Exception) -> RecordingError:
         return RecordingError(
@@ -245,11 +274,10 @@ class IndexedReader(McapReader):
 
     def _records_of(self, begins: int) -> list[Any]:
         """Return the messages of a part of the file, in its order."""
-        reading = require("mcap.stream_reader", driver="recording", extra="record")
         records = require("mcap.records", driver="recording", extra="record")
         with open_recording(self.path) as file:
             chunk = self._record_at(file, begins)
-        inside = [chunk] if isinstance(chunk, records.Message) else reading.breakup_chunk(chunk)
+        inside = [chunk] if isinstance(chunk, records.Message) else chunk_records(chunk)
         return [one for one in inside if isinstance(one, records.Message)]
 
     @staticmethod

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from tega.hand import JOINT_NAMES
+from tega.recording.cells import cell_sums
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
 from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
 from tega.records.schema import schema_name
@@ -30,6 +31,7 @@ class RecordChannels:
     Args:
         lossless: Pictures as they are; else as JPEG.
         jpeg_quality: 1 to 100.
+        cells: Whether the sums that the metric ``live`` reads are kept beside a JPEG.
         open_channel: Makes the channel of a topic, given the SDK's class of channels and its arguments; by default a
             channel of the context. It has ``has_sinks()`` and ``log(message, log_time=)``.
 
@@ -42,7 +44,12 @@ class RecordChannels:
     """
 
     def __init__(
-        self, *, lossless: bool, jpeg_quality: int = 95, open_channel: Callable[..., Any] | None = None
+        self,
+        *,
+        lossless: bool,
+        jpeg_quality: int = 95,
+        cells: bool = False,
+        open_channel: Callable[..., Any] | None = None,
     ) -> None:
         self._foxglove = require("foxglove", driver="recording", extra="record")
         self._channels_of = require("foxglove.channels", driver="recording", extra="record")
@@ -53,7 +60,7 @@ class RecordChannels:
         if not lossless:
             self._cv2 = require("cv2", driver="recording", extra="record")
             self._quality = [self._cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
-        self._lossless = lossless
+        self._lossless, self._cells = lossless, cells
         self._channels: dict[str, Any] = {}
         self.epoch_ns = 0
         self.context: Any = self._foxglove.Context()
@@ -117,7 +124,7 @@ class RecordChannels:
         image, topic = record.image, record.where
         height, width = image.shape[:2]
         stamp = self._stamp(record.t_ns)
-        pixels = image.tobytes()
+        pixels, cells = image.tobytes(), b""
         if self._lossless:
             channel = self._channel(topic, self._channels_of.RawImageChannel)
             message = self._messages.RawImage(
@@ -134,11 +141,12 @@ class RecordChannels:
             whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
             with give_way():
                 _, data = self._cv2.imencode(".jpg", whole, self._quality)
+                cells = cell_sums(whole, self._cv2) if self._cells else b""
             message = self._messages.CompressedImage(
                 timestamp=stamp, frame_id=record.finger, data=data.tobytes(), format="jpeg"
             )
         channel.log(message, log_time=log_ns)
-        summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels))
+        summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels), cells=cells)
         self._message(_frame_topic(record), summed, log_ns)
 
     def _video(self, record: VideoPacket, log_ns: int) -> None:

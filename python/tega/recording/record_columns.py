@@ -12,7 +12,7 @@ from tega.hand import JOINT_NAMES
 from tega.recording.column_names import list_columns, time_column
 from tega.recording.mcap_schemas import PACKAGE
 from tega.records import HandExchange, Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
-from tega.records.schema import fields, own_schema, read, schema_name, values
+from tega.records.schema import MessageField, fields, own_schema, read, schema_name, values
 from tega.records.types import record_types
 from tega.records.video import VideoPacket
 
@@ -129,11 +129,16 @@ def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> di
     }
 
 
+def _cells_of(kind: type[Record]) -> list[MessageField]:
+    """Return the fields of a record that are columns: all but bytes."""
+    return [field for field in fields(kind) if field.wire != "bytes"]
+
+
 @cache
 def _names(kind: type[Record]) -> tuple[tuple[str, str, bool], ...]:
     """Return of each field its name, its column, and whether it is a time."""
     found = []
-    for field in fields(kind):
+    for field in _cells_of(kind):
         is_time = field.unit == "ns" and field.name.endswith("_ns")
         column = time_column(field.name) if is_time else field.name
         found.append((field.name, column, is_time))
@@ -143,7 +148,7 @@ def _names(kind: type[Record]) -> tuple[tuple[str, str, bool], ...]:
 @cache
 def _optional(kind: type[Record]) -> frozenset[str]:
     return frozenset(
-        column for field, (_, column, _) in zip(fields(kind), _names(kind), strict=True) if field.optional
+        column for field, (_, column, _) in zip(_cells_of(kind), _names(kind), strict=True) if field.optional
     )
 
 
@@ -154,7 +159,7 @@ def column_names(kind: type[Record]) -> list[str]:
 
 def units_of(kind: type[Record]) -> dict[str, str]:
     """Return the unit of each column of a record type that has one."""
-    named = zip(fields(kind), _names(kind), strict=True)
+    named = zip(_cells_of(kind), _names(kind), strict=True)
     return {column: "s" if is_time else field.unit for field, (_, column, is_time) in named if field.unit}
 
 

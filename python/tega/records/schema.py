@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
+from operator import attrgetter
 from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -165,31 +166,44 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
         message: The protobuf message, of this version or an older one.
         unwritten: The fields that the message does not hold, such as the finger that the topic names.
     """
-    plain, others = _reading(kind, message.__class__)
-    by_name: dict[str, Any] = {attribute: getattr(message, name) for attribute, name in plain}
+    attributes, plain, others = _reading(kind, message.__class__)
+    by_name: dict[str, Any] = dict(zip(attributes, plain(message), strict=True))
     by_name.update(unwritten)
-    pairs: dict[str, list[Any]] = {}
     for field in others:
         if field.optional and not message.HasField(field.name):
             continue
         value = getattr(message, field.name)
         if field.of_pair is not None:
-            pairs.setdefault(field.attribute, []).append(value)
+            by_name[field.attribute] = (*by_name.get(field.attribute, ()), value)
         elif field.part is not None:
-            by_name[field.attribute] = tuple(read(field.part, one) for one in value)
+            by_name[field.attribute] = _parts_read(field.part, value) if value else ()
         elif field.repeated:
             by_name[field.attribute] = np.array(value) if field.array else tuple(value)
         else:
             by_name[field.attribute] = value
-    record = kind(**by_name, **{name: tuple(pair) for name, pair in pairs.items()})
+    record = kind(**by_name)
     return record.current() if isinstance(record, Record) else record
+
+
+def _parts_read(kind: type[_Struct], messages: Any) -> tuple[_Struct, ...]:
+    """Return the structs of messages that are parts of another; most of them have plain fields only."""
+    attributes, plain, others = _reading(kind, messages[0].__class__)
+    if others:
+        return tuple([read(kind, one) for one in messages])
+    return tuple([kind(**dict(zip(attributes, plain(one), strict=True))) for one in messages])
 
 
 @cache
 def _reading(
     kind: type[msgspec.Struct], message: Any
-) -> tuple[tuple[tuple[str, str], ...], tuple[MessageField, ...]]:
-    """Return which fields of a file's message are taken as they are (attribute and name), and the others."""
+) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]], tuple[MessageField, ...]]:
+    """Return the attributes that are as they are in a file's message, a function that reads them, and other fields."""
     there = [field for field in fields(kind) if field.name in message.DESCRIPTOR.fields_by_name]
     others = [f for f in there if f.optional or f.repeated or f.part is not None or f.of_pair is not None]
-    return tuple((f.attribute, f.name) for f in there if f not in others), tuple(others)
+    plain = [field for field in there if field not in others]
+    names = [field.name for field in plain]
+    # Of fewer than two names, an attrgetter returns no tuple.
+    several = (
+        attrgetter(*names) if len(names) > 1 else lambda one: tuple(getattr(one, name) for name in names)
+    )
+    return tuple(field.attribute for field in plain), several, tuple(others)

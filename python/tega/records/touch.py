@@ -47,11 +47,13 @@ class Picture(Record, frozen=True, kw_only=True):
         pixels_crc32: CRC-32 of its pixels; known for a file, not for a camera.
         loaded: Whether another finger was in contact when it was measured.
         rezeroed: Whether the picture before it was taken for a new baseline.
+        cells: In a file with JPEG images, the sums over cells of 8 x 8 pixels that the metric ``live`` reads, int16
+            (3, cells), little-endian; else empty.
     """
 
     topic: ClassVar[str] = "/tactile/{finger}/image"
     schema: ClassVar[str] = "Frame"
-    version: ClassVar[int] = 3
+    version: ClassVar[int] = 4
     unwritten: ClassVar[tuple[str, ...]] = ("finger", "image")
 
     finger: str
@@ -63,6 +65,7 @@ class Picture(Record, frozen=True, kw_only=True):
     pixels_crc32: Annotated[int, quantity("1", "uint32")] = 0
     loaded: bool = False
     rezeroed: bool = False
+    cells: bytes = b""
 
     @property
     def log_ns(self) -> int:

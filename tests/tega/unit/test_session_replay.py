@@ -127,14 +127,23 @@ def test_other_settings_say_what_differs(
     assert set(differ.values()) == {0}
 
 
-def test_jpeg_replays_what_was_computed_exactly_and_tells_the_error_of_the_pictures(tmp_path: Path) -> None:
-    path = record(tmp_path / "jpeg", lossless=False)
+@pytest.mark.parametrize("preset", ["live", "paper"])
+def test_jpeg_replays_what_was_computed_and_gives_the_error_of_the_pictures(
+    tmp_path: Path, preset: str
+) -> None:
+    session = tree(tmp_path / "jpeg", lossless=False)
+    session["session"]["preset"] = preset
+    summary = run_session(check_tree(session, {}, base=tmp_path).config)
+    path = tmp_path / "jpeg" / str(summary["recording"]["file"])
     replay = replay_file(path)
     assert replay.same
     assert not replay.lossless
     thumb, ring = sorted(replay.pictures, key=lambda p: p.finger, reverse=True)
     assert (thumb.compared, ring.compared) == (90, 60)
-    assert 0 < thumb.eda_max_px < 1000
+    if preset == "live":  # it reads cells, which are kept beside the JPEG
+        assert all((one.contact_changed, one.eda_max_px, one.cci_max) == (0, 0, 0) for one in replay.pictures)
+    else:
+        assert 0 < thumb.eda_max_px < 0.02 * 320 * 240
     with path.open("rb") as file:
         names = {s.name for s, _, _ in make_reader(file).iter_messages(["/tactile/thumb/image"]) if s}
     assert names == {"foxglove.CompressedImage"}

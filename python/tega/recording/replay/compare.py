@@ -6,7 +6,8 @@ import math
 from bisect import insort
 from collections import deque
 from collections.abc import Callable, Mapping
-from operator import itemgetter
+from functools import cache
+from operator import attrgetter, itemgetter
 from typing import Any
 
 import msgspec
@@ -64,14 +65,20 @@ class Compared:
 
     Args:
         stream: Its name.
-        values: Returns the values of a record that are compared, by name.
+        values: Returns the values of a record by name.
+        left_out: Fields that are not compared.
         shared: If true, what only the replay has is no difference, and does not count.
     """
 
     def __init__(
-        self, stream: str, values: Callable[[Any], Mapping[str, Any]], *, shared: bool = False
+        self,
+        stream: str,
+        values: Callable[[Any], Mapping[str, Any]],
+        *,
+        left_out: frozenset[str] = frozenset(),
+        shared: bool = False,
     ) -> None:
-        self.stream, self._values, self._shared = stream, values, shared
+        self.stream, self._values, self._left_out, self._shared = stream, values, left_out, shared
         self.n_recorded = self.n_replayed = self.last_recorded_ns = 0
         # Time, time at which it was known, and record, by time.
         self._recorded, self._replayed = deque[tuple[int, int, Any]](), deque[tuple[int, int, Any]]()
@@ -120,10 +127,14 @@ class Compared:
         )
 
     def _pair(self, t_ns: int, ours: Any, theirs: Any) -> None:
-        if ours == theirs:
+        if ours == theirs or (type(ours) is type(theirs) and _equal_but(self._left_out, ours, theirs)):
             return
         sides = [_ABSENT if record is None else self._values(record) for record in (ours, theirs)]
-        names = [name for name in {**sides[0], **sides[1]} if not _same(name, *sides)]
+        names = [
+            name
+            for name in {**sides[0], **sides[1]}
+            if name not in self._left_out and not _same(name, *sides)
+        ]
         self._differ += bool(names)
         for name in names:
             self._last_ns = t_ns
@@ -139,6 +150,22 @@ def _put(rows: deque[tuple[int, int, Any]], row: tuple[int, int, Any]) -> None:
         rows.append(row)
     else:
         insort(rows, row, key=itemgetter(0))
+
+
+def _equal_but(left_out: frozenset[str], ours: Any, theirs: Any) -> bool:
+    """Return whether two records of one type are equal at first sight, some fields left out."""
+    if not isinstance(ours, msgspec.Struct):
+        return False
+    read = _compared_fields(type(ours), left_out)
+    return all(a == b or (a != a and b != b) for a, b in zip(read(ours), read(theirs), strict=True))  # noqa: PLR0124
+
+
+@cache
+def _compared_fields(
+    kind: type[msgspec.Struct], left_out: frozenset[str]
+) -> Callable[[Any], tuple[Any, ...]]:
+    names = [name for name in kind.__struct_fields__ if name not in left_out]
+    return attrgetter(*names) if len(names) > 1 else lambda one: tuple(getattr(one, name) for name in names)
 
 
 def _same(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:

@@ -32,6 +32,7 @@ class _Rule(NamedTuple):
     """Comparison of the records of one type."""
 
     values: Callable[[Any], Mapping[str, Any]]  # those that are compared, by name
+    left_out: frozenset[str] = frozenset({"t_ns"})  # fields that are not compared
     listed: bool = False  # a stream without a record is listed, too
     shared: bool = False  # what only the replay has is no difference
 
@@ -42,16 +43,16 @@ def _rules(head: Head) -> dict[type[Record], _Rule]:
     lost = ("activity",) if int(head.versions.get("Levels", "1")) < 3 else ()
     rules: dict[type[Record], _Rule] = {
         Picture: _Rule(lambda picture: {"pixels_crc32": picture}, listed=True),
-        Contact: _Rule(_values_but("taken_ns", "known_ns"), listed=True),
-        records.Intent: _Rule(_values_but("taken_ns", *lost), listed=True),
+        Contact: _Rule(values, frozenset({"t_ns", "taken_ns", "known_ns"}), listed=True),
+        records.Intent: _Rule(values, frozenset({"t_ns", "taken_ns", *lost}), listed=True),
         records.Event: _Rule(values),
-        VestFrame: _Rule(_vest_values, listed=True),
+        VestFrame: _Rule(values, frozenset({"t_ns", "handed_ns"}), listed=True),
         SentFrame: _Rule(lambda _: {"sent": True}, listed=True),
         HandCommand: _Rule(partial(_command_values, steered=head.facts["steered"] == "true"), listed=True),
         records.ReflexGrip: _Rule(values),
         records.Adaptation: _Rule(values),
-        records.BesideContact: _Rule(_values_but(), shared=True),
-        records.BesideIntent: _Rule(_values_but(), shared=True),
+        records.BesideContact: _Rule(values, shared=True),
+        records.BesideIntent: _Rule(values, shared=True),
         records.HandExchange: _Rule(lambda one: {"sent": _hex(one.sent)}),
         records.ArmTurn: _Rule(_turn_values),
     }
@@ -79,7 +80,7 @@ class Comparing:
                 feed.bus.subscribe(kind, partial(self._add, "recorded"), vital=True)
                 bus.subscribe(kind, partial(self._add, "replayed"), name="replay", vital=True)
         if Picture in self._rules:
-            feed.bus.subscribe(Picture, self._add_checksums, vital=True)
+            feed.ahead.append(self._add_checksums)
         if SentFrame in self._rules:
             feed.bus.subscribe(SentFrame, self._add_sent, vital=True)
             bus.subscribe(VestFrame, self._add_made, name="replay", vital=True)
@@ -105,7 +106,8 @@ class Comparing:
     def _stream(self, kind: type[Record], topic: str) -> Compared:
         if topic not in self._streams:
             rule = self._rules[kind]
-            self._streams[topic] = rule, Compared(topic, rule.values, shared=rule.shared)
+            compared = Compared(topic, rule.values, left_out=rule.left_out, shared=rule.shared)
+            self._streams[topic] = rule, compared
         return self._streams[topic][1]
 
     def _add(self, side: str, record: Any) -> None:
@@ -117,11 +119,17 @@ class Comparing:
             return
         getattr(self._stream(type(record), record.where), side)(record, record.t_ns, known_ns)
 
-    def _add_checksums(self, picture: Picture) -> None:
-        """Compare the checksum of a picture with that of its pixels as they were taken."""
-        compared = self._stream(Picture, picture.where)
-        compared.recorded(picture.pixels_crc32, picture.t_ns)
-        compared.replayed(zlib.crc32(picture.image.data), picture.t_ns)
+    def _add_checksums(self, picture: Picture) -> Callable[[], object]:
+        """Return a function that compares the checksum of a picture with that of its pixels as they were taken."""
+        where, t_ns, recorded = picture.where, picture.t_ns, picture.pixels_crc32
+        replayed = zlib.crc32(picture.image.data)
+
+        def add() -> None:
+            compared = self._stream(Picture, where)
+            compared.recorded(recorded, t_ns)
+            compared.replayed(replayed, t_ns)
+
+        return add
 
     def _add_sent(self, frame: SentFrame) -> None:
         self._sent[frame.t_ns] += not self._every
@@ -152,16 +160,6 @@ class Comparing:
 def _stage_names(stage: str) -> set[str]:
     """Return the names that a stage beside the connected ones may have in the settings: a second one has a number."""
     return {stage, stage.rpartition("-")[0]}
-
-
-def _values_but(*names: str) -> Callable[[Record], dict[str, Any]]:
-    """Return a function that returns the values of a record without some, and without its time."""
-    left_out = {"t_ns", *names}
-    return lambda record: {name: value for name, value in values(record).items() if name not in left_out}
-
-
-def _vest_values(frame: VestFrame) -> dict[str, Any]:
-    return {"layout": frame.layout, "intensities": list(frame.intensities)}
 
 
 def _command_values(command: HandCommand, *, steered: bool) -> dict[str, Any]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
 
 from tega import records
 from tega.errors import RecordingError
-from tega.recording.decode_ahead import PICTURES, decode_ahead
+from tega.recording.compute_ahead import PICTURES, compute_ahead
 from tega.recording.mcap_index import open_indexed
-from tega.recording.mcap_reader import Message, Progress
+from tega.recording.mcap_reader import Message, Progress, read_picture
 from tega.recording.mcap_schemas import PACKAGE
 from tega.recording.replay.head import lead_in, read_head
 from tega.records import Contact, HandCommand, Intent, Picture, Record, VestFrame
@@ -23,7 +25,6 @@ from tega.records.types import record_types
 
 if TYPE_CHECKING:
     from tega.loop.inbox.stream import StampedRecord
-    from tega.recording.decode_ahead import Decoding
 
 # So much earlier than its time a record is taken from the file, since it may be needed by what was stamped before it.
 _AHEAD_NS = 2_000_000_000
@@ -56,6 +57,20 @@ def _named(kind: type[Record], topic: str) -> dict[str, str]:
     return {field[1:-1]: name for field, name in parts if field.startswith("{")}
 
 
+class _Read(NamedTuple):
+    """A message, and of a picture's number and times the message of its image."""
+
+    message: Message
+    image: Message | None = None
+
+
+class _Computed(NamedTuple):
+    """What other threads made of a picture."""
+
+    picture: Picture | None  # if anything subscribes to it
+    finish: list[Callable[[], object]]
+
+
 class Newest(Generic[Stamped]):
     """Records of one type in the order of their times; those that a newer one has replaced are forgotten."""
 
@@ -83,6 +98,9 @@ class RecordFeed:
         head: Facts that are known before the first message.
         bus: Every record is published here as it was recorded; subscribe before reading begins.
         others: Functions called with every message whose schema is not TEGA's; without any these are not decoded.
+        ahead: Functions called with every picture in another thread, those of one finger in order. Each returns a
+            function that is called in the reader's thread when the picture is published.
+        cells_suffice: Whether the functions need no image where the picture's cells are recorded; it is empty then.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
         newest_ns: Time of the newest message so far, since the start of the session.
@@ -99,6 +117,8 @@ class RecordFeed:
         self.head = read_head(self.reader)
         self.bus = Bus()
         self.others: list[Callable[[Message], None]] = []
+        self.ahead: list[Callable[[Picture], Callable[[], object]]] = []
+        self.cells_suffice = False
         self.last_tick_ns, self.newest_ns, self.ended = 0, self.head.from_ns, False
         self._dropped = dict[str, int]()
         self.epoch_ns = int(self.head.facts["epoch_ns"])
@@ -106,9 +126,8 @@ class RecordFeed:
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
         self._early_kinds = {kind_of(one.schema, one.topic) for one in self._early}
-        self._pictures: dict[str, Decoding] = {}
-        self._messages: Iterator[tuple[Message, Decoding | None]] | None = None
-        self._next: tuple[Message, Decoding | None] | None = None
+        self._messages: Iterator[tuple[_Read, _Computed | None]] | None = None
+        self._next: tuple[_Read, _Computed | None] | None = None
         self._end = self._read_end()
         ticked: tuple[type[Record], ...] = (Contact, Intent, VestFrame, HandCommand)
         for kind in ticked:
@@ -157,16 +176,20 @@ class RecordFeed:
     def read_until(self, t_ns: int) -> None:
         """Read on until everything is there that may be needed up to a time since the start of the session."""
         if self._messages is None:
-            self._messages = decode_ahead(chain(self._early, self.reader.in_order(self._wanted)))
+            messages = chain(self._early, self.reader.in_order(self._wanted))
+            self._messages = compute_ahead(self._paired(messages), _finger_of, self._compute)
             self._next = next(self._messages, None)
-        until_ns = self.epoch_ns + t_ns + _AHEAD_NS
-        while self._next is not None and self._next[0].log_ns <= until_ns:
-            self.newest_ns = max(self.newest_ns, self._next[0].log_ns - self.epoch_ns)
-            self._take(*self._next)
-            self._next = next(self._messages, None)
-        self.ended = self._next is None
-        if self._next is not None and self._next[0].log_ns - self.epoch_ns > self.newest_ns + _LONGEST_NS:
-            gap_s = (self._next[0].log_ns - self.epoch_ns - self.newest_ns) / 1e9
+        until_ns, following = self.epoch_ns + t_ns + _AHEAD_NS, self._next
+        while following is not None and (log_ns := following[0].message.log_ns) <= until_ns:
+            self.newest_ns = max(self.newest_ns, log_ns - self.epoch_ns)
+            self._take(following[0].message, following[1])
+            following = self._next = next(self._messages, None)
+        self.ended = following is None
+        if (
+            following is not None
+            and following[0].message.log_ns - self.epoch_ns > self.newest_ns + _LONGEST_NS
+        ):
+            gap_s = (following[0].message.log_ns - self.epoch_ns - self.newest_ns) / 1e9
             raise RecordingError(
                 f"{self.reader.path.name}: nothing was recorded for {gap_s:.0f} s after {self.newest_ns / 1e9:.1f} s",
                 "the file is damaged, or the computer slept; trim copies the part before",
@@ -178,21 +201,55 @@ class RecordFeed:
 
     def _wanted(self, schema: str, topic: str) -> bool:
         kind = Picture if schema in PICTURES else kind_of(schema, topic)
+        if kind is Picture:
+            return bool(self.ahead) or self.bus.wants(Picture)
         return bool(self.others) if kind is None else self.bus.wants(kind)
 
-    def _take(self, message: Message, decoding: Decoding | None) -> None:
-        kind, more = kind_of(message.schema, message.topic), dict[str, Any]()
-        if message.schema in PICTURES and decoding is not None:
-            self._pictures[message.topic.split("/")[2]] = decoding
-        if message.schema in PICTURES or message.value is None:
+    def _paired(self, messages: Iterable[Message]) -> Iterator[_Read]:
+        """Yield the messages; an image is with its number and times, which follow it."""
+        images: dict[str, Message] = {}
+        for message in messages:
+            if message.schema in PICTURES:
+                if message.value is not None:
+                    images[_place(message.topic)] = message
+            elif message.value is not None and kind_of(message.schema, message.topic) is Picture:
+                yield _Read(message, images.pop(_place(message.topic), None))
+            else:
+                yield _Read(message)
+
+    def _compute(self, one: _Read) -> _Computed:
+        """Decode a picture and call the functions for it, in another thread."""
+        message, image = one
+        assert image is not None
+        published = self.bus.wants(Picture)
+        skipped = self.cells_suffice and not published and bool(getattr(message.value, "cells", b""))
+        pixels = np.empty((0, 0, 3), np.uint8) if skipped else read_picture(image)
+        picture = read(Picture, message.value, **_named(Picture, message.topic), image=pixels)
+        finish = [function(picture) for function in self.ahead]
+        return _Computed(picture if published else None, finish)
+
+    def _take(self, message: Message, computed: _Computed | None) -> None:
+        if computed is not None:
+            for finish in computed.finish:
+                finish()
+            if computed.picture is not None:
+                self.bus.publish(computed.picture)
+            return
+        kind = None if message.value is None else kind_of(message.schema, message.topic)
+        if message.value is None or kind is Picture:
             return
         if kind is None:
             for other in self.others:
                 other(message)
             return
-        if kind is Picture:
-            picture = self._pictures.pop(message.topic.split("/")[2], None)
-            if picture is None:
-                return
-            more["image"] = picture.result()
-        self.bus.publish(read(kind, message.value, **_named(kind, message.topic), **more))
+        self.bus.publish(read(kind, message.value, **_named(kind, message.topic)))
+
+
+def _place(topic: str) -> str:
+    """Return the finger that a topic of pictures names."""
+    return topic.split("/")[2]
+
+
+def _finger_of(one: _Read) -> str:
+    """Return the finger of a picture; ``""`` of everything else."""
+    return "" if one.image is None else _place(one.message.topic)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from tega.loop.beside import measure_beside_on
 from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
+from tega.recording.cells import read_sums
 from tega.recording.replay.feed import Newest
 from tega.recording.replay.head import metric_change
 from tega.records import BesideContact, BesideIntent, Contact, EmgSamples, Intent, Picture
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class PictureError(msgspec.Struct):
-    """Errors of contacts measured in JPEG pictures against those recorded from the pictures themselves.
+    """Errors of contacts measured in JPEG pictures, or in their cells, against those recorded.
 
     Attributes:
         finger: Name of the finger.
@@ -106,8 +108,13 @@ class Measured:
                     muscles=maxima,
                     live="emg" in head.sources and head.sources["emg"].live,
                 )
-        if head.lossless or compressed:
-            feed.bus.subscribe(Picture, self._measure, vital=True)
+        if bus.wants(MeasuredPicture):  # its subscriber may ask the metric for the map of that picture
+            feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
+        elif head.lossless or compressed:
+            feed.ahead.append(self._measure)
+            feed.cells_suffice = not head.lossless and all(
+                meter.metric.reads_sums for meter in self._meters.values()
+            )
         feed.bus.subscribe(EmgSamples, self._decode, vital=True)
 
     def contact(self, recorded: Contact) -> Contact | None:
@@ -123,17 +130,21 @@ class Measured:
         """Return what a recorded intent is now; ``None`` where its samples are left out."""
         return self._intents.at(recorded.t_ns) if self._decodes else recorded
 
-    def _measure(self, picture: Picture) -> None:
+    def _measure(self, picture: Picture) -> Callable[[], object]:
+        """Measure a picture; return a function that passes the contact on."""
         meter = self._meters[picture.finger]
         try:
             contact = measure(meter, picture)
         except TegaError:  # a bad picture of a live sensor, dropped then as now
-            return
-        if contact is not None:
-            self._contacts[picture.finger].rows.append(contact)
-            # Else the contacts are those recorded, and this is not what they were measured in.
-            if self._exact and self._bus.wants(MeasuredPicture):
-                self._bus.publish(MeasuredPicture(image=picture.image, contact=contact, metric=meter.metric))
+            contact = None
+        return lambda: None if contact is None else self._pass_on(picture, contact)
+
+    def _pass_on(self, picture: Picture, contact: Contact) -> None:
+        self._contacts[picture.finger].rows.append(contact)
+        # Else the contacts are those recorded, and this is not what they were measured in.
+        if self._exact and self._bus.wants(MeasuredPicture):
+            metric = self._meters[picture.finger].metric
+            self._bus.publish(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
 
     def _decode(self, given: EmgSamples) -> None:
         if self._muscles is None:
@@ -157,10 +168,15 @@ def finger_meter(head: Head, finger: str) -> FrameMeter:
 
 
 def measure(meter: FrameMeter, picture: Picture) -> Contact | None:
-    """Measure a recorded picture as in the run; see :meth:`~tega.loop.inbox.frames.FrameMeter.take`."""
+    """Measure a recorded picture as in the run; see :meth:`~tega.loop.inbox.frames.FrameMeter.take`.
+
+    A picture out of a JPEG is measured by its cells where they are recorded and the metric reads no more.
+    """
     meter.metric.loaded = picture.loaded
     if picture.rezeroed:
         meter.metric.rezero()
+    if picture.cells and meter.metric.reads_sums:
+        return meter.take_sums(picture.seq, picture.t_ns, read_sums(picture.cells))
     return meter.take(frame_of(picture))
 
 

@@ -28,6 +28,8 @@ def cell_text(value: object) -> str:
         >>> cell_text("held, then lost"), cell_text(0.1), cell_text(None)
         ('"held, then lost"', '0.1', '')
     """
+    if type(value) is float or type(value) is int:  # nearly all cells
+        return repr(value)
     if value is None:
         return ""
     if isinstance(value, bool):

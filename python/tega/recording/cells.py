@@ -1,0 +1,44 @@
+"""Keep what the metric ``live`` reads of a picture, beside its JPEG: sums over cells of 8 x 8 pixels.
+
+The reading of the sums is that of the picture, bit for bit, at a thirtieth of its bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_SIDE: Final = 8
+# The tracker divides the diagonal of a picture of any size into so many cells.
+_CELLS_PER_DIAGONAL: Final = 50
+_SUMS: Final = np.dtype("<i2")
+
+
+def cell_sums(image: NDArray[np.uint8], cv2: Any) -> bytes:
+    """Return the sums of a picture over its cells.
+
+    Args:
+        image: The picture, uint8 (H, W, 3).
+        cv2: The module.
+
+    Returns:
+        int16, little-endian, (3, cells): the bytes of a pixel, cells row by row. Empty for a picture of a size that the
+        metric divides otherwise: only around 320 x 240 are its cells 8 x 8 pixels.
+    """
+    height, width = image.shape[:2]
+    if height % _SIDE or width % _SIDE or round(math.hypot(height, width) / _CELLS_PER_DIAGONAL) != _SIDE:
+        return b""
+    corners = cv2.integral(image)[::_SIDE, ::_SIDE]
+    sums = np.diff(np.diff(corners, axis=0), axis=1)
+    cells: bytes = np.moveaxis(sums, 2, 0).astype(_SUMS).tobytes()
+    return cells
+
+
+def read_sums(cells: bytes) -> NDArray[np.int16]:
+    """Return the sums of a picture as :meth:`tega.stages.Metric.update_sums` takes them, int16 (3, cells)."""
+    return np.frombuffer(cells, _SUMS).reshape(3, -1).astype(np.int16, copy=False)

@@ -1,0 +1,1 @@
+"""Codecs of recorded pictures: size against error of what is measured again."""
