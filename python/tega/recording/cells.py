@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from tega.errors import RecordingError
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -40,5 +42,13 @@ def cell_sums(image: NDArray[np.uint8], cv2: Any) -> bytes:
 
 
 def read_sums(cells: bytes) -> NDArray[np.int16]:
-    """Return the sums of a picture as :meth:`tega.stages.Metric.update_sums` takes them, int16 (3, cells)."""
+    """Return the sums of a picture as :meth:`tega.stages.Metric.update_sums` takes them, int16 (3, cells).
+
+    Raises:
+        RecordingError: The bytes are no such sums.
+    """
+    if len(cells) % (3 * _SUMS.itemsize):
+        raise RecordingError(
+            f"the cells of a picture are damaged: {len(cells)} bytes are no sums of three colours"
+        )
     return np.frombuffer(cells, _SUMS).reshape(3, -1).astype(np.int16, copy=False)
