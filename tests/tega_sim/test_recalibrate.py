@@ -308,7 +308,12 @@ def test_maxima_alone_are_put_to_today(known: Bench) -> None:
         ("rail 1", 1.0, (), "ch1: "),
         ("emg", 0.08, (), "a strong squeeze is only"),
         ("emg", 0.17, (), "times its signal at the calibration"),
-        ("emg", 1.0, ("--set", "emg.kind=rectified"), "was calibrated with kind raw, now it is rectified"),
+        (
+            "emg",
+            1.0,
+            ("--set", "emg.kind=rectified"),
+            "was calibrated with kind = raw, the settings have rectified",
+        ),
         ("emg", 1.0, ("--person", "p02"), "p02 has no calibration on"),
         ("emg", 1.0, ("--out", "new.json"), "there is no model to write"),
     ],

@@ -24,6 +24,7 @@ from tega.ui.view.browser.charts import drives
 from tega.ui.view.browser.scene import Scene
 from tega.ui.view.browser.touch import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.ui.view.browser.vest import vest_svg
+from tega.ui.view.rate_meter import RateMeter
 from tega.ui.view.state import EmgTail, ShapeKind
 
 
@@ -42,13 +43,11 @@ def test_the_slot_keeps_the_newest_moment_and_counts_those_it_drops(moments):
     assert (view.n_offered, view.n_painted, view.n_dropped) == (5, 1, 4)
 
 
-def test_no_rate_is_below_zero_when_the_next_run_counts_from_zero(moments):
-    view, snapshot = BrowserView(port=0), moments.at(1.0, images=False)
-    rates = []
+def test_no_rate_is_below_zero_when_the_next_run_counts_from_zero():
+    meter, rates = RateMeter(), []
     for second, count in enumerate((0, 30, 60, 5, 35)):
-        loop = snapshot.loop._replace(counts={"vest": count})
-        view._measure(float(second), snapshot._replace(loop=loop))
-        rates.append(view._rates_hz.get("vest"))
+        meter.take(float(second), {"vest": count})
+        rates.append(meter.rates_hz.get("vest"))
     assert rates == [None, 30.0, 30.0, 30.0, 30.0]
 
 

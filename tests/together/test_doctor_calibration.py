@@ -148,7 +148,7 @@ def test_a_damaged_one_is_wrong(lab: Path) -> None:
     (lab / "calibrations" / "people" / "p01" / "emg-ttyUSB0.toml").write_text("format =", encoding="utf-8")
     _, wrong = reported(lab, "calibration.person=p01")
     assert wrong.status == "error"
-    assert "damaged" in wrong.finding
+    assert "not valid TOML" in wrong.finding
 
 
 def test_a_file_that_does_not_fit_or_is_not_there(lab: Path) -> None:

@@ -170,9 +170,9 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
     assert json.loads(capsys.readouterr().out)["emg"]["maxima"] == record["paper_max"]
     command = f"hint: tega-teleop calibrate {file} --person p01 --only emg"
     for change, text in (
-        ("emg.options.channels=[1,2]", "with channels = ch1, ch2, ch3, the run has ch1, ch2"),
-        ("emg.kind=rectified", "with kind = raw, the run has rectified"),
-        ("emg.options.bits=12", "settings = bits=10, columns=3, leading=0, the run has"),
+        ("emg.options.channels=[1,2]", "with channels = ch1, ch2, ch3, the settings have ch1, ch2"),
+        ("emg.kind=rectified", "with kind = raw, the settings have rectified"),
+        ("emg.options.bits=12", "settings = bits=10, columns=3, leading=0, the settings have"),
     ):
         assert teleop("run", str(file), "--person", "p01", "--set", change) == 1
         err = capsys.readouterr().err
@@ -244,12 +244,12 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         assert record["step_sites"] == ["f4", "b2"]
         assert teleop("config", "show", str(file), "--set", "calibration.person=p01") == 0
         (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("vest.threshold")]
-        assert "10.0, 10.0, 17.0, 10.0" in line
+        assert "10, 10, 17, 10" in line
         assert line.endswith(f"people/p01/vest-127.0.0.1_{peer.address['port']}.toml")
         explicit = lab(tmp_path, vest(peer, "threshold = 5"))
         assert teleop("config", "show", str(explicit), "--set", "calibration.person=p01") == 0
         (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("vest.threshold")]
-        assert " 5.0 " in line
+        assert " 5 " in line
         assert re.search(r"lab\.toml.* \(wins over people/p01/vest-", line)
 
 

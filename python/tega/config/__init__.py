@@ -2,41 +2,38 @@
 
 from __future__ import annotations
 
-from tega.config.load import (
+from tega.config.check import check_tree
+from tega.config.given import override_recorded, override_tree
+from tega.config.load import LOOP_KEYS, file_sets, load_config
+from tega.config.options import driver_options, stage_options
+from tega.config.origins import LoadedConfig, SettingValue
+from tega.config.sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
-    DEFAULT_STAGES,
-    FINGERS,
-    LOOP_KEYS,
-    STAGE_GROUPS,
-    AdaptationSection,
     ArmConfig,
     CalibrationConfig,
     EmgConfig,
     HandConfig,
     InputConfig,
     InputSection,
-    LoadedConfig,
     Pace,
     RecordingSection,
-    ReflexSection,
     SessionConfig,
     SessionSection,
-    SettingValue,
-    StageConfig,
-    StagesSection,
     TactileConfig,
     TactileSection,
     TrackerConfig,
     VestConfig,
-    check_tree,
-    driver_options,
-    file_sets,
-    load_config,
-    override_recorded,
-    override_tree,
-    stage_options,
 )
+from tega.config.stage_sections import (
+    DEFAULT_STAGES,
+    STAGE_GROUPS,
+    AdaptationSection,
+    ReflexSection,
+    StageConfig,
+    StagesSection,
+)
+from tega.haptics import FINGERS
 
 __all__ = [
     "DEFAULT_LAYOUT",

@@ -16,7 +16,7 @@ import msgspec
 from tega.runtime.files.foreign_file import read_foreign
 
 if TYPE_CHECKING:
-    from tega.config.sections import StagesSection
+    from tega.config.stage_sections import StagesSection
 
 
 _GROUPS: Final = ("metric", "decoder", "mapping", "reflex")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +17,31 @@ from tega.config.removed import check_removed, without_constants
 from tega.config.sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
-    DEFAULT_STAGES,
-    STAGE_GROUPS,
     InputConfig,
     InputSection,
-    ReflexSection,
     SessionConfig,
+    TactileSection,
+)
+from tega.config.stage_sections import (
+    DEFAULT_STAGES,
+    STAGE_GROUPS,
+    ReflexSection,
     StageConfig,
     StagesSection,
-    TactileSection,
 )
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
 from tega.stages.registry import stage_class
+
+
+@contextmanager
+def _named(origins: Mapping[str, str], key: str) -> Iterator[None]:
+    """Put a key and its origin before an error about its value."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"{where(origins, key)}: {key}: {error.message}", error.hint) from None
 
 
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
@@ -67,12 +79,8 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
             if section.options:
                 raise ConfigError(f"{key}.options: given, but no driver is named", f"set {key}.driver")
             return section
-        try:
+        with _named(origins, f"{key}.driver"):
             wanted = driver_class(section.driver, kind).options_type
-        except ConfigError as error:
-            raise ConfigError(
-                f"{where(origins, f'{key}.driver')}: {key}.driver: {error.message}", error.hint
-            ) from None
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
@@ -115,7 +123,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     values = _values_of(config, origins, mounted)
     if config.calibration.person is None:
         return LoadedConfig(config, values)
-    from tega.config.person import with_person
+    from tega.config.person_settings import with_person
 
     return with_person(LoadedConfig(config, values), given=set(origins))
 
@@ -165,11 +173,8 @@ def _typed_stages(
     for group in STAGE_GROUPS:
         section: StageConfig = getattr(config.stages, group)
         key = f"stages.{group}"
-        try:
+        with _named(origins, f"{key}.name"):
             wanted = stage_class(group, section.name or DEFAULT_STAGES[config.session.preset][group])
-        except ConfigError as error:
-            place = f"{where(origins, f'{key}.name')}: {key}.name"
-            raise ConfigError(f"{place}: {error.message}", error.hint) from None
         options = convert(section.options, wanted.options_type, f"{key}.options")
         sections[group] = msgspec.structs.replace(section, options=options)
     if config.vest.layout is not None:
@@ -181,11 +186,8 @@ def _typed_stages(
     beside = []
     for number, one in enumerate(config.stages.beside):
         key = f"stages.beside[{number}]"
-        try:
+        with _named(origins, f"{key}.name"):
             wanted = stage_class(one.group, one.name)
-        except ConfigError as error:
-            place = f"{where(origins, f'{key}.name')}: {key}.name"
-            raise ConfigError(f"{place}: {error.message}", error.hint) from None
         typed = convert(one.options, wanted.options_type, f"{key}.options")
         beside.append(msgspec.structs.replace(one, options=typed))
     return StagesSection(
@@ -210,12 +212,8 @@ def _typed_reflex(
                 f'name a reflex, such as {key}.name = "grip", or leave them out',
             )
         return reflex
-    try:
+    with _named(origins, f"{key}.name"):
         wanted = stage_class("reflex", reflex.name)
-    except ConfigError as error:
-        raise ConfigError(
-            f"{where(origins, f'{key}.name')}: {key}.name: {error.message}", error.hint
-        ) from None
     return msgspec.structs.replace(
         reflex, options=convert(reflex.options, wanted.options_type, f"{key}.options")
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from tega.config.errors import explain
-from tega.config.sections import DEFAULT_STAGES, StageConfig
+from tega.config.stage_sections import DEFAULT_STAGES, StageConfig, StagesSection
 from tega.errors import ConfigError, TegaError
 from tega.haptics import FeltMap
 from tega.stages.base import (
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config.calibration import EmgMaxima, TouchMaxima
-    from tega.config.sections import BesideConfig, SessionConfig, StagesSection, VestConfig
+    from tega.config.sections import SessionConfig, VestConfig
+    from tega.config.stage_sections import BesideConfig
     from tega.stages.base import Mapping as MappingStage
 
 
@@ -123,8 +124,6 @@ def preset_metric(
     calibration: TouchMaxima | None = None,
 ) -> Metric:
     """Make the metric of a preset with its default options."""
-    from tega.config.sections import StagesSection
-
     return finger_metric(StagesSection(), preset, finger, baseline, calibration)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from tega.config.errors import Overridden
 from tega.config.lines import value_lines
-from tega.config.sections import STAGE_GROUPS
+from tega.config.stage_sections import STAGE_GROUPS
 from tega.errors import ConfigError
 from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_hint import ESCAPES, swallowed_escape, toml_hint

@@ -21,71 +21,9 @@ from typing import Any, Final
 import msgspec
 
 from tega.config.check import check_tree
-from tega.config.given import override, override_recorded, override_tree, read_settings
-from tega.config.options import driver_options, stage_options
-from tega.config.origins import LoadedConfig, SettingValue
-from tega.config.sections import (
-    DEFAULT_LAYOUT,
-    DEFAULT_PACE,
-    DEFAULT_STAGES,
-    FINGERS,
-    STAGE_GROUPS,
-    AdaptationSection,
-    ArmConfig,
-    CalibrationConfig,
-    EmgConfig,
-    HandConfig,
-    InputConfig,
-    InputSection,
-    Pace,
-    RecordingSection,
-    ReflexSection,
-    SessionConfig,
-    SessionSection,
-    StageConfig,
-    StagesSection,
-    TactileConfig,
-    TactileSection,
-    TrackerConfig,
-    VestConfig,
-)
+from tega.config.given import override, override_tree, read_settings
+from tega.config.origins import LoadedConfig
 from tega.runtime.files.toml_text import toml_value
-
-__all__ = [
-    "DEFAULT_LAYOUT",
-    "DEFAULT_PACE",
-    "DEFAULT_STAGES",
-    "FINGERS",
-    "LOOP_KEYS",
-    "STAGE_GROUPS",
-    "AdaptationSection",
-    "ArmConfig",
-    "CalibrationConfig",
-    "EmgConfig",
-    "HandConfig",
-    "InputConfig",
-    "InputSection",
-    "LoadedConfig",
-    "Pace",
-    "RecordingSection",
-    "ReflexSection",
-    "SessionConfig",
-    "SessionSection",
-    "SettingValue",
-    "StageConfig",
-    "StagesSection",
-    "TactileConfig",
-    "TactileSection",
-    "TrackerConfig",
-    "VestConfig",
-    "check_tree",
-    "driver_options",
-    "file_sets",
-    "load_config",
-    "override_recorded",
-    "override_tree",
-    "stage_options",
-]
 
 ENVIRONMENT_PREFIX = "TEGA_"
 

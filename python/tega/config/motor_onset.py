@@ -10,7 +10,7 @@ from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.person import closed_info
 
 if TYPE_CHECKING:
-    from tega.config.load import SessionConfig
+    from tega.config.sections import SessionConfig
 
 
 STAGE: Final = "motor onset"
@@ -62,7 +62,7 @@ def motor_onset(config: SessionConfig) -> MotorOnset | None:
     vest, folder = config.vest, config.calibration.folder
     if vest.driver is None or folder is None:
         return None
-    info = closed_info(vest.driver, "vest", vest.options)
+    info = closed_info(vest, "vest")
     records = [] if info is None else CalibrationFolder(folder).onsets(device_name(info))
     if not records:
         return None

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 
 from tega.config.calibration.folder import CalibrationFolder, Part, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
-from tega.config.calibration.wearing import site_motors
 from tega.errors import CalibrationError, TegaError
 
 if TYPE_CHECKING:
-    from tega.config import CalibrationConfig, EmgConfig, LoadedConfig, SessionConfig
-    from tega.devices.base import DeviceInfo, EmgSource, TactileSource
+    from tega.config import CalibrationConfig, EmgConfig, SessionConfig
+    from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
 
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05
-_MOTORS = 40
 _HEADING_OLD_H = 12.0
 _FRAME_S = 1.0
 _NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels", "rate_hz", "by", "value"}
@@ -43,13 +41,7 @@ class Personal(NamedTuple):
 
 def calibrate_command(settings: str, person: str, part: Part | None = None, *, refresh: bool = False) -> str:
     """Return the command that makes a calibration, as it is typed."""
-    only = {
-        "touch": " --only tactile",
-        "emg": " --only emg",
-        "vest": " --only vest",
-        "arm": " --only arm",
-        None: "",
-    }[part]
+    only = f" --only {'tactile' if part == 'touch' else part}" if part else ""
     return f"tega-teleop calibrate {settings} --person {person}{only}{' --refresh' if refresh else ''}"
 
 
@@ -89,7 +81,7 @@ def person_calibration(
     muscles = None
     if emg is not None and conditions is not None and config.emg is not None:
         record_emg = needed_record(folder, person, EmgRecord, emg.info, subject="EMG", settings=settings)
-        _check_emg(record_emg, conditions, config, command=calibrate_command(settings, person, "emg"))
+        _check_emg(record_emg, conditions, config.emg, command=calibrate_command(settings, person, "emg"))
         maxima = record_emg.live_max if config.session.preset == "live" else record_emg.paper_max
         muscles = msgspec.structs.replace(conditions, maxima=maxima)
         warnings += emg_warnings(record_emg, config, settings=settings, now=now)
@@ -168,31 +160,37 @@ def driver_settings(config: EmgConfig) -> str:
     return ", ".join(f"{k}={v}" for k, v in sorted(options.items()) if k not in _NOT_SETTINGS)
 
 
-def _check_emg(record: EmgRecord, now: EmgMaxima, config: SessionConfig, *, command: str) -> None:
-    section = config.emg
-    made_with: tuple[tuple[str, object, object], ...] = (
-        ("driver", record.driver, section.driver if section else ""),
-        ("kind", record.kind, now.kind),
-        ("channels", record.channels, now.channels),
-        ("tau", record.tau_samples, now.tau),
-        ("settings", record.settings, driver_settings(section) if section else ""),
+def other_conditions(record: EmgRecord, **today: object) -> str:
+    """Return the first condition that differs from that of the muscles' calibration; ``""`` for none.
+
+    Args:
+        record: The calibration.
+        today: Conditions by the names of the record's fields.
+    """
+    for name, now in today.items():
+        if (then := getattr(record, name)) != now:
+            return f"EMG: {record.person} was calibrated with {name} = {_text(then)}, the settings have {_text(now)}"
+    return ""
+
+
+def _check_emg(record: EmgRecord, now: EmgMaxima, config: EmgConfig, *, command: str) -> None:
+    text = other_conditions(
+        record,
+        driver=config.driver,
+        kind=now.kind,
+        channels=now.channels,
+        tau_samples=now.tau,
+        settings=driver_settings(config),
     )
-    for subject, then, today in made_with:
-        if then != today:
-            raise CalibrationError(
-                f"EMG: {record.person} was calibrated with {subject} = {_text(then)}, the run has {_text(today)}",
-                command,
-            )
     if abs(record.rate_hz / now.rate_hz - 1) > _RATE_TOLERANCE:
-        raise CalibrationError(
-            f"EMG: {record.person} was calibrated at {record.rate_hz:g} samples/s, the run has {now.rate_hz:g}",
-            command,
+        text = text or (
+            f"EMG: {record.person} was calibrated at {record.rate_hz:g} samples/s, the run has {now.rate_hz:g}"
         )
     lengths = {len(record.live_max), len(record.paper_max), len(record.channels)}
     if len(lengths) > 1 or min(*record.live_max, *record.paper_max) <= 0:
-        raise CalibrationError(
-            f"EMG: the record of {record.person} does not have one maximum above 0 per channel", command
-        )
+        text = text or f"EMG: the record of {record.person} does not have one maximum above 0 per channel"
+    if text:
+        raise CalibrationError(text, command)
 
 
 def _text(value: object) -> str:
@@ -235,7 +233,7 @@ def vest_warnings(
     config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
 ) -> list[str]:
     """Say that a vest's thresholds are old or not known: a run without them shows the law's own intensities."""
-    info = live_vest(config)
+    info = live_info(config.vest, "vest")
     if info is None or config.session.preset != "live":
         return []
     device, command = device_name(info), calibrate_command(settings, person, "vest")
@@ -260,7 +258,7 @@ def _arm_warnings(
     config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
 ) -> list[str]:
     """Warn if a heading is old: a headset that was restarted may define forward differently."""
-    info = _tracker_info(config)
+    info = tracker_info(config)
     record = None if info is None else folder.record(person, ArmRecord, device_name(info))
     if record is None:
         return []
@@ -276,163 +274,25 @@ def _old(subject: str, made: datetime, limit_h: float, now: datetime, command: s
     return [f"{subject}: {text} old, warned of after {limit_h:g} hours: {command}"]
 
 
-# Before anything is opened.
-
-
-def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
-    """Put a person's baselines and thresholds where the settings leave them open, and say where each value comes from.
-
-    A value that is set explicitly takes precedence. Nothing is opened: devices are identified by their names while
-    closed.
-
-    Args:
-        loaded: Checked settings with ``calibration.person`` and ``calibration.folder``.
-        given: Dotted keys that are set explicitly.
-
-    Raises:
-        InvalidValueError: The person's code cannot be one.
-    """
-    from tega.config import LoadedConfig, SettingValue, TactileSection
-
-    config, values = loaded.config, dict(loaded.values)
-    person, folder = whose(config.calibration)
-    folder.person(person)  # a code that cannot be one is refused here
-    found: dict[str, tuple[Any, str]] = {}
-
-    def readable(wanted: type[Any], info: DeviceInfo) -> Any:
-        """Read a record; ignore unusable ones, since the run reads them again and reports them."""
-        try:
-            return folder.record(person, wanted, device_name(info))
-        except CalibrationError as error:
-            values[f"calibration.{info.kind}"] = SettingValue(error.message, "not used")
-            return None
-
-    for finger, section in config.tactile.in_use().items():
-        info = closed_info(section.driver, "tactile", section.options)
-        if info is None or not info.live:
-            continue
-        if gels := folder.gels(device_name(info)):
-            found[f"tactile.{finger}.baseline"] = (gels[-1].picture, folder.named(gels[-1].picture))
-        if (record := readable(TouchRecord, info)) is not None:
-            maxima = record.live if config.session.preset == "live" else record.paper
-            name = folder.named(folder.file(person, "touch", record.device))
-            for key in ("cci_max", "eda_max"):
-                values[f"calibration.{finger}.{key}"] = SettingValue(getattr(maxima, key), name)
-    if config.emg is not None and (info := closed_info(config.emg.driver, "emg", config.emg.options)):
-        emg = readable(EmgRecord, info) if info.live else None
-        if emg is not None:
-            name = folder.named(folder.file(person, "emg", emg.device))
-            top = emg.live_max if config.session.preset == "live" else emg.paper_max
-            values["calibration.emg.maxima"] = SettingValue(top, name)
-    vest_info = live_vest(config)
-    vest = None if vest_info is None else readable(VestCalibration, vest_info)
-    if vest is not None and config.session.preset == "live":
-        threshold, step = felt_by(vest)
-        name = folder.named(folder.file(person, "vest", vest.device))
-        found["vest.threshold"], found["vest.step"] = (threshold, name), (step, name)
-    tracker = _tracker_info(config)
-    found |= _of_the_heading(None if tracker is None else readable(ArmRecord, tracker), folder)
-    found |= _of_the_hand(config, folder, person)
-    changes: dict[str, Any] = {}
-    for key, (value, name) in found.items():
-        if key in given:
-            values[key] = SettingValue(values[key].value, f"{values[key].origin} (wins over {name})")
-        else:
-            values[key], changes[key] = SettingValue(value, name), value
-    tactile = TactileSection(
-        **{
-            f: msgspec.structs.replace(c, baseline=changes.get(f"tactile.{f}.baseline", c.baseline))
-            for f, c in config.tactile.in_use().items()
-        }
-    )
-    vest_section = msgspec.structs.replace(
-        config.vest,
-        threshold=changes.get("vest.threshold", config.vest.threshold),
-        step=changes.get("vest.step", config.vest.step),
-        mirror=changes.get("vest.mirror", config.vest.mirror),
-    )
-    arm = config.arm
-    if arm is not None:
-        forearm = changes.get("arm.mapping.forearm", arm.mapping.forearm)
-        yaws = {
-            k: changes.get(f"arm.mapping.{k}", getattr(arm.mapping, k)) for k in ("yaw_rad", "base_yaw_rad")
-        }
-        mapping = msgspec.structs.replace(arm.mapping, forearm=forearm, **yaws)
-        arm = msgspec.structs.replace(arm, mapping=mapping)
-    return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section, arm=arm), values)
-
-
-def _of_the_heading(record: ArmRecord | None, folder: CalibrationFolder) -> dict[str, tuple[Any, str]]:
-    """Return which way the person calls forward and sees the robot's base point, where that was found."""
-    if record is None:
-        return {}
-    name = folder.named(folder.file(record.person, "arm", record.device))
-    return {
-        "arm.mapping.yaw_rad": (record.yaw_rad, name),
-        "arm.mapping.base_yaw_rad": (record.base_yaw_rad, name),
-    }
-
-
-def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) -> dict[str, tuple[Any, str]]:
-    """Return the settings that follow from a person's hand: the tracked forearm and the thumb's side."""
-    hand = folder.hand(person)
-    if hand is None:
-        return {}
-    name = folder.named(folder.person(person) / "person.toml")
-    found: dict[str, tuple[Any, str]] = {"vest.mirror": ("all" if hand == "left" else "none", name)}
-    if config.arm is not None:
-        found["arm.mapping.forearm"] = (hand, name)
-    return found
-
-
-def live_vest(config: SessionConfig) -> DeviceInfo | None:
-    """Return the description of the vest of some settings, if it is a real one."""
-    vest = config.vest
-    info = None if vest.driver is None else closed_info(vest.driver, "vest", vest.options)
-    return info if info is not None and info.live else None
-
-
-def _tracker_info(config: SessionConfig) -> DeviceInfo | None:
+def tracker_info(config: SessionConfig) -> DeviceInfo | None:
     """Return the description of the tracker that leads the arm of some settings, if it is a real one."""
-    tracker = None if config.arm is None else config.arm.tracker
-    info = None if tracker is None else closed_info(tracker.driver, "tracker", tracker.options)
+    return None if config.arm is None else live_info(config.arm.tracker, "tracker")
+
+
+def live_info(section: Any, kind: Kind) -> DeviceInfo | None:
+    """Return the description of the device that a table of the settings names, if it is a real one."""
+    info = closed_info(section, kind)
     return info if info is not None and info.live else None
 
 
-def closed_info(
-    driver: str, kind: Literal["tactile", "emg", "vest", "tracker"], options: Any
-) -> DeviceInfo | None:
-    """Return the description that a device gives while it is closed."""
+def closed_info(section: Any, kind: Kind) -> DeviceInfo | None:
+    """Return the description that a device gives while it is closed; ``None`` where a table names none."""
     from tega.devices.registry import driver_class
 
+    if section is None or section.driver is None:
+        return None
     try:
-        info: DeviceInfo = driver_class(driver, kind)(options).info
+        info: DeviceInfo = driver_class(section.driver, kind)(section.options).info
     except TegaError:  # it needs to be opened, or a package is missing; the run will say so
         return None
     return info
-
-
-def felt_by(record: VestCalibration) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return threshold and step of each of the 40 motors, percent.
-
-    A motor where nothing was felt, or none was asked about, has the middle of the others: one dead motor must not
-    take the range of all. With nothing felt anywhere they are those of no calibration, 0 and 1.
-
-    Args:
-        record: Thresholds and steps of a person.
-    """
-    thresholds = _each_motor(record, record.threshold_percent)
-    steps = _each_motor(record, record.step_percent)
-    return thresholds or (0.0,) * _MOTORS, steps or (1.0,) * _MOTORS
-
-
-def _each_motor(record: VestCalibration, percent: tuple[float, ...]) -> tuple[float, ...] | None:
-    known = sorted(p for p in percent if p > 0)
-    if not known:
-        return None
-    values = [known[len(known) // 2]] * _MOTORS
-    for site, p in zip(record.sites, percent, strict=True):
-        for motor in site_motors(site):
-            if p > 0:
-                values[motor] = p
-    return tuple(values)

@@ -23,6 +23,7 @@ REMOVED: Final[Mapping[str, Removed]] = {
 
 CONSTANTS: Final[Mapping[str, float]] = {
     "hand.options.send_timeout_s": 0.01,
+    "stages.mapping.options.remind_s": 1.0,
     "stages.mapping.options.slip_again_s": 0.3,
     "stages.mapping.options.slip_burst_s": 0.15,
     "stages.mapping.options.slip_bursts": 2,

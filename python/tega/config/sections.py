@@ -1,6 +1,6 @@
 """Define a session's settings: one structure a table of the file, with every default and limit.
 
-How they are read, checked and overridden is :mod:`tega.config.load`, which has all of these names as well.
+How they are read, checked and overridden is :mod:`tega.config.load`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from tega.arm.settings import (
     MappingSettings,
     WatchdogSettings,
 )
+from tega.config.stage_sections import Section, StagesSection
 from tega.errors import ConfigError
 from tega.haptics import FINGERS
 from tega.safety.settings import SafetySection
@@ -26,56 +27,16 @@ if TYPE_CHECKING:
     from tega.arm.pose import Pose
     from tega.haptics import Layout
 
-__all__ = [
-    "DEFAULT_LAYOUT",
-    "DEFAULT_PACE",
-    "DEFAULT_STAGES",
-    "FINGERS",
-    "STAGE_GROUPS",
-    "AdaptationSection",
-    "ArmConfig",
-    "BesideConfig",
-    "CalibrationConfig",
-    "EmgConfig",
-    "HandConfig",
-    "InputConfig",
-    "InputSection",
-    "Pace",
-    "RecordingSection",
-    "ReflexSection",
-    "SessionConfig",
-    "SessionSection",
-    "StageConfig",
-    "StagesSection",
-    "TactileConfig",
-    "TactileSection",
-    "TrackerConfig",
-    "VestConfig",
-]
-
 Pace = Literal["steady", "by-frame"]
 
 DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 """The vest's layout where the settings name none, by preset."""
 
-STAGE_GROUPS: tuple[Literal["metric", "decoder", "mapping"], ...] = ("metric", "decoder", "mapping")
-"""Kinds of stages of which one is connected."""
-
-DEFAULT_STAGES: dict[str, dict[str, str]] = {
-    "paper": {"metric": "paper", "decoder": "rules", "mapping": "columns"},
-    "live": {"metric": "live", "decoder": "rules", "mapping": "equal-steps"},
-}
-"""Name of the stage of each kind where the settings name none, by preset."""
-
 DEFAULT_PACE: dict[str, Pace] = {"paper": "steady", "live": "by-frame"}
 """The vest's pace where the settings name none, by preset."""
 
 
-class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    pass
-
-
-class SessionSection(_Section, frozen=True):
+class SessionSection(Section, frozen=True):
     """The run as a whole.
 
     Attributes:
@@ -100,7 +61,7 @@ class SessionSection(_Section, frozen=True):
 _Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]
 
 
-class CalibrationConfig(_Section, frozen=True):
+class CalibrationConfig(Section, frozen=True):
     """Origin of baselines, maxima and the wearer's thresholds.
 
     Attributes:
@@ -123,7 +84,7 @@ class CalibrationConfig(_Section, frozen=True):
     vest_old_h: _Hours = 2160.0
 
 
-class TactileConfig(_Section, frozen=True):
+class TactileConfig(Section, frozen=True):
     """One fingertip's sensor.
 
     Attributes:
@@ -138,7 +99,7 @@ class TactileConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class TactileSection(_Section, frozen=True):
+class TactileSection(Section, frozen=True):
     """The fingertips in use; a finger that is not named has no sensor."""
 
     thumb: TactileConfig | None = None
@@ -151,7 +112,7 @@ class TactileSection(_Section, frozen=True):
         return {f: c for f in FINGERS if (c := getattr(self, f)) is not None}
 
 
-class EmgConfig(_Section, frozen=True):
+class EmgConfig(Section, frozen=True):
     """The muscle signal.
 
     Attributes:
@@ -174,7 +135,7 @@ _Step = Annotated[float, msgspec.Meta(gt=0, le=100)]
 _EachStep = Annotated[tuple[_Step, ...], msgspec.Meta(min_length=40, max_length=40)]
 
 
-class VestConfig(_Section, frozen=True):
+class VestConfig(Section, frozen=True):
     """The vest.
 
     Attributes:
@@ -204,7 +165,7 @@ class VestConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class HandConfig(_Section, frozen=True):
+class HandConfig(Section, frozen=True):
     """The robot hand.
 
     Attributes:
@@ -218,7 +179,7 @@ class HandConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class InputConfig(_Section, frozen=True):
+class InputConfig(Section, frozen=True):
     """An operator's input device.
 
     Attributes:
@@ -232,7 +193,7 @@ class InputConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class InputSection(_Section, frozen=True):
+class InputSection(Section, frozen=True):
     """The operator's input devices, by purpose.
 
     Attributes:
@@ -261,7 +222,7 @@ class InputSection(_Section, frozen=True):
         return {seat: c for seat in self.__struct_fields__ if (c := getattr(self, seat)) is not None}
 
 
-class TrackerConfig(_Section, frozen=True):
+class TrackerConfig(Section, frozen=True):
     """The tracker that sees the operator's forearm.
 
     Attributes:
@@ -273,7 +234,7 @@ class TrackerConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class ArmConfig(_Section, frozen=True):
+class ArmConfig(Section, frozen=True):
     """The robot's arm; needs ``input.dead_man``.
 
     Attributes:
@@ -340,7 +301,7 @@ class ArmConfig(_Section, frozen=True):
         )
 
 
-class RecordingSection(_Section, frozen=True):
+class RecordingSection(Section, frozen=True):
     """The recording of a run; needs the extra ``record``.
 
     Attributes:
@@ -362,97 +323,7 @@ class RecordingSection(_Section, frozen=True):
     stop_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 256.0
 
 
-class StageConfig(_Section, frozen=True):
-    """One stage and its options.
-
-    Attributes:
-        name: Its name, as ``tega-teleop stages`` lists it; none means the preset's own.
-        options: Its own settings.
-    """
-
-    name: str | None = None
-    options: Any = msgspec.field(default_factory=dict)
-
-
-class BesideConfig(_Section, frozen=True):
-    """One stage that runs beside the connected ones.
-
-    Attributes:
-        group: ``metric`` or ``decoder``.
-        name: Its name, as ``tega-teleop stages`` lists it.
-        options: Its own settings.
-    """
-
-    group: Literal["metric", "decoder"]
-    name: str
-    options: Any = msgspec.field(default_factory=dict)
-
-    @property
-    def stages(self) -> StagesSection:
-        """The stages with it in its place."""
-        chosen = StageConfig(name=self.name, options=self.options)
-        return StagesSection(metric=chosen) if self.group == "metric" else StagesSection(decoder=chosen)
-
-
-class AdaptationSection(_Section, frozen=True):
-    """The online adaptation of EMG: gain and offset of each channel, while rest or a known target is sure.
-
-    Attributes:
-        on: Whether the connected decoder gets adapted samples; off, they are as they came.
-        gain_percent_per_min: By so much a channel's gain changes within any minute at most; by 50 % in all.
-        offset_percent_per_min: Largest change of a channel's offset within any minute, of the calibrated maximum; by
-            10 % in all.
-    """
-
-    on: bool = False
-    gain_percent_per_min: Annotated[float, msgspec.Meta(ge=0, le=50)] = 10.0
-    offset_percent_per_min: Annotated[float, msgspec.Meta(ge=0, le=10)] = 2.0
-
-
-class ReflexSection(StageConfig, frozen=True):
-    """The reflex that firms the grip at a slip and eases it again, beyond the person's request.
-
-    Attributes:
-        name: Its name, as ``tega-teleop stages`` lists it; none means no reflex.
-        options: Its own settings.
-        authority: Share of the largest addition that it may use at the start, 0 (none) to 1; page and button set it
-            while a run goes on.
-        most_levels: Largest addition to the closure that the person asks for, levels of the five.
-        rise_levels_per_s: By so much the addition grows in a second at most.
-        fall_levels_per_s: By so much it shrinks in a second once its cause has ended.
-    """
-
-    authority: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
-    most_levels: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5
-    rise_levels_per_s: Annotated[float, msgspec.Meta(gt=0, le=10)] = 5.0
-    fall_levels_per_s: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.5
-
-
-class StagesSection(_Section, frozen=True):
-    """The stages that turn pictures into contacts, EMG into intent, and contacts into motor levels.
-
-    Attributes:
-        metric: Measures the fingertips' pictures.
-        decoder: Turns EMG into the operator's intent.
-        mapping: Turns contacts into motor levels.
-        beside: Further metrics and decoders that look on and are recorded; they move nothing.
-        adaptation: Whether the decoder's samples follow slow changes of skin and electrodes.
-        reflex: Adds to the closure between decoder and limits, based on the fingertips' touch.
-        slips: Slip detection for mapping and reflex: ``hand`` (fingertips, hand's joints and arm's height, if hand
-            and arm report them, else the fingertips alone) or ``touch`` (fingertips alone). If it is not set, a run
-            uses ``hand``, a simulated trial ``touch``.
-    """
-
-    metric: StageConfig = StageConfig()
-    decoder: StageConfig = StageConfig()
-    mapping: StageConfig = StageConfig()
-    beside: tuple[BesideConfig, ...] = ()
-    adaptation: AdaptationSection = AdaptationSection()
-    reflex: ReflexSection = ReflexSection()
-    slips: Literal["hand", "touch"] | None = None
-
-
-class SessionConfig(_Section, frozen=True):
+class SessionConfig(Section, frozen=True):
     """All settings of a session, checked, with absolute paths and typed driver options.
 
     ``guests`` holds the tables of features by their key in the file; only those that were given.
@@ -469,4 +340,4 @@ class SessionConfig(_Section, frozen=True):
     arm: ArmConfig | None = None
     recording: RecordingSection = RecordingSection()
     safety: SafetySection = SafetySection()
-    guests: dict[str, Any] = {}
+    guests: dict[str, Any] = msgspec.field(default_factory=dict)

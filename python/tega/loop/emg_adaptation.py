@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config.calibration import EmgMaxima
-    from tega.config.sections import AdaptationSection
+    from tega.config.stage_sections import AdaptationSection
 
 MOST_GAIN: Final = 1.5
 MOST_OFFSET: Final = 0.1

@@ -121,11 +121,6 @@ def broken_features() -> tuple[Broken, ...]:
     return _loaded()[1]
 
 
-def reload_features() -> None:
-    """Forget the features that were found; the next call looks for them again."""
-    _loaded.cache_clear()
-
-
 @cache
 def _loaded() -> tuple[dict[str, Feature], tuple[Broken, ...]]:
     """Import every declaration; one that fails does not keep the others out."""

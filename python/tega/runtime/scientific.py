@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
-from tega.errors import MissingExtraError
+from tega.runtime.lifecycle import require
 
 
 def scipy_stats() -> Any:
@@ -14,7 +13,7 @@ def scipy_stats() -> Any:
     Raises:
         MissingExtraError: SciPy is not installed.
     """
-    return _module("scipy.stats", "SciPy")
+    return require("scipy.stats", driver="statistics", extra="study")
 
 
 def statsmodels(name: str) -> Any:
@@ -23,11 +22,4 @@ def statsmodels(name: str) -> Any:
     Raises:
         MissingExtraError: statsmodels is not installed.
     """
-    return _module(f"statsmodels.{name}", "statsmodels")
-
-
-def _module(name: str, package: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise MissingExtraError(f"{package} is not installed", "pip install 'tega[study]'") from error
+    return require(f"statsmodels.{name}", driver="statistics", extra="study")

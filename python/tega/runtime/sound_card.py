@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from tega.errors import DeviceUnavailableError, MissingExtraError
+from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import require
 
 
 def load_sounddevice() -> Any:
@@ -15,14 +16,9 @@ def load_sounddevice() -> Any:
         DeviceUnavailableError: PortAudio, which it needs, is not.
     """
     try:
-        import sounddevice as found
-    except ImportError as error:
-        raise MissingExtraError(
-            "the package 'sounddevice' is not installed", "pip install 'tega[sound]'"
-        ) from error
+        return require("sounddevice", driver="sound", extra="sound")
     except OSError as error:
         raise DeviceUnavailableError(
             f"the package 'sounddevice' does not find PortAudio: {error}",
             "sudo apt install libportaudio2; elsewhere it comes with the package",
         ) from error
-    return found

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from tega.records import Contact
 
 
+# Long enough to be felt apart from an onset, which adapt_s ends.
+_REMIND_NS = 1_000_000_000
+
 _Gain = Annotated[float, msgspec.Meta(ge=0, le=10)]
 
 
@@ -35,8 +38,7 @@ class ChangesOptions(SlipRowOptions, frozen=True):
         offset: How strongly a fall is shown, per percent below the level that is adapted to.
         adapt_s: Time constant with which the level that is adapted to follows.
         quiet_percent: A difference up to this counts as no change.
-        remind_every_s: While nothing changes the steady level is shown once in so long; 0: all the time.
-        remind_s: Duration for which it is shown then.
+        remind_every_s: While nothing changes the steady level is shown for a second once in so long; 0: all the time.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "none"
@@ -46,7 +48,6 @@ class ChangesOptions(SlipRowOptions, frozen=True):
     adapt_s: Annotated[float, msgspec.Meta(ge=0.05, le=10)] = 0.4
     quiet_percent: Annotated[float, msgspec.Meta(gt=0, le=50)] = 5.0
     remind_every_s: Annotated[float, msgspec.Meta(ge=0, le=60)] = 0.0
-    remind_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 1.0
 
 
 class ChangesMapping(SlipRowMapping):
@@ -104,4 +105,4 @@ class ChangesMapping(SlipRowMapping):
         if not o.remind_every_s:
             return np.ones(len(self._level), bool)
         since_ns = (self._t_ns - self._changed_ns) % round(o.remind_every_s * 1e9)
-        return since_ns < round(o.remind_s * 1e9)
+        return since_ns < _REMIND_NS

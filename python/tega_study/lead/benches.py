@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import msgspec
 
-from tega.config.sections import StageConfig
+from tega.config.stage_sections import StageConfig
 from tega.config.text import config_text
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale, load_poses

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tega.config.calibration.records import EmgRecord, VestCalibration, read_record, write_record
 from tega.config.calibration.wearing import SITES, judge_wearing
-from tega.config.person import felt_by
+from tega.config.person_settings import felt_by
 from tega.haptics import FeltMap, vest_frame
 from tega.loop.maxima import touch_maxima
 from tega.records import Contact

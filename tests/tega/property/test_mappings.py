@@ -208,7 +208,7 @@ def test_what_is_shown_after_a_change_does_not_depend_on_how_often_it_is_refresh
 
 
 def test_a_steady_touch_is_reminded_of_on_schedule() -> None:
-    options = ChangesOptions(remind_every_s=4, remind_s=1)
+    options = ChangesOptions(remind_every_s=4)
     mapping = ChangesMapping(setup(), options)
     on = [hold(mapping, 1, 1, n * STEP_NS).any() for n in range(12 * 30)]
     assert on[0]

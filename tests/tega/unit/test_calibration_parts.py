@@ -23,7 +23,7 @@ from tega.runtime.opencv import read_image
 from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.setup.calibration.gel import judge_rest, suspect_contact
 from tega.setup.calibration.presses import PressMeter
-from tega.setup.calibration.times import Times
+from tega.setup.calibration.times import Sitting, Times
 from tega.setup.calibration.wizard import Calibrating, parts_of
 from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.main import main
@@ -131,7 +131,7 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
         (("version = 1", "version = 2"), "version 2 of the format is not known here"),
         (("eda_max = 9000.0", "eda_max = -1.0"), "live.eda_max = -1: expected"),
         (('person = "p01"', 'person = "p01"\nowner = "x"'), "owner: unknown key"),
-        (("n_presses", "n presses"), "damaged"),
+        (("n_presses", "n presses"), "not valid TOML"),
     ):
         path.write_text(good.replace(*change))
         with pytest.raises(CalibrationError, match=message):
@@ -197,7 +197,7 @@ def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) ->
     sets = ["tactile.thumb.driver=digit", "tactile.thumb.options.source=http://127.0.0.1:9/D2"]
     config = load_config(None, environ={}, sets=sets).config
     guide = LineGuide(yes=True, get_ready_s=0.0)
-    work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
+    work = Calibrating(Sitting(config, "p01", folder, guide, Times(), lambda: NOW))
     with pytest.raises(DeviceUnavailableError, match="does not open"):
         work.run(parts_of(config))
     assert work.left == ["tactile.thumb"]
@@ -212,7 +212,7 @@ def test_a_damaged_step_of_an_interrupted_calibration_is_told(tmp_path: Path, ke
     folder.keep_unfinished("p01", Unfinished(started=NOW, steps={step: kept}))
     config = load_config(None, environ={}, sets=[]).config
     guide = LineGuide(yes=True, get_ready_s=0.0)
-    work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
+    work = Calibrating(Sitting(config, "p01", folder, guide, Times(), lambda: NOW))
     work.run([])
     with pytest.raises(CalibrationError, match=rf"step {step} is damaged") as reported:
         work._baseline(step)
@@ -302,7 +302,7 @@ def test_the_wizard_shows_the_drawing_of_the_person_s_hand(tmp_path: Path) -> No
         if hand is not None:
             folder.keep_hand("p01", hand)  # type: ignore[arg-type]
         guide = _Parts()
-        work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
+        work = Calibrating(Sitting(config, "p01", folder, guide, Times(), lambda: NOW))
         with pytest.raises(TegaError):  # there is no vest
             work.run(["vest"])
         (message,) = guide.parts

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.config import load as config
+from tega import config
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.haptics import CONTACT_RULES, FINGERS, MotorLevels, contact_type, intensity, vest_frame
 from tega.stages.columns import ColumnsOptions

@@ -21,7 +21,7 @@ from tega.loop.session import run_session
 from tega.runtime import plugins
 from tega.runtime.guide import Bar, Undecided
 from tega.setup.calibration.effort import Chain
-from tega.setup.calibration.steps_emg import take_rest
+from tega.setup.calibration.steps_emg import MuscleSteps
 from tega.setup.calibration.times import Times
 
 _RATE_HZ = 500.0
@@ -175,8 +175,9 @@ class Alone:
 def test_the_converters_limits_of_others_are_used_in_calibration() -> None:
     guide: Any = Alone()
     source: Any = OwnAmplifier(Options())
+    chain = Chain(_RATE_HZ, 50, "raw", ("ch1", "ch2", "ch3"))
     with source, pytest.raises(CalibrationError):
-        take_rest(source, Chain(_RATE_HZ, 50, "raw", ("ch1", "ch2", "ch3")), guide, Times(rest_s=0.8))
+        MuscleSteps(source, chain, guide, Times(rest_s=0.8)).rest()
     assert any("at the converter's limit" in message for message in guide.said), guide.said
 
 

@@ -44,8 +44,8 @@ def test_ball_presses_with_each_kind_of_emg(
     # 31 presses; the baseline is no frame, nor is the picture of a calliper beside them.
     assert summary["tactile"]["thumb"]["frames"] == 31
     assert any("caliper.png: not named as the 31 other pictures" in note for note in summary["notes"])
-    with (tmp_path / "contacts.csv").open(encoding="utf-8", newline="") as file:
-        assert all(row["in_contact"] == "1" for row in csv.DictReader(file))
+    with (tmp_path / "contacts.csv").open(encoding="utf-8", newline="") as table:
+        assert all(row["in_contact"] == "1" for row in csv.DictReader(table))
     seconds_at = {int(k): v for k, v in summary["hand"]["level_s"].items()}
     assert seconds_at[1] > 0
     assert sum(seconds_at[k] for k in (3, 4, 5)) > 0

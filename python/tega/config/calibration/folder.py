@@ -221,17 +221,20 @@ class CalibrationFolder:
         """Return where a record is kept."""
         return self.person(person) / f"{part}-{device}.toml"
 
+    def file_of(self, record: CalibrationRecord, person: str) -> Path:
+        """Return where a person's record is kept."""
+        return self.file(person, _part(type(record)), record.device)
+
     def named(self, path: Path) -> str:
         """Return a file's name as seen from the folder."""
         return path.relative_to(self.path).as_posix() if path.is_relative_to(self.path) else path.name
 
     def keep(self, record: TouchRecord | EmgRecord | VestCalibration | ArmRecord) -> Path:
         """Keep a record; the one before goes into ``before/``."""
-        part = next(part for part, kind in _TYPES.items() if isinstance(record, kind))
-        path = self.file(record.person, part, record.device)
+        path = self.file_of(record, record.person)
         if path.is_file():
             try:
-                stamp = read_record(path, _TYPES[part]).made.strftime(_STAMP)
+                stamp = read_record(path, type(record)).made.strftime(_STAMP)
             except CalibrationError:
                 stamp = "unreadable"
             write_whole(path.parent / "before" / f"{path.stem}.{stamp}.toml", path.read_bytes(), sync=True)

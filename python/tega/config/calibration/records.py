@@ -13,10 +13,8 @@ from typing import Annotated, ClassVar, Literal, TypeVar
 import msgspec
 import tomlkit
 
-from tega.config.calibration.store import TouchMaxima
-from tega.config.errors import explain
-from tega.errors import CalibrationError, ConfigError
-from tega.runtime.files.foreign_file import parse_toml, read_words
+from tega.config.calibration.store import TouchMaxima, parse, read_toml
+from tega.errors import CalibrationError
 from tega.runtime.files.toml_text import toml_item, tree_item
 from tega.runtime.files.whole_file import write_whole
 
@@ -306,29 +304,7 @@ def read_record(path: Path, wanted: type[_Any]) -> _Any:
     Raises:
         CalibrationError: It is missing, damaged, of another kind or of a version that is not known.
     """
-    try:
-        tree = parse_toml(read_words(path, error=CalibrationError))
-    except OSError as error:
-        raise CalibrationError(
-            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
-        ) from error
-    except CalibrationError:
-        raise
-    except ValueError as error:
-        raise CalibrationError(f"{path.name}: damaged: {error}", "calibrate again") from error
-    if tree.get("version") != 1:
-        raise CalibrationError(
-            f"{path.name}: version {tree.get('version')!r} of the format is not known here (1 is)",
-            "use the TEGA that wrote it, or calibrate again",
-        )
-    try:
-        record = msgspec.convert(tree, wanted)
-    except msgspec.ValidationError as error:
-        explained: ConfigError = explain(error, tree, wanted, prefix="", origins={})
-        raise CalibrationError(
-            f"{path.name}: {explained.message.removeprefix('settings: ')}",
-            explained.hint or "calibrate again",
-        ) from None
+    record = parse(read_toml(path), wanted, path.name)
     if not record.made.tzinfo:
         raise CalibrationError(f"{path.name}: made has no time zone", "write it as in 2026-11-21T15:04:05Z")
     return record

@@ -24,13 +24,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import msgspec
 import tomlkit
 
 from tega.config.errors import explain
-from tega.errors import CalibrationError, ConfigError
+from tega.errors import CalibrationError
 from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_hint import toml_hint
 from tega.runtime.files.toml_text import tree_item
@@ -178,51 +178,70 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
                 )
 
 
+_Kind = TypeVar("_Kind", bound=msgspec.Struct)
+
+
+def read_toml(path: Path) -> str:
+    """Return the text of a calibration's file.
+
+    Raises:
+        CalibrationError: It is missing, too large, or no text.
+    """
+    try:
+        return read_words(path, error=CalibrationError)
+    except OSError as error:
+        raise CalibrationError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise CalibrationError(f"{path.name}: damaged: {error}", "calibrate again") from error
+
+
+def parse(text: str, wanted: type[_Kind], name: str, *, version: int | None = None) -> _Kind:
+    """Return the content of a calibration's file.
+
+    Args:
+        text: TOML.
+        wanted: Its type, with a field ``version``.
+        name: Name of the file in an error.
+        version: Version of a file that names none; ``None``: it has to name one.
+
+    Raises:
+        CalibrationError: It is not TOML, of another version, or a value in it is unknown, of a wrong type or out of
+            range.
+    """
+    try:
+        tree = parse_toml(text)
+    except ValueError as error:
+        raise CalibrationError(f"{name}: not valid TOML: {error}", toml_hint(text, error)) from error
+    if (found := tree.get("version", version)) != 1:
+        raise CalibrationError(
+            f"{name}: version {found!r} of the format is not known here (1 is)",
+            "use the TEGA that wrote it, or calibrate again",
+        )
+    try:
+        return msgspec.convert(tree, wanted)
+    except msgspec.ValidationError as error:
+        explained = explain(error, tree, wanted, prefix="", origins={})
+        message = explained.message.removeprefix("settings: ")
+        raise CalibrationError(f"{name}: {message}", explained.hint or "calibrate again") from None
+
+
 def load_calibration(path: Path) -> Calibration:
     """Read a calibration file.
 
     Args:
         path: The file.
 
-    Returns:
-        Its content.
-
     Raises:
         CalibrationError: It is missing, is not TOML, or a value in it is unknown, of a wrong type or out of range.
     """
-    try:
-        text = read_words(path, error=CalibrationError)
-    except OSError as error:
-        raise CalibrationError(
-            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
-        ) from error
-    except CalibrationError:
-        raise
-    except ValueError as error:
-        raise CalibrationError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
-    return parse_calibration(text, path.name)
+    return parse_calibration(read_toml(path), path.name)
 
 
 def parse_calibration(text: str, name: str) -> Calibration:
-    """Read a calibration from the text of its file.
-
-    Args:
-        text: TOML.
-        name: Name of the calibration in an error.
-
-    Raises:
-        CalibrationError: It is not TOML, or a value in it is unknown, of a wrong type or out of range.
-    """
-    try:
-        tree = parse_toml(text)
-    except ValueError as error:
-        raise CalibrationError(f"{name}: not valid TOML: {error}", toml_hint(text, error)) from error
-    try:
-        return msgspec.convert(tree, Calibration)
-    except msgspec.ValidationError as error:
-        explained: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
-        message = explained.message.removeprefix("settings: ")
-        raise CalibrationError(f"{name}: {message}", explained.hint or "calibrate again") from None
+    """Read a calibration from the text of its file; arguments and errors as of :func:`parse`."""
+    return parse(text, Calibration, name, version=1)
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:

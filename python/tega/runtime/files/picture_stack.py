@@ -14,7 +14,6 @@ from tega.runtime.files.foreign_file import check_file
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-STACK_SUFFIXES: Final = frozenset({".npy", ".npz"})
 _MOST_MIB: Final = 64 * 1024
 _MOST_PIXELS: Final = 1 << 26
 _MOST_TIMES: Final = 100_000_000

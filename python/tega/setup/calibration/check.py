@@ -10,10 +10,11 @@ from tega.config.calibration.folder import Part, device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration
 from tega.config.person import (
     calibrate_command,
-    closed_info,
+    driver_settings,
     emg_warnings,
-    live_vest,
+    live_info,
     needed_record,
+    other_conditions,
     touch_warnings,
     vest_warnings,
     whose,
@@ -53,7 +54,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
     found: list[CalibrationCheck] = []
 
     def check(subject: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
-        if info is None or not info.live:
+        if info is None:
             return None
         part: Part = "touch" if wanted is TouchRecord else "emg"
         try:
@@ -73,19 +74,16 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
             found.append(CalibrationCheck(subject))
 
     for finger, section in config.tactile.in_use().items():
-        info = closed_info(section.driver, "tactile", section.options)
-        if (record := check(finger, TouchRecord, info)) is not None:
+        if (record := check(finger, TouchRecord, live_info(section, "tactile"))) is not None:
             warned(finger, touch_warnings(config, folder, finger, record, settings=settings, now=now))
-    if (emg := config.emg) is not None:
-        info = closed_info(emg.driver, "emg", emg.options)
-        if (record := check("EMG", EmgRecord, info)) is not None:
-            if (text := _other_direction(record, config)) is not None:
-                found.append(
-                    CalibrationCheck("EMG", text, calibrate_command(settings, person, "emg"), "error")
-                )
-            else:
-                warned("EMG", emg_warnings(record, config, settings=settings, now=now))
-    if (info := live_vest(config)) is not None and config.session.preset == "live":
+    emg = config.emg
+    if (record := check("EMG", EmgRecord, live_info(emg, "emg"))) is not None and emg is not None:
+        text = other_conditions(record, driver=emg.driver, kind=emg.kind, settings=driver_settings(emg))
+        if text:
+            found.append(CalibrationCheck("EMG", text, calibrate_command(settings, person, "emg"), "error"))
+        else:
+            warned("EMG", emg_warnings(record, config, settings=settings, now=now))
+    if (info := live_info(config.vest, "vest")) is not None and config.session.preset == "live":
         try:
             worn = folder.record(person, VestCalibration, device_name(info))
             fit = "" if worn is None else f" ({worn.named_right} of {worn.named} places named right)"
@@ -100,20 +98,3 @@ def people_with_calibrations(config: SessionConfig, settings: str) -> list[str]:
     """Return the people with calibrations in the folder of some settings."""
     folder = config.calibration.folder or Path(settings).absolute().parent / "calibrations"
     return sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
-
-
-def _other_direction(record: EmgRecord, config: SessionConfig) -> str | None:
-    """Return the first setting that differs from those at the time of the muscles' calibration."""
-    from tega.config.person import driver_settings
-
-    section = config.emg
-    if section is None:
-        return None
-    for subject, then, today in (
-        ("driver", record.driver, section.driver),
-        ("kind", record.kind, section.kind),
-        ("settings", record.settings, driver_settings(section)),
-    ):
-        if then != today:
-            return f"EMG: {record.person} was calibrated with {subject} = {then}, the settings have {today}"
-    return None

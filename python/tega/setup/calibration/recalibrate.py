@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -12,7 +11,7 @@ from tega.config.choose import chosen_stage
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.setup.calibration.refresh import kept_record, to_todays_scale
-from tega.setup.calibration.steps_emg import take_rest, take_squeezes
+from tega.setup.calibration.steps_emg import MuscleSteps
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.stage import LearnedOptions
 
@@ -20,10 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config import SessionConfig
-    from tega.config.calibration.folder import CalibrationFolder
     from tega.devices.base import EmgChunk
-    from tega.runtime.guide import Guide
-    from tega.setup.calibration.times import Times
+    from tega.setup.calibration.times import Sitting
 
 
 HALF_S: Final = 5.0
@@ -49,25 +46,12 @@ class Recalibrated(NamedTuple):
     model: Path | None
 
 
-def recalibrate(
-    config: SessionConfig,
-    person: str,
-    folder: CalibrationFolder,
-    guide: Guide,
-    *,
-    times: Times,
-    now: datetime,
-    model_out: Path | None = None,
-) -> Recalibrated:
+def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated:
     """Put a calibrated person's muscles to today's scale, and a learned model too; nothing is written unless all fits.
 
     Args:
-        config: The settings; their decoder says whether there is a model.
-        person: Name of the person.
-        folder: Folder of the calibration.
-        guide: Shows and asks.
-        times: Durations of the steps; rest and squeeze are five seconds of their own scale.
-        now: Current time.
+        sitting: The calibration; the decoder of its settings says whether there is a model. Rest and squeeze are five
+            seconds of their own scale.
         model_out: Path of the new model; ``None`` for a file beside the old one, with the time in its name.
 
     Raises:
@@ -76,6 +60,7 @@ def recalibrate(
             rest or effort cannot be used.
         DeviceUnavailableError: The source is missing or went away.
     """
+    config, person, folder, guide, times, now = sitting
     if config.emg is None:
         raise ConfigError(
             "nothing to recalibrate: the settings have no [emg]", "add it; see docs/device-emg.md"
@@ -86,10 +71,8 @@ def recalibrate(
             "there is no model to write: the settings' decoder is not learned",
             'leave out --out, or set stages.decoder.name = "learned" and its model',
         )
-    rested: list[EmgChunk] = []
-    worked: list[EmgChunk] = []
     with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
-        record, chain = kept_record(config, config.emg, person, folder, source)
+        record, chain = kept_record(sitting, config.emg, source)
         if model is not None:
             model.decoder.model.check_fits(
                 kind=chain.kind,
@@ -99,14 +82,16 @@ def recalibrate(
                 person=person,
             )
         guide.part("Recalibrate", "Five seconds of rest, then one fist of five seconds. Ten seconds.")
-        quiet = take_rest(source, chain, guide, times, received=rested)
-        maxima = take_squeezes(source, chain, quiet, guide, times, n=1, received=worked)
-    new = to_todays_scale(record, quiet=quiet, maxima=maxima, limits=_LIMITS, guide=guide, now=now)
+        steps = MuscleSteps(source, chain, guide, times)
+        quiet = steps.rest()
+        rested = steps.received
+        maxima = steps.squeezes(quiet, n=1)
+    new = to_todays_scale(record, quiet, maxima, _LIMITS, sitting)
     if model is None:
         return Recalibrated(folder.keep(new), None)
-    effort = _samples(worked)[round(_RISE_S * chain.rate_hz) :]
+    effort = _samples(steps.received)[round(_RISE_S * chain.rate_hz) :]
     fitted = _fitted(model, _samples(rested), effort)
-    written = model_out or model.file.with_name(f"{model.file.stem}-{now:%Y%m%d-%H%M%S}{model.file.suffix}")
+    written = model_out or model.file.with_name(f"{model.file.stem}-{now():%Y%m%d-%H%M%S}{model.file.suffix}")
     fitted.save(written)
     return Recalibrated(folder.keep(new), written)
 

@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from tega.config.calibration.folder import CalibrationFolder, device_name
+from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
 from tega.config.choose import block_s
-from tega.config.person import driver_settings
+from tega.config.person import driver_settings, other_conditions
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
-from tega.runtime.guide import Guide
-from tega.setup.calibration.steps_emg import (
-    Maxima,
-    Quiet,
-    chain_of,
-    take_rest,
-    take_squeezes,
-)
+from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of
 from tega.setup.calibration.steps_touch import take_baseline
-from tega.setup.calibration.times import Times
+from tega.setup.calibration.times import Sitting
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tega.config import EmgConfig, SessionConfig
+    from tega.config import EmgConfig
     from tega.devices.base import EmgSource
     from tega.setup.calibration.effort import Chain
 
@@ -39,26 +31,12 @@ _BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
 _SCALE = (0.5, 2.0)
 
 
-def refresh(
-    config: SessionConfig,
-    person: str,
-    parts: Sequence[str],
-    folder: CalibrationFolder,
-    guide: Guide,
-    *,
-    times: Times,
-    now: datetime,
-) -> list[Path]:
+def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
     """Take new baselines, and put EMG rest and maxima to today's scale by one squeeze.
 
     Args:
-        config: The settings.
-        person: Name of the person.
+        sitting: The calibration.
         parts: Parts to refresh; vest, forearm and cameras need none.
-        folder: Folder of the calibration.
-        guide: Shows and asks.
-        times: Durations of the steps.
-        now: Current time.
 
     Returns:
         The files written.
@@ -68,6 +46,7 @@ def refresh(
         CalibrationError: There is no calibration to refresh, or it has changed too much.
         DeviceUnavailableError: A device is missing or went away.
     """
+    config, person, folder, guide, times, _ = sitting
     if not any(part == "emg" or part.startswith("tactile.") for part in parts):
         raise ConfigError(
             "nothing to refresh: only fingertips and muscles change from day to day", "leave out --refresh"
@@ -78,10 +57,12 @@ def refresh(
     )
     if any(part.startswith("tactile.") for part in parts):
         guide.ready("Take everything off all fingertips")
-    quick = times._replace(
-        baseline_s=min(times.baseline_s, _BASELINE_S),
-        rest_s=min(times.rest_s, _REST_S),
-        squeeze_s=min(times.squeeze_s, _SQUEEZE_S),
+    quick = sitting._replace(
+        times=times._replace(
+            baseline_s=min(times.baseline_s, _BASELINE_S),
+            rest_s=min(times.rest_s, _REST_S),
+            squeeze_s=min(times.squeeze_s, _SQUEEZE_S),
+        )
     )
     for part in parts:
         if part.startswith("tactile."):
@@ -90,64 +71,41 @@ def refresh(
             with driver_class(section.driver, "tactile")(section.options) as source:
                 if folder.record(person, TouchRecord, device_name(source.info)) is None:
                     raise _nothing(person, f"finger {finger!r}", device_name(source.info))
-                files.append(take_baseline(finger, source, folder, guide, quick, now=now, is_free=True).file)
+                files.append(take_baseline(finger, source, quick, is_free=True).file)
         elif part == "emg" and config.emg is not None:
-            files.append(_emg(config, config.emg, person, folder, guide, times=quick, now=now))
+            with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
+                record, chain = kept_record(quick, config.emg, source)
+                steps = MuscleSteps(source, chain, guide, quick.times)
+                quiet = steps.rest()
+                maxima = steps.squeezes(quiet, n=1)
+            files.append(folder.keep(to_todays_scale(record, quiet, maxima, _SCALE, quick)))
     return files
 
 
-def _emg(
-    config: SessionConfig,
-    section: EmgConfig,
-    person: str,
-    folder: CalibrationFolder,
-    guide: Guide,
-    *,
-    times: Times,
-    now: datetime,
-) -> Path:
-    with driver_class(section.driver, "emg")(section.options) as source:
-        record, chain = kept_record(config, section, person, folder, source)
-        quiet = take_rest(source, chain, guide, times)
-        maxima = take_squeezes(source, chain, quiet, guide, times, n=1)
-    new = to_todays_scale(record, quiet=quiet, maxima=maxima, limits=_SCALE, guide=guide, now=now)
-    return folder.keep(new)
-
-
-def kept_record(
-    config: SessionConfig, section: EmgConfig, person: str, folder: CalibrationFolder, source: EmgSource
-) -> tuple[EmgRecord, Chain]:
-    """Return a person's calibration on an open source, and the chain by which it was made.
+def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, Chain]:
+    """Return the person's calibration on an open source, and the chain by which it was made.
 
     Raises:
         CalibrationError: There is none, or it is of other channels or EMG settings.
     """
-    record = folder.record(person, EmgRecord, device_name(source.info))
+    record = sitting.folder.record(sitting.person, EmgRecord, device_name(source.info))
     if record is None:
-        raise _nothing(person, "EMG", device_name(source.info))
-    chain = chain_of(source, section, block_s=block_s(config))
-    for subject, then, now in (
-        ("channels", ", ".join(record.channels), ", ".join(chain.channels)),
-        ("kind", record.kind, chain.kind),
-        ("blocks, samples,", record.tau_samples, chain.tau),
-        ("driver settings", record.settings, driver_settings(section)),
-    ):
-        if then != now:
-            raise CalibrationError(
-                f"EMG: {person} was calibrated with {subject} {then}, now it is {now}",
-                "set it back, or calibrate again: tega-teleop calibrate",
-            )
+        raise _nothing(sitting.person, "EMG", device_name(source.info))
+    chain = chain_of(source, section, block_s=block_s(sitting.config))
+    text = other_conditions(
+        record,
+        channels=chain.channels,
+        kind=chain.kind,
+        tau_samples=chain.tau,
+        settings=driver_settings(section),
+    )
+    if text:
+        raise CalibrationError(text, "set it back, or calibrate again: tega-teleop calibrate")
     return record, chain
 
 
 def to_todays_scale(
-    record: EmgRecord,
-    *,
-    quiet: Quiet,
-    maxima: Maxima,
-    limits: tuple[float, float],
-    guide: Guide,
-    now: datetime,
+    record: EmgRecord, quiet: Quiet, maxima: Maxima, limits: tuple[float, float], sitting: Sitting
 ) -> EmgRecord:
     """Return a calibration of muscles with today's rest, and its maxima scaled by one squeeze of today.
 
@@ -156,8 +114,7 @@ def to_todays_scale(
         quiet: Today's rest.
         maxima: Today's squeeze.
         limits: Smallest and largest permitted ratio of a channel to its old maximum.
-        guide: Shows the scale.
-        now: Current time.
+        sitting: The calibration, whose guide shows the scale.
 
     Raises:
         CalibrationError: A channel gives too much or too little by far.
@@ -176,11 +133,11 @@ def to_todays_scale(
         rest=quiet.rest,
         live_max=_times(record.live_max, ratios),
         paper_max=_times(record.paper_max, ratios),
-        refreshed=now,
+        refreshed=sitting.now(),
         scale=float(f"{record.scale * scale:.4g}"),
         notes=(*record.notes, *quiet.notes, *maxima.notes),
     )
-    guide.say(f"EMG: today {scale:.2f} times the calibration's scale", tone="good")
+    sitting.guide.say(f"EMG: today {scale:.2f} times the calibration's scale", tone="good")
     return new
 
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from datetime import datetime
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from tega.config.calibration.folder import device_name
-from tega.config.calibration.records import EmgRecord
-from tega.config.person import driver_settings
 from tega.devices.base import optional
 from tega.errors import CalibrationError
 from tega.loop.maxima import TAU_S, emg_conditions
@@ -47,7 +43,6 @@ _MOVEMENTS = {
     "FDS": "curl the middle of the fingers, wrist still",
     "FPL": "bend the tip of the thumb",
 }
-# Options that say where a device is or how it is watched, not what its numbers mean.
 
 
 class Quiet(msgspec.Struct, frozen=True, kw_only=True):
@@ -153,155 +148,103 @@ def drain(source: EmgSource) -> None:
             return
 
 
-def take_rest(
-    source: EmgSource, chain: Chain, guide: Guide, times: Times, *, received: list[EmgChunk] | None = None
-) -> Quiet:
-    """Measure the muscles at rest.
+class MuscleSteps:
+    """Leads a person through the steps on one open source.
 
     Args:
         source: The open source.
         chain: The conditions.
         guide: Shows and asks.
         times: Durations of the steps.
-        received: Filled with the samples that were judged.
 
-    Raises:
-        CalibrationError: The muscles are not at rest, and there is no answer about it.
-        DeviceUnavailableError: The source went away.
+    Attributes:
+        received: Samples that the last step judged, of all its squeezes.
     """
 
-    def attempt() -> Quiet:
-        guide.ready("Let the arm lie, hand open, and do nothing")
-        drain(source)
-        chunks = collect(source, times.rest_s, guide, "Rest", names=chain.channels)
-        if received is not None:
-            received[:] = chunks
-        found = judge_quiet(chunks, chain, limits=optional(source, "limits"))
-        return Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=found.problems)
+    def __init__(self, source: EmgSource, chain: Chain, guide: Guide, times: Times) -> None:
+        self._source, self._chain, self._guide, self._times = source, chain, guide, times
+        self.received: list[EmgChunk] = []
 
-    quiet, notes = until_good(guide, "rest", attempt, lambda q: q.notes)
-    guide.say(f"rest: {_list(chain.channels, quiet.rest)}", tone="good")
-    return msgspec.structs.replace(quiet, notes=notes)
+    def _collect(
+        self, seconds: float, prompt: str, full: NDArray[np.float64] | None = None
+    ) -> list[EmgChunk]:
+        return collect(self._source, seconds, self._guide, prompt, names=self._chain.channels, full=full)
 
+    def rest(self) -> Quiet:
+        """Measure the muscles at rest.
 
-def take_squeezes(
-    source: EmgSource,
-    chain: Chain,
-    quiet: Quiet,
-    guide: Guide,
-    times: Times,
-    *,
-    n: int = SQUEEZES,
-    received: list[EmgChunk] | None = None,
-) -> Maxima:
-    """Take the maxima of strong squeezes, with pauses.
+        Raises:
+            CalibrationError: The muscles are not at rest, and there is no answer about it.
+            DeviceUnavailableError: The source went away.
+        """
 
-    Args:
-        source: The open source.
-        chain: The conditions.
-        quiet: Rest level of the channels.
-        guide: Shows and asks.
-        times: Durations of the steps.
-        n: Number of squeezes.
-        received: Filled with the samples that were judged, of all squeezes.
+        def attempt() -> Quiet:
+            self._guide.ready("Let the arm lie, hand open, and do nothing")
+            drain(self._source)
+            self.received = self._collect(self._times.rest_s, "Rest")
+            found = judge_quiet(self.received, self._chain, limits=optional(self._source, "limits"))
+            return Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=found.problems)
 
-    Raises:
-        CalibrationError: The squeezes cannot be used, and there is no answer about it.
-        DeviceUnavailableError: The source went away.
-    """
-    rest = np.array(quiet.rest)
+        quiet, notes = until_good(self._guide, "rest", attempt, lambda q: q.notes)
+        self._guide.say(f"rest: {_list(self._chain.channels, quiet.rest)}", tone="good")
+        return msgspec.structs.replace(quiet, notes=notes)
 
-    def attempt() -> Maxima:
-        squeezes = []
-        for k in range(n):
-            if k and times.pause_s > 0:
-                collect(source, times.pause_s, guide, "Pause: let go and breathe", names=chain.channels)
-            which = f"Squeeze {k + 1} of {n}" if n > 1 else "Squeeze"
-            guide.ready(f"{which}: a fist, as strong as you can, until the screen says stop")
-            drain(source)
-            squeezes.append(collect(source, times.squeeze_s, guide, "SQUEEZE", names=chain.channels))
-            guide.say(f"{which.lower().partition(' of ')[0]}: let go")
-        if received is not None:
-            received[:] = [chunk for chunks in squeezes for chunk in chunks]
-        found = judge_squeezes(squeezes, rest, chain, limits=optional(source, "limits"))
-        return Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=found.problems)
+    def squeezes(self, quiet: Quiet, *, n: int = SQUEEZES) -> Maxima:
+        """Take the maxima of ``n`` strong squeezes, with pauses.
 
-    maxima, notes = until_good(
-        guide, "squeezes", attempt, lambda m: m.notes, can_keep=lambda m: min((*m.live, *m.paper)) > 0
-    )
-    guide.say(f"strong squeeze: {_list(chain.channels, maxima.live)}", tone="good")
-    return msgspec.structs.replace(maxima, notes=notes)
+        Raises:
+            CalibrationError: The squeezes cannot be used, and there is no answer about it.
+            DeviceUnavailableError: The source went away.
+        """
+        guide, times = self._guide, self._times
 
+        def attempt() -> Maxima:
+            squeezes = []
+            for k in range(n):
+                if k and times.pause_s > 0:
+                    self._collect(times.pause_s, "Pause: let go and breathe")
+                which = f"Squeeze {k + 1} of {n}" if n > 1 else "Squeeze"
+                guide.ready(f"{which}: a fist, as strong as you can, until the screen says stop")
+                drain(self._source)
+                squeezes.append(self._collect(times.squeeze_s, "SQUEEZE"))
+                guide.say(f"{which.lower().partition(' of ')[0]}: let go")
+            self.received = [chunk for chunks in squeezes for chunk in chunks]
+            limits = optional(self._source, "limits")
+            found = judge_squeezes(squeezes, np.array(quiet.rest), self._chain, limits=limits)
+            return Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=found.problems)
 
-def take_muscles(
-    source: EmgSource,
-    chain: Chain,
-    muscles: Sequence[str],
-    guide: Guide,
-    times: Times,
-    *,
-    quiet: Quiet,
-    maxima: Maxima,
-) -> tuple[tuple[tuple[float, ...], ...], tuple[str, ...]]:
-    """Have each muscle work alone and say which channel answers.
+        maxima, notes = until_good(
+            guide, "squeezes", attempt, lambda m: m.notes, can_keep=lambda m: min((*m.live, *m.paper)) > 0
+        )
+        guide.say(f"strong squeeze: {_list(self._chain.channels, maxima.live)}", tone="good")
+        return msgspec.structs.replace(maxima, notes=notes)
 
-    Returns:
-        The rise of each channel, one row a muscle, and the problems with which they were kept.
+    def muscles(
+        self, names: Sequence[str], quiet: Quiet, maxima: Maxima
+    ) -> tuple[tuple[tuple[float, ...], ...], tuple[str, ...]]:
+        """Have each muscle work alone and say which channel answers.
 
-    Raises:
-        CalibrationError: Electrodes are exchanged or silent, and there is no answer about it.
-        DeviceUnavailableError: The source went away.
-    """
-    rest, full = np.array(quiet.rest), np.array(maxima.live)
+        Returns:
+            The rise of each channel, one row a muscle, and the problems with which they were kept.
 
-    def attempt() -> tuple[NDArray[np.float64], tuple[str, ...]]:
-        movements = []
-        for name, muscle in zip(chain.channels, muscles, strict=True):
-            subject = _MOVEMENTS.get(muscle, f"tense {muscle} alone")
-            guide.ready(f"{name} sits on {muscle}: {subject}, about half as strong as you can")
-            drain(source)
-            movements.append(
-                collect(source, times.movement_s, guide, subject, names=chain.channels, full=full)
-            )
-        return judge_muscles(movements, rest, full, chain)
+        Raises:
+            CalibrationError: Electrodes are exchanged or silent, and there is no answer about it.
+            DeviceUnavailableError: The source went away.
+        """
+        rest, full = np.array(quiet.rest), np.array(maxima.live)
 
-    (drives, _), notes = until_good(guide, "muscles", attempt, lambda found: found[1])
-    guide.say("each muscle raises its own channel" if not notes else "kept as it is", tone="good")
-    return tuple(tuple(round(float(v), 3) for v in row) for row in drives), notes
+        def attempt() -> tuple[NDArray[np.float64], tuple[str, ...]]:
+            movements = []
+            for name, muscle in zip(self._chain.channels, names, strict=True):
+                subject = _MOVEMENTS.get(muscle, f"tense {muscle} alone")
+                self._guide.ready(f"{name} sits on {muscle}: {subject}, about half as strong as you can")
+                drain(self._source)
+                movements.append(self._collect(self._times.movement_s, subject, full))
+            return judge_muscles(movements, rest, full, self._chain)
 
-
-def emg_record(
-    source: EmgSource,
-    config: EmgConfig,
-    chain: Chain,
-    *,
-    quiet: Quiet,
-    maxima: Maxima,
-    answers: tuple[tuple[float, ...], ...],
-    person: str,
-    notes: tuple[str, ...],
-    now: datetime,
-) -> EmgRecord:
-    """Combine the results of the steps into a record."""
-    return EmgRecord(
-        person=person,
-        device=device_name(source.info),
-        driver=source.info.driver,
-        made=now,
-        notes=(*quiet.notes, *maxima.notes, *notes),
-        kind=chain.kind,
-        rate_hz=chain.rate_hz,
-        tau_samples=chain.tau,
-        settings=driver_settings(config),
-        unit=source.info.unit,
-        channels=chain.channels,
-        muscles=muscle_names(config, chain.channels),
-        offset=quiet.offset,
-        rest=quiet.rest,
-        live_max=maxima.live,
-        paper_max=maxima.paper,
-        answers=answers,
-    )
+        (drives, _), notes = until_good(self._guide, "muscles", attempt, lambda found: found[1])
+        self._guide.say("each muscle raises its own channel" if not notes else "kept as it is", tone="good")
+        return tuple(tuple(round(float(v), 3) for v in row) for row in drives), notes
 
 
 def _rounded(values: NDArray[np.float64]) -> tuple[float, ...]:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
-from tega.config.calibration.folder import CalibrationFolder, KeptGel, device_name
+from tega.config.calibration.folder import KeptGel, device_name
 from tega.config.calibration.known_press import Ball, fit_gel
 from tega.config.calibration.records import GelRecord, TouchRecord
 from tega.config.calibration.store import TouchMaxima
 from tega.config.choose import Preset, preset_metric
 from tega.errors import CalibrationError
 from tega.loop.maxima import guided_maxima
-from tega.runtime.guide import Bar, Guide
+from tega.runtime.guide import Bar
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.gel import (
     LEAST_PICTURES,
@@ -28,7 +28,7 @@ from tega.setup.calibration.gel import (
 )
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.settling import until_good
-from tega.setup.calibration.times import Times
+from tega.setup.calibration.times import Sitting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,30 +65,21 @@ class TakenBaseline(NamedTuple):
 
 
 def take_baseline(
-    finger: str,
-    source: TactileSource,
-    folder: CalibrationFolder,
-    guide: Guide,
-    times: Times,
-    *,
-    now: datetime,
-    is_free: bool = False,
+    finger: str, source: TactileSource, sitting: Sitting, *, is_free: bool = False
 ) -> TakenBaseline:
     """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it.
 
     Args:
         finger: For the words.
         source: Its open source.
-        folder: Folder of the baselines.
-        guide: Shows and asks.
-        times: Durations of the steps.
-        now: Current time.
+        sitting: The calibration; the baseline is kept in its folder.
         is_free: The person has said already that nothing touches.
 
     Raises:
         CalibrationError: The baseline cannot be used, and there is no answer about it.
         DeviceUnavailableError: The sensor went away.
     """
+    folder, guide, now = sitting.folder, sitting.guide, sitting.now()
     device = device_name(source.info)
     before = folder.gels(device)
     last = _picture(before[-1]) if before else None
@@ -99,7 +90,7 @@ def take_baseline(
         if not free:
             guide.ready(f"{finger}: take everything off the fingertip")
         free = False
-        rest = judge_rest(_pictures(finger, source, guide, times))
+        rest = judge_rest(_pictures(finger, source, sitting))
         text = suspect_contact(rest.picture, last, noise=rest.cell_noise)
         return rest._replace(problems=(*rest.problems, *([text] if text else [])))
 
@@ -161,23 +152,19 @@ def _picture(gel: KeptGel) -> NDArray[np.uint8] | None:
         return None
 
 
-def _pictures(finger: str, source: TactileSource, guide: Guide, times: Times) -> list[NDArray[np.uint8]]:
+def _pictures(finger: str, source: TactileSource, sitting: Sitting) -> list[NDArray[np.uint8]]:
     """Collect pictures for a while, longer where they come slowly."""
     pictures: list[NDArray[np.uint8]] = []
-    began_s, seq = time.monotonic(), -1
-    while (gone_s := time.monotonic() - began_s) < times.baseline_s or len(pictures) < LEAST_PICTURES:
-        if gone_s > _PATIENCE * times.baseline_s:
+    began_s, seq, lasts_s = time.monotonic(), -1, sitting.times.baseline_s
+    while (gone_s := time.monotonic() - began_s) < lasts_s or len(pictures) < LEAST_PICTURES:
+        if gone_s > _PATIENCE * lasts_s:
             break
         frame = source.read(_READ_S)
         if frame is not None and frame.seq != seq:
             seq = frame.seq
             pictures.append(frame.image)
-        share = min(1.0, gone_s / times.baseline_s)
-        guide.show(
-            f"{finger}: hold still, nothing touches",
-            [Bar("pictures", share, str(len(pictures)))],
-            max(0.0, times.baseline_s - gone_s),
-        )
+        bar = Bar("pictures", min(1.0, gone_s / lasts_s), str(len(pictures)))
+        sitting.guide.show(f"{finger}: hold still, nothing touches", [bar], max(0.0, lasts_s - gone_s))
     if len(pictures) < 2:
         raise CalibrationError(f"{finger}: {len(pictures)} good pictures came", "look at the sensor's cable")
     return pictures
@@ -192,16 +179,7 @@ _PRESSED = {
 
 
 def take_presses(
-    finger: str,
-    source: TactileSource,
-    baseline: TakenBaseline,
-    guide: Guide,
-    times: Times,
-    *,
-    person: str,
-    folder: CalibrationFolder,
-    now: datetime,
-    ball: Ball | None = None,
+    finger: str, source: TactileSource, baseline: TakenBaseline, sitting: Sitting, ball: Ball | None = None
 ) -> TouchRecord:
     """Ask for presses on a fingertip, first round, then flat, and derive its maxima.
 
@@ -209,17 +187,14 @@ def take_presses(
         finger: For the words.
         source: Its open source.
         baseline: Its untouched picture.
-        guide: Shows and asks.
-        times: Durations of the steps.
-        person: Name of the person who presses.
-        folder: Folder for the record.
-        now: Current time.
+        sitting: The calibration.
         ball: Known ball and force, to fit depth and stiffness; optional.
 
     Raises:
         CalibrationError: There were too few presses, and there is no answer about it.
         DeviceUnavailableError: The sensor went away.
     """
+    guide = sitting.guide
     height, width = baseline.picture.shape[:2]
     wanted = {
         name: f"{finger}: press firmly, as firmly as it will be in use, {how}"
@@ -245,7 +220,7 @@ def take_presses(
             meter: PressMeter = meter, requested: str = requested, felt: list[Contact] = felt
         ) -> PressMeter:
             guide.ready(f"{requested}, and let go; {PRESSES} times")
-            _follow(finger, source, metrics, meter, guide, times=times, felt=felt)
+            felt.extend(_follow(finger, source, metrics, meter, sitting))
             return meter
 
         _, text = until_good(
@@ -267,13 +242,13 @@ def take_presses(
     n_firm = sum(len(meters[name].firm) for name in _PRESSED)
     guide.say(f"{finger}: {n_firm} firm presses, full is {live.eda_max or 0:.0f} pixels", tone="good")
     return TouchRecord(
-        person=person,
+        person=sitting.person,
         device=device_name(source.info),
         driver=source.info.driver,
-        made=now,
+        made=sitting.now(),
         notes=notes,
         finger=finger,
-        baseline=folder.named(baseline.file),
+        baseline=sitting.folder.named(baseline.file),
         baseline_made=baseline.made,
         width_px=width,
         height_px=height,
@@ -288,15 +263,12 @@ def _follow(
     source: TactileSource,
     metrics: Mapping[Preset, Metric],
     meter: PressMeter,
-    guide: Guide,
-    *,
-    times: Times,
-    felt: list[Contact],
-) -> None:
+    sitting: Sitting,
+) -> list[Contact]:
     """Measure frames until there are enough firm presses and the gel is free, or it takes too long."""
-    began_s, seq, fullest = time.monotonic(), -1, 1
-    displayed_s = 0.0
-    while (gone_s := time.monotonic() - began_s) < times.presses_s:
+    felt: list[Contact] = []
+    began_s, seq, fullest, displayed_s, lasts_s = time.monotonic(), -1, 1, 0.0, sitting.times.presses_s
+    while (gone_s := time.monotonic() - began_s) < lasts_s:
         frame = source.read(_READ_S)
         if frame is None or frame.seq == seq:
             continue
@@ -307,20 +279,19 @@ def _follow(
         press = meter.take(found)
         if press is not None:
             text = meter.judge(press)
-            guide.say(
+            sitting.guide.say(
                 f"{finger}: press {len(meter.presses)}: {text or f'good, {press.eda_px} pixels'}",
                 tone="warn" if text else "good",
             )
             if len(meter.firm) >= PRESSES:
-                return
+                break
         fullest = max(fullest, live.eda)
         if gone_s - displayed_s > _SHOW_S:
             displayed_s = gone_s
-            guide.show(
-                f"{finger}: press and let go ({len(meter.firm)} of {PRESSES})",
-                [
-                    Bar("dent", live.eda / fullest, f"{live.eda} px"),
-                    Bar("presses", len(meter.firm) / PRESSES, f"{len(meter.firm)} of {PRESSES}"),
-                ],
-                times.presses_s - gone_s,
-            )
+            n = f"{len(meter.firm)} of {PRESSES}"
+            bars = [
+                Bar("dent", live.eda / fullest, f"{live.eda} px"),
+                Bar("presses", len(meter.firm) / PRESSES, n),
+            ]
+            sitting.guide.show(f"{finger}: press and let go ({n})", bars, lasts_s - gone_s)
+    return felt

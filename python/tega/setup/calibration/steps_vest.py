@@ -6,7 +6,7 @@ Nothing is shown above the ceiling, and after every vibration, answer, error or 
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
@@ -106,173 +106,130 @@ class Pulses:
             self._vest.write(self._clock.now_ns(), self._silent)
 
 
-def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, tuple[str, ...]]:
-    """Show every column once, in an order of chance, and ask where it is felt.
+class VestSteps:
+    """Leads a wearer through the steps.
 
-    Raises:
-        Undecided: There was no answer, as without a terminal.
-        DeviceUnavailableError: The vest went away.
-    """
-    answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
-
-    def attempt() -> Wearing:
-        guide.ready(
-            "Something will vibrate in one column at a time. Say where: f1 to f4 on the front, b1 to b4 on "
-            "the back, 1 at your own left"
-        )
-        places = {}
-        for site in random.Random(seed).sample(SITES, len(SITES)):
-            with pulses.silence():
-                places[site] = _requested(guide, "Where?", answers, partial(pulses.one, site, pulses.ceiling))
-        return judge_wearing(places)
-
-    wearing, notes = until_good(guide, "vest: places", attempt, lambda w: w.problems)
-    guide.say(f"vest: {wearing.n_right} of {wearing.n_asked} places named right", tone="good")
-    return wearing, notes
-
-
-def take_thresholds(
-    pulses: Pulses,
-    sites: tuple[str, ...],
-    done: Mapping[str, FeltSite],
-    guide: Guide,
-    *,
-    keep: Callable[[str, FeltSite], None],
-) -> None:
-    """Find at each site the lowest level that is felt.
+    Each raises ``Undecided`` where there is no answer, as without a terminal, and ``DeviceUnavailableError`` if the
+    vest went away.
 
     Args:
         pulses: Vibrations.
-        sites: Sites to test.
-        done: Results from before an interruption.
-        guide: Asks.
-        keep: Given each site's result at once.
-
-    Raises:
-        Undecided: There was no answer, as without a terminal.
-        DeviceUnavailableError: The vest went away.
+        guide: Shows and asks.
+        seed: Seed of the order of columns, and within a pair.
     """
-    _each(
-        pulses,
-        sites,
-        done,
-        guide,
-        keep=keep,
-        title="threshold",
-        percent=lambda level: LEVEL_PERCENT[level],
-        ceiling=lambda _site: pulses.ceiling,
-        asking=_ask_felt,
-    )
 
+    def __init__(self, pulses: Pulses, guide: Guide, *, seed: int) -> None:
+        self._pulses, self._guide, self._seed = pulses, guide, seed
 
-def take_steps(
-    pulses: Pulses,
-    sites: tuple[str, ...],
-    thresholds: Mapping[str, FeltSite],
-    done: Mapping[str, FeltSite],
-    guide: Guide,
-    *,
-    keep: Callable[[str, FeltSite], None],
-    seed: int,
-) -> None:
-    """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
+    def places(self) -> tuple[Wearing, tuple[str, ...]]:
+        """Show every column once, in an order of chance, and ask where it is felt."""
+        answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
+        pulses = self._pulses
 
-    Args:
-        pulses: Vibrations.
-        sites: Sites to test; one that is not felt, or hardly below the ceiling, is skipped.
-        thresholds: By site.
-        done: Results from before an interruption.
-        guide: Asks.
-        keep: Given each site's result at once.
-        seed: Seed of the order within a pair.
+        def attempt() -> Wearing:
+            self._guide.ready(
+                "Something will vibrate in one column at a time. Say where: f1 to f4 on the front, b1 to b4 on "
+                "the back, 1 at your own left"
+            )
+            places = {}
+            for site in random.Random(self._seed).sample(SITES, len(SITES)):
+                with pulses.silence():
+                    places[site] = self._requested(
+                        "Where?", answers, partial(pulses.one, site, pulses.ceiling)
+                    )
+            return judge_wearing(places)
 
-    Raises:
-        Undecided: There was no answer, as without a terminal.
-        DeviceUnavailableError: The vest went away.
-    """
-    chance = random.Random(seed)
+        wearing, notes = until_good(self._guide, "vest: places", attempt, lambda w: w.problems)
+        self._guide.say(f"vest: {wearing.n_right} of {wearing.n_asked} places named right", tone="good")
+        return wearing, notes
 
-    def middle(site: str) -> int:
-        return (thresholds[site].level + pulses.ceiling) // 2
+    def thresholds(self, sites: tuple[str, ...], done: MutableMapping[str, FeltSite]) -> None:
+        """Find at each site that is not done the lowest level that is felt."""
+        answers, pulses = {"y": "yes", "n": "no", "r": "again"}, self._pulses
 
-    def asking(pulses: Pulses, guide: Guide, site: str, level: int) -> bool:
-        second = chance.random() < 0.5
-        pair = (middle(site), middle(site) + level) if second else (middle(site) + level, middle(site))
+        def felt(site: str, level: int) -> bool:
+            return self._requested("Felt?", answers, lambda: pulses.one(site, level)) == "y"
+
+        left = dict.fromkeys(sites, pulses.ceiling)
+        self._each("threshold", left, done, felt, lambda level: LEVEL_PERCENT[level])
+
+    def steps(
+        self,
+        sites: tuple[str, ...],
+        thresholds: Mapping[str, FeltSite],
+        done: MutableMapping[str, FeltSite],
+    ) -> None:
+        """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
+
+        A site that is not felt, or hardly below the ceiling, is skipped.
+        """
+        chance, pulses = random.Random(self._seed), self._pulses
+        middle = {site: (thresholds[site].level + pulses.ceiling) // 2 for site in sites}
         answers = {"1": "the first", "2": "the second", "s": "the same", "r": "again"}
-        answer = _requested(guide, "Which was stronger?", answers, lambda: pulses.pair(site, *pair))
-        return answer != "s" if level == 0 else answer == ("2" if second else "1")
 
-    sites = tuple(s for s in sites if thresholds[s].level and middle(s) < pulses.ceiling)
-    _each(pulses, sites, done, guide, keep=keep, title="step", percent=lambda level: 100 * level / TOP_LEVEL,
-          ceiling=lambda site: pulses.ceiling - middle(site), asking=asking)  # fmt: skip
+        def felt(site: str, level: int) -> bool:
+            second = chance.random() < 0.5
+            pair = (middle[site], middle[site] + level)
+            shown = pair if second else pair[::-1]
+            answer = self._requested("Which was stronger?", answers, lambda: pulses.pair(site, *shown))
+            return answer != "s" if level == 0 else answer == ("2" if second else "1")
 
+        rooms = {s: pulses.ceiling - middle[s] for s in sites if thresholds[s].level}
+        left = {site: room for site, room in rooms.items() if room > 0}
+        self._each("step", left, done, felt, lambda level: 100 * level / TOP_LEVEL)
 
-def show_steps(pulses: Pulses, guide: Guide, felt: FeltMap) -> None:
-    """Show the wearer five touches from light to full, in the equal steps of sensation that ``equal-steps`` makes.
+    def show(self, felt: FeltMap) -> None:
+        """Show the wearer five touches from light to full, in the equal steps of sensation that ``equal-steps`` makes.
 
-    Args:
-        pulses: Vibrations.
-        guide: Announces each vibration.
-        felt: Thresholds and steps just measured; with a threshold at the ceiling there is no room for steps.
-
-    Raises:
-        DeviceUnavailableError: The vest went away.
-    """
-    full_percent = float(LEVEL_PERCENT[pulses.ceiling])
-    if felt.threshold.max() >= full_percent:
-        guide.say("vest: no room for steps between threshold and ceiling", tone="warn")
-        return
-    options = EqualStepsOptions(full_percent=full_percent)
-    loop = TouchLoop(
-        dict.fromkeys(FINGERS, TouchMaxima(cci_max=_DISPLAYED_STEPS, eda_max=_DISPLAYED_STEPS)),
-        layout=pulses.layout,
-        felt=felt,
-        mapping=lambda setup: EqualStepsMapping(setup, options),
-    )
-    guide.ready("Now five touches in equal steps, the lightest first: a run shows touch like this")
-    with pulses.silence():
-        for k in range(1, _DISPLAYED_STEPS + 1):
-            title = f"touch {k} of {_DISPLAYED_STEPS}"
-            guide.show(title, [Bar("touch", k / _DISPLAYED_STEPS)], None)
-            touch = {f: Contact(finger=f, t_ns=0, in_contact=True, cci=k, eda=k) for f in FINGERS}
-            pulses.all(loop.displayed(0, touch, ()), title)
-
-
-def _each(
-    pulses: Pulses,
-    sites: tuple[str, ...],
-    done: Mapping[str, FeltSite],
-    guide: Guide,
-    *,
-    keep: Callable[[str, FeltSite], None],
-    title: str,
-    percent: Callable[[int], float],
-    ceiling: Callable[[str], int],
-    asking: Callable[[Pulses, Guide, str, int], bool],
-) -> None:
-    left = [site for site in sites if site not in done]
-    for k, site in enumerate(left):
-        ladder = Ladder(ceiling(site))
+        Args:
+            felt: Thresholds and steps just measured; with a threshold at the ceiling there is no room for steps.
+        """
+        pulses, guide = self._pulses, self._guide
+        full_percent = float(LEVEL_PERCENT[pulses.ceiling])
+        if felt.threshold.max() >= full_percent:
+            guide.say("vest: no room for steps between threshold and ceiling", tone="warn")
+            return
+        options = EqualStepsOptions(full_percent=full_percent)
+        loop = TouchLoop(
+            dict.fromkeys(FINGERS, TouchMaxima(cci_max=_DISPLAYED_STEPS, eda_max=_DISPLAYED_STEPS)),
+            layout=pulses.layout,
+            felt=felt,
+            mapping=lambda setup: EqualStepsMapping(setup, options),
+        )
+        guide.ready("Now five touches in equal steps, the lightest first: a run shows touch like this")
         with pulses.silence():
-            while (level := ladder.level) is not None:
-                n_done = len(sites) - len(left) + k
-                bar = Bar(title, (n_done + ladder.share) / len(sites), f"{n_done} of {len(sites)}")
-                guide.show(f"{title}: {site_place(site)}", [bar], None)
-                ladder.answer(felt=asking(pulses, guide, site, level))
-        found = ladder.result()
-        keep(site, FeltSite(level=found.level or 0, n_false=found.n_false))
-        text = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
-        guide.say(f"{site_place(site)}: {title} {text}", tone="warn" if found.level is None else "good")
+            for k in range(1, _DISPLAYED_STEPS + 1):
+                title = f"touch {k} of {_DISPLAYED_STEPS}"
+                guide.show(title, [Bar("touch", k / _DISPLAYED_STEPS)], None)
+                touch = {f: Contact(finger=f, t_ns=0, in_contact=True, cci=k, eda=k) for f in FINGERS}
+                pulses.all(loop.displayed(0, touch, ()), title)
 
+    def _each(
+        self,
+        title: str,
+        ceilings: Mapping[str, int],
+        done: MutableMapping[str, FeltSite],
+        felt: Callable[[str, int], bool],
+        percent: Callable[[int], float],
+    ) -> None:
+        """Climb a ladder at each site, up to its ceiling; results are put into ``done`` at once."""
+        for site in [site for site in ceilings if site not in done]:
+            ladder, n_done = Ladder(ceilings[site]), sum(one in done for one in ceilings)
+            with self._pulses.silence():
+                while (level := ladder.level) is not None:
+                    share = (n_done + ladder.share) / len(ceilings)
+                    bar = Bar(title, share, f"{n_done} of {len(ceilings)}")
+                    self._guide.show(f"{title}: {site_place(site)}", [bar], None)
+                    ladder.answer(felt=felt(site, level))
+            found = ladder.result()
+            done[site] = FeltSite(level=found.level or 0, n_false=found.n_false)
+            text = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
+            tone = "warn" if found.level is None else "good"
+            self._guide.say(f"{site_place(site)}: {title} {text}", tone=tone)
 
-def _ask_felt(pulses: Pulses, guide: Guide, site: str, level: int) -> bool:
-    answers = {"y": "yes", "n": "no", "r": "again"}
-    return _requested(guide, "Felt?", answers, lambda: pulses.one(site, level)) == "y"
-
-
-def _requested(guide: Guide, question: str, answers: Mapping[str, str], vibrate: Callable[[], None]) -> str:
-    """Vibrate and ask, again as often as that is the answer."""
-    while True:
-        vibrate()
-        if (text := guide.ask(question, answers)) != "r":
-            return text
+    def _requested(self, question: str, answers: Mapping[str, str], vibrate: Callable[[], None]) -> str:
+        """Vibrate, then ask; repeat while the answer is "again"."""
+        while True:
+            vibrate()
+            if (text := self._guide.ask(question, answers)) != "r":
+                return text

@@ -1,8 +1,15 @@
-"""Set how long the steps of a calibration take."""
+"""Define what the steps of a calibration share: person, settings, records, guide, and durations."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from datetime import datetime
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.config.calibration.folder import CalibrationFolder
+    from tega.runtime.guide import Guide
 
 
 class Times(NamedTuple):
@@ -36,3 +43,23 @@ class Times(NamedTuple):
         return times._replace(
             baseline_s=self.baseline_s, pause_s=self.pause_s, presses_s=max(3.0, times.presses_s)
         )
+
+
+class Sitting(NamedTuple):
+    """One person's calibration with some settings.
+
+    Attributes:
+        config: The settings.
+        person: Name of the person.
+        folder: Folder of the records.
+        guide: Shows and asks.
+        times: Durations of the steps.
+        now: Returns the time of day.
+    """
+
+    config: SessionConfig
+    person: str
+    folder: CalibrationFolder
+    guide: Guide
+    times: Times
+    now: Callable[[], datetime]

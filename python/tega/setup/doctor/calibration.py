@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from tega.config.calibration.records import utc_now
 from tega.config.calibration.store import load_calibration, refused_law
-from tega.config.person import calibrate_command, closed_info
+from tega.config.person import calibrate_command, live_info
 from tega.errors import CalibrationError
 from tega.setup.calibration.check import CalibrationCheck, look_at, people_with_calibrations
 from tega.setup.doctor.findings import Finding, Status
@@ -53,16 +53,8 @@ def check_calibration(config: SessionConfig, *, settings: str, now: datetime | N
 
 def _live(config: SessionConfig) -> list[str]:
     """Name the live sources, which need a calibration."""
-    found = []
-    for finger, section in config.tactile.in_use().items():
-        info = closed_info(section.driver, "tactile", section.options)
-        if info is not None and info.live:
-            found.append(finger)
-    if config.emg is not None:
-        info = closed_info(config.emg.driver, "emg", config.emg.options)
-        if info is not None and info.live:
-            found.append("EMG")
-    return found
+    found = [f for f, section in config.tactile.in_use().items() if live_info(section, "tactile") is not None]
+    return found + ["EMG"] * (live_info(config.emg, "emg") is not None)
 
 
 def _no_person(config: SessionConfig, settings: str) -> Finding:

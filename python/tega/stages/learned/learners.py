@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tega.errors import CalibrationError, MissingExtraError
+from tega.errors import CalibrationError
+from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,12 +71,7 @@ class EffortLearner:
     """
 
     def __init__(self, model: str, *, strength: float = RIDGE) -> None:
-        try:
-            import sklearn  # noqa: F401
-        except ImportError as error:
-            raise MissingExtraError(
-                "fitting a decoder needs scikit-learn", "pip install 'tega[learn]'"
-            ) from error
+        require("sklearn", driver="emg fit", extra="learn")
         self._model, self._strength = model, strength
 
     def __call__(self, z: NDArray[np.float64], y: NDArray[np.float64]) -> EffortModel:

@@ -6,7 +6,7 @@ import click
 
 from tega.ui.cli.forward import forward
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 
 class _Arm(GuestGroup):
@@ -42,7 +42,6 @@ def check(*, host: str, as_json: bool) -> None:
     import sys
 
     from tega.devices.arm.robot.fci import preflight
-    from tega.ui.cli.options import echo_json
 
     server, library, findings = preflight(host)
     if as_json:

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import (
+    calibrated_person_option,
+    echo_json,
+    json_option,
+    sets_option,
+    time_scale_option,
+    worn_by,
+    yes_option,
+)
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -18,9 +26,7 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: tega-teleop calibrate lab.toml --person p01 --only emg")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
-@click.option(
-    "--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, not a name."
-)
+@calibrated_person_option
 @click.option(
     "--only",
     type=click.Choice(["tactile", "emg", "vest", "arm"]),
@@ -57,12 +63,9 @@ if TYPE_CHECKING:
     "--known-ball", type=(click.FloatRange(1, 100), click.FloatRange(0.1, 30)), metavar="MM NEWTON",
     help="A ball's diameter and the force you press it with, by a scale: fits depth and force. Never needed.",
 )  # fmt: skip
-@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
-@click.option(
-    "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
-    help="Scale all durations by FACTOR (for rehearsals).",
-)  # fmt: skip
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@yes_option
+@time_scale_option
+@sets_option
 @json_option
 def calibrate(
     *,
@@ -96,10 +99,10 @@ def calibrate(
     from tega.config.calibration.known_press import Ball
     from tega.config.calibration.records import utc_now
     from tega.setup.calibration.refresh import refresh as refresh_all
-    from tega.setup.calibration.times import Times
+    from tega.setup.calibration.times import Sitting, Times
+    from tega.setup.calibration.vest_part import VestChoices
     from tega.setup.calibration.wizard import Calibrating, parts_of
     from tega.ui.cli.guided import guide_for
-    from tega.ui.cli.options import echo_json
 
     config, kept = _settings(settings, person, folder, sets)
     if hand is not None:
@@ -111,27 +114,27 @@ def calibrate(
     guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
     home = CalibrationFolder(kept)
     home.person(person)
-    reported: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
+    sitting = Sitting(config, person, home, guide, times, utc_now)
     work = Calibrating(
-        config,
-        person,
-        home,
-        guide,
-        times=times,
-        now=utc_now,
-        ceiling_percent=ceiling,
-        each_motor=each_motor,
-        each_step=each_step,
+        sitting,
+        vest=VestChoices(ceiling, each_motor, each_step, seed=sum(person.encode())),
         ball=None if known_ball is None else Ball(*known_ball),
-        seed=sum(person.encode()),
     )
     where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
     same = [word for name in only for word in ("--only", name)]
     same += [w for s in sets for w in ("--set", s)]
     again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
+
+    def report(files: list[Path], *, finished: bool) -> None:
+        if as_json:
+            left = [] if finished else work.left
+            reported: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
+            reported |= {"finished": finished, "done": list(work.done), "left": left}
+            echo_json({**reported, "files": _reported(files)})
+
     try:
         if refresh:
-            files = refresh_all(config, person, parts, home, guide, times=times, now=utc_now())
+            files = refresh_all(sitting, parts)
         else:
             work.run(parts, restart=restart)
             files = work.files
@@ -142,24 +145,12 @@ def calibrate(
             guide.say(
                 f"Done and kept: {done}. Left: {', '.join(work.left)}. Go on with: {again}", tone="warn"
             )
-        if as_json:
-            echo_json(
-                {
-                    **reported,
-                    "finished": False,
-                    "done": list(work.done),
-                    "left": work.left,
-                    "files": _reported(work.files),
-                }
-            )
+        report(work.files, finished=False)
         raise
     _close(guide)
     then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
     guide.say(f"Finished. {then}", tone="good")
-    if as_json:
-        echo_json(
-            {**reported, "finished": True, "done": list(work.done), "left": [], "files": _reported(files)}
-        )
+    report(files, finished=True)
 
 
 def _settings(
@@ -168,7 +159,7 @@ def _settings(
     """Load the settings without the person's calibration, which is about to be made."""
     from tega.config import load_config
 
-    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    config = load_config(settings, sets=worn_by(person, sets)).config
     kept = folder or config.calibration.folder or settings.absolute().parent / "calibrations"
     return config, kept
 

@@ -11,17 +11,13 @@ import msgspec
 from tega.runtime.files.toml_text import toml_value
 from tega.runtime.number_text import number_text
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option, sets_option
 
 if TYPE_CHECKING:
     from tega.config import SettingValue
 
 # A longer value moves its origin to the right.
 _VALUE_WIDTH = 48
-
-_sets_option = click.option(
-    "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
-)
 
 
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop config check session.toml")
@@ -31,7 +27,7 @@ def config() -> None:
 
 @config.command(epilog="Example: tega-teleop config show session.toml --set session.preset=paper")
 @click.argument("file", type=click.Path(path_type=Path), required=False)
-@_sets_option
+@sets_option
 @click.option("--changed", is_flag=True, help="Print only settings that differ from their default or preset.")
 @json_option
 def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bool) -> None:
@@ -42,7 +38,6 @@ def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bo
     """
     from tega.config import load_config
     from tega.stages.units import unit_of
-    from tega.ui.cli.options import echo_json
 
     values = load_config(file, sets=sets).values
     if changed:
@@ -70,7 +65,7 @@ def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bo
 
 @config.command(epilog="Example: tega-teleop config check session.toml")
 @click.argument("file", type=click.Path(path_type=Path))
-@_sets_option
+@sets_option
 @json_option
 def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     """Check a settings file, its drivers' options included; opens no device.
@@ -79,7 +74,6 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     """
     from tega.config import load_config
     from tega.errors import TegaError
-    from tega.ui.cli.options import echo_json
 
     if not as_json:
         load_config(file, sets=sets)

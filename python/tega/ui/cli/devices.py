@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.setup.doctor.bench import DriverProbe
@@ -31,7 +31,6 @@ def devices(*, as_json: bool) -> None:
     from tega.devices import list_drivers
     from tega.setup.doctor import probe_drivers
     from tega.ui.cli.install_line import with_origin
-    from tega.ui.cli.options import echo_json
 
     drivers, looked = list_drivers(), probe_drivers(_POLL_S)
     if as_json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import textwrap
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option, sets_option, worn_by
 
 if TYPE_CHECKING:
     from tega.setup.doctor import Examination, Finding
@@ -33,7 +32,7 @@ _WIDTHS = (60, 110)
     metavar="ID",
     help="Participant ID whose calibration is checked (default: calibration.person).",
 )
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."
 )
@@ -57,16 +56,12 @@ def doctor(
     With --json: {"format", "version", "settings", "ok", "exit_code", "findings"}, each finding with "check", "status"
     (ok, warning, error, missing), "finding", "why", "todo", "driver", "device", "measured".
     """
-    from tega.ui.cli.options import echo_json
-
     if udev_rules:
         from tega.setup.doctor.udev import udev_rules as rules
 
         click.echo(rules(), nl=False)
         return
-    if person is not None:
-        sets = (*sets, f"calibration.person={json.dumps(person)}")
-    examination = _examine(config, sets, talk=not as_json)
+    examination = _examine(config, worn_by(person, sets), talk=not as_json)
     if as_json:
         echo_json(as_table(examination))
     else:

@@ -8,17 +8,22 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.emg_inspect import emg_inspect
-from tega.ui.cli.emg_logs import READ_OPTION, force_log, practised_log, read_log
+from tega.ui.cli.emg_logs import (
+    force_log,
+    kind_option,
+    practised_log,
+    read_log,
+    reading_options,
+    target_option,
+)
 from tega.ui.cli.emg_recalibrate import emg_recalibrate
 from tega.ui.cli.emg_score import emg_score
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import ChannelList, NameList, PngPath, echo_json, json_option
+from tega.ui.cli.options import NameList, PngPath, echo_json, json_option
 
 if TYPE_CHECKING:
-    from tega.stages.learned.compare import DecoderReport, Log
-
-
-_KINDS = click.Choice(["raw", "rectified", "envelope"])
+    from tega.runtime.files.tables.table import Reading
+    from tega.stages.learned.compare import DecoderReport
 
 
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop emg compare --help")
@@ -38,24 +43,9 @@ emg.add_command(emg_recalibrate, "recalibrate")
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The model's file."
 )
-@click.option("--target", help="Closure or force: a variable of a file of arrays, else a column from 1.")
-@click.option(
-    "--rate-hz",
-    type=click.FloatRange(0, 10_000_000, min_open=True),
-    help="Samples per second, else the file's.",
-)
-@click.option(
-    "--kind",
-    type=_KINDS,
-    default="raw",
-    show_default=True,
-    help="Whether the samples are raw, rectified or an envelope.",
-)
-@click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
-@click.option(
-    "--variable", default="emg", show_default=True, help="Name of the EMG array in a file of several."
-)
-@READ_OPTION
+@target_option
+@kind_option("--kind", "raw")
+@reading_options
 @click.option(
     "--model",
     type=click.Choice(["ridge", "huber", "kernel"]),
@@ -82,11 +72,8 @@ def fit(
     log: Path,
     out: Path,
     target: str | None,
-    rate_hz: float | None,
     kind: Any,
-    channels: list[int] | None,
-    variable: str,
-    read: dict[str, Any],
+    reading: Reading,
     model: Any,
     features: list[str],
     tau_ms: float,
@@ -113,9 +100,8 @@ def fit(
     else:
         if target is None:
             raise click.UsageError(f"{log.name} is no practice record: name --target")
-        given = force_log(log, target, rate_hz, kind, channels, variable, read)
-        if channels:
-            names = tuple(f"ch{c}" for c in channels)
+        given = force_log(log, target, kind, reading)
+        names = tuple(f"ch{c}" for c in reading.channels)
     tau = max(4, round(tau_ms / 1000 * given.rate_hz))
     decoder = fit_decoder(
         given.samples,
@@ -158,29 +144,14 @@ def fit(
     "--picture compare.png"
 )
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG ...]")
-@click.option("--target", help="Closure or force: a variable of a file of arrays, else a column from 1.")
-@click.option(
-    "--rate-hz",
-    type=click.FloatRange(0, 10_000_000, min_open=True),
-    help="Samples per second, else the file's.",
-)
-@click.option(
-    "--kind",
-    type=_KINDS,
-    default="raw",
-    show_default=True,
-    help="Whether the samples are raw, rectified or an envelope.",
-)
-@click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
+@target_option
+@kind_option("--kind", "raw")
+@reading_options
 @click.option(
     "--best",
     type=click.IntRange(1, 64),
     help="Use only so many channels: those that go best with the target in the training part.",
 )
-@click.option(
-    "--variable", default="emg", show_default=True, help="Name of the EMG array in a file of several."
-)
-@READ_OPTION
 @click.option(
     "--decoders",
     type=NameList(),
@@ -214,12 +185,9 @@ def compare(
     *,
     logs: tuple[str, ...],
     target: str | None,
-    rate_hz: float | None,
     kind: Any,
-    channels: list[int] | None,
+    reading: Reading,
     best: int | None,
-    variable: str,
-    read: dict[str, Any],
     decoders: list[str],
     train: str | None,
     shift: int,
@@ -244,16 +212,13 @@ def compare(
     from tega.stages.learned.compare import best_channels, shifted_electrode, two_halves
     from tega.stages.learned.compare import compare as compared
 
-    def taken(log: str) -> Log:
-        return read_log(log, target, rate_hz, kind, channels, variable, read)
-
     rows: list[dict[str, Any]] = []
     drawn: list[tuple[str, float, list[DecoderReport]]] = []
     for name in logs:
-        log = taken(name)
+        log = read_log(name, target, kind, reading)
         pairs = [("first half", "second half", *two_halves(log))]
         if train is not None:
-            learnt = taken(train)
+            learnt = read_log(train, target, kind, reading)
             pairs = [(learnt.name, "whole", learnt, log)]
         else:
             pairs.append(("second half", "first half (swapped)", *two_halves(log, swapped=True)))
@@ -302,25 +267,17 @@ _MEANT = (
 def _print(rows: list[dict[str, Any]]) -> None:
     from itertools import groupby
 
-    from rich.box import SIMPLE
     from rich.console import Console
-    from rich.table import Table
+
+    from tega.ui.cli.tables import figures_table
 
     console = Console(highlight=False)
     for (log, trained_on, judged_on), some in groupby(
         rows, key=lambda row: (row["log"], row["trained_on"], row["judged_on"])
     ):
-        table = Table(
-            box=SIMPLE,
-            padding=(0, 1, 0, 0),
-            pad_edge=False,
-            show_edge=False,
-            title=f"{log}: trained on {trained_on}, judged on {judged_on}",
-            title_justify="left",
-        )
-        table.add_column("decoder", no_wrap=True)
-        for name, *_ in _COLUMNS:
-            table.add_column(name, justify="right", no_wrap=True)
+        title = f"{log}: trained on {trained_on}, judged on {judged_on}"
+        layout: dict[str, Any] = {"padding": (0, 1, 0, 0), "pad_edge": False, "show_edge": False}
+        table = figures_table(["decoder"], [name for name, *_ in _COLUMNS], title, **layout)
         for row in some:
             cells = [
                 "–" if row[key] is None else format(row[key] * times, form)

@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.emg_logs import READ_OPTION
-from tega.ui.cli.options import ChannelList, echo_json, json_option
+from tega.ui.cli.emg_logs import reading_options
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.runtime.files.tables.decide import Decision
+    from tega.runtime.files.tables.table import Reading
 
 
 @click.command(epilog="Example: tega-teleop emg inspect squeeze.csv")
 @click.argument("file", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--channels", type=ChannelList(), help="Columns to read, counted from 1; else those that are EMG."
-)
-@click.option("--variable", default="emg", show_default=True, help="Array or stream of a file of several.")
-@click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
-@READ_OPTION
+@reading_options
 @json_option
-def emg_inspect(
-    *,
-    file: Path | None,
-    channels: Any,
-    variable: str,
-    rate_hz: float | None,
-    read: dict[str, Any],
-    as_json: bool,
-) -> None:
+def emg_inspect(*, file: Path | None, reading: Reading, as_json: bool) -> None:
     """Show how FILE is read: format, channels, time, rate, losses, events. Without FILE, list the formats.
 
     \b
@@ -44,7 +32,6 @@ def emg_inspect(
 
     from tega.runtime.files.formats import FORMATS
     from tega.runtime.files.signals import inspect_signals
-    from tega.runtime.files.tables.table import Reading
 
     if file is None:
         formats = [
@@ -60,8 +47,7 @@ def emg_inspect(
                 f"{one.name:14} {endings:20} {one.origin}" + (f"  ({one.library})" if one.library else "")
             )
         return
-    tree = {"channels": channels or (), "variable": variable, "rate_hz": rate_hz, **read}
-    decision = inspect_signals(file, msgspec.convert(tree, Reading))
+    decision = inspect_signals(file, reading)
     if as_json:
         echo_json(msgspec.to_builtins(decision))
     else:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from tega.ui.cli.options import ChannelList
+
 if TYPE_CHECKING:
     from tega.runtime.files.signals import Signals
+    from tega.runtime.files.tables.table import Reading
     from tega.setup.calibration.tracked import Tracked
     from tega.stages.learned.compare import Log
-
-__all__ = ["ReadOption", "emg_beside", "practised_log", "read_emg", "read_log"]
 
 _ARRAYS = {".mat", ".npz", ".h5", ".hdf5", ".hdf"}
 
 
-class ReadOption(click.ParamType[dict[str, Any]]):
+class _ReadOption(click.ParamType[dict[str, Any]]):
     """KEY=VALUE[,KEY=VALUE]: choices for files that can be read in several ways."""
 
     name = "key=value"
@@ -26,12 +29,11 @@ class ReadOption(click.ParamType[dict[str, Any]]):
         """Return the choices by name, checked."""
         import msgspec
 
+        from tega.config.errors import wrong_value
         from tega.runtime.files.tables.table import Reading
 
         if isinstance(value, dict):
             return value
-        from tega.config.errors import wrong_value
-
         given = dict(part.partition("=")[::2] for part in str(value).split(","))
         tree = {key: int(text) if text.isdecimal() else text for key, text in given.items()}
         unknown = set(tree) - {"decimal", "time", "rows"}
@@ -46,51 +48,83 @@ class ReadOption(click.ParamType[dict[str, Any]]):
         return tree
 
 
-READ_OPTION = click.option(
-    "--read",
-    type=ReadOption(),
-    default="rows=auto",
-    metavar="KEY=VALUE",
-    help="Choice for files that can be read in several ways: decimal=comma or point, time=COLUMN or none, "
-    "rows=samples or channels; several with commas between.",
+def column_options(prefix: str = "") -> tuple[Callable[[Any], Any], ...]:
+    """Return the options for rate, columns and array of a file of EMG.
+
+    Args:
+        prefix: Beginning of their names, such as ``emg-``.
+    """
+    return (
+        click.option(
+            f"--{prefix}variable", default="emg", show_default=True, help="Array or stream of a file of several."
+        ),
+        click.option(
+            f"--{prefix}channels", type=ChannelList(), help="EMG columns, counted from 1; else those that are EMG."
+        ),
+        click.option(
+            f"--{prefix}rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True),
+            help="Samples per second; else as the file states them.",
+        ),
+    )  # fmt: skip
+
+
+def kind_option(name: str, default: str | None = None) -> Callable[[Any], Any]:
+    """Return the option for the kind of samples."""
+    return click.option(
+        name, type=click.Choice(["raw", "rectified", "envelope"]), default=default, show_default=True,
+        help="Whether the samples are raw, rectified or an envelope.",
+    )  # fmt: skip
+
+
+target_option = click.option(
+    "--target", help="Closure or force: a variable of a file of arrays, else a column from 1."
 )
 
 
-def read_emg(
-    file: Path,
-    *,
-    rate_hz: float | None,
-    channels: Any = (),
-    variable: str = "emg",
-    read: dict[str, Any] | None = None,
-) -> Signals:
+def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say how a file of EMG is read; the command receives them as ``reading``."""
+
+    @functools.wraps(function)
+    def command(
+        *, rate_hz: float | None, channels: Any, variable: str, read: dict[str, Any], **others: Any
+    ) -> Any:
+        import msgspec
+
+        from tega.runtime.files.tables.table import Reading
+
+        tree = {"channels": channels or (), "variable": variable, "rate_hz": rate_hz, **read}
+        return function(reading=msgspec.convert(tree, Reading), **others)
+
+    options = (
+        click.option(
+            "--read", type=_ReadOption(), default="rows=auto", metavar="KEY=VALUE",
+            help="Choice for files that can be read in several ways: decimal=comma or point, time=COLUMN or none, "
+            "rows=samples or channels; several with commas between.",
+        ),
+        *column_options(),
+    )  # fmt: skip
+    for option in options:
+        command = option(command)
+    return command
+
+
+def read_emg(file: Path, reading: Reading) -> Signals:
     """Read a file of EMG, and print the choices made and the problems found."""
-    import msgspec
-
     from tega.runtime.files.signals import read_signals
-    from tega.runtime.files.tables.table import Reading
 
-    tree = {"channels": channels or (), "variable": variable, "rate_hz": rate_hz, **(read or {})}
-    signals = read_signals(file, msgspec.convert(tree, Reading))
+    signals = read_signals(file, reading)
     for note in signals.notes:
         click.echo(f"{file.name}: {note}", err=True)
     return signals
 
 
-def read_log(  # noqa: PLR0917  # one argument an option
-    log: str,
-    target: str | None,
-    rate_hz: float | None,
-    kind: Any,
-    channels: list[int] | None,
-    variable: str,
-    read: dict[str, Any] | None = None,
-) -> Log:
+def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
     """Read a log as ``emg compare`` is given it: a practice, files of one class each, or EMG beside a force."""
     import numpy as np
 
     from tega.stages.learned.compare import Log as Given
 
+    channels = reading.channels
     if log.endswith(".toml"):
         practised, known = practised_log(Path(log))
         if channels and max(channels) > len(known.channels):
@@ -99,7 +133,7 @@ def read_log(  # noqa: PLR0917  # one argument an option
     if "=" not in log:
         if target is None:
             raise click.UsageError(f"{log}: name its --target, or give FILE=CLOSURE for files of one class")
-        return force_log(Path(log), target, rate_hz, kind, channels, variable, read)
+        return force_log(Path(log), target, kind, reading)
     samples, goal, rates = [], [], set()
     for part in log.split(","):
         file, _, closure = part.rpartition("=")
@@ -107,7 +141,7 @@ def read_log(  # noqa: PLR0917  # one argument an option
             meant = float(closure)
         except ValueError:
             raise click.UsageError(f"{part!r} is not FILE=CLOSURE, such as rest.csv=0") from None
-        found = read_emg(Path(file), rate_hz=rate_hz, channels=channels, variable=variable, read=read)
+        found = read_emg(Path(file), reading)
         rates.add(_rate(found, file))
         samples.append(found.samples)
         goal.append(np.full(len(found.samples), meant))
@@ -128,55 +162,45 @@ def practised_log(record: Path) -> tuple[Log, Tracked]:
     return Given(record.name, tracked.samples, tracked.target, tracked.rate_hz, tracked.kind), tracked
 
 
-def force_log(  # noqa: PLR0917  # one argument an option
-    file: Path,
-    target: str,
-    rate_hz: float | None,
-    kind: Any,
-    channels: list[int] | None,
-    variable: str,
-    read: dict[str, Any] | None = None,
-) -> Log:
+def force_log(file: Path, target: str, kind: Any, reading: Reading) -> Log:
     """Read a file of EMG beside a force or a closure."""
-    import numpy as np
-
     from tega.stages.learned.compare import Log as Given
 
-    samples, measured, rate_hz = emg_beside(
-        file, target, option="--target", rate_hz=rate_hz, channels=channels, variable=variable, read=read
-    )
-    return Given(file.name, samples, np.asarray(measured, np.float64), rate_hz, kind)
+    return Given(file.name, *emg_beside(file, target, "--target", reading), kind)
 
 
-def emg_beside(
-    file: Path,
-    beside: str,
-    *,
-    option: str,
-    rate_hz: float | None,
-    channels: list[int] | None,
-    variable: str,
-    read: dict[str, Any] | None = None,
-) -> tuple[Any, Any, float]:
+class EmgBeside(NamedTuple):
+    """EMG, float64 (n, channels), a signal measured beside it, float64 (n,), and samples per second."""
+
+    samples: Any
+    measured: Any
+    rate_hz: float
+
+
+def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> EmgBeside:
     """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
 
-    Returns:
-        Samples (n, channels), the measured values (n,), samples per second.
+    Args:
+        file: The file.
+        beside: Name of the variable, or number of the column.
+        option: Option that named it, for the errors.
+        reading: How the EMG is read.
     """
+    import msgspec
+
     from tega.errors import RecordingError
 
     if file.suffix.lower() in _ARRAYS:
-        signals = read_emg(file, rate_hz=rate_hz, channels=channels, variable=variable, read=read)
-        other = read_emg(
-            file, rate_hz=None, channels=(1,), variable=beside, read={**(read or {}), "time": "none"}
-        )
-        samples, measured = signals.samples, other.samples[:, 0]
+        signals = read_emg(file, reading)
+        alone = msgspec.structs.replace(reading, rate_hz=None, channels=(1,), variable=beside, time="none")
+        samples, measured = signals.samples, read_emg(file, alone).samples[:, 0]
     elif beside.isdecimal() and int(beside) > 0:
-        if not channels:
+        if not reading.channels:
             raise click.UsageError(
                 f"{file.name} is a table, where {option} {beside} is a column beside the EMG: name that with --channels"
             )
-        signals = read_emg(file, rate_hz=rate_hz, channels=(*channels, int(beside)), read=read)
+        both = msgspec.structs.replace(reading, channels=(*reading.channels, int(beside)), variable="emg")
+        signals = read_emg(file, both)
         samples, measured = signals.samples[:, :-1], signals.samples[:, -1]
     else:
         raise click.UsageError(
@@ -187,7 +211,7 @@ def emg_beside(
             f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
             "give one target a sample",
         )
-    return samples, measured, _rate(signals, file.name)
+    return EmgBeside(samples, measured, _rate(signals, file.name))
 
 
 def _rate(signals: Signals, name: str) -> float:

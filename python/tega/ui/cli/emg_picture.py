@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.errors import MissingExtraError
+from tega.ui.view.figures import new_figure
 
 if TYPE_CHECKING:
     from tega.stages.learned.compare import DecoderReport
@@ -23,12 +23,8 @@ def draw(parts: list[tuple[str, float, list[DecoderReport]]], file: Path) -> Non
     Raises:
         MissingExtraError: Matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("a picture needs matplotlib", "pip install 'tega[pictures]'") from error
     rows = max(len(reported) for _, _, reported in parts)
-    figure = Figure(figsize=(5.5 * len(parts), 1.5 * rows + 0.6), layout="constrained")
+    figure = new_figure(figsize=(5.5 * len(parts), 1.5 * rows + 0.6))
     panels = figure.subplots(rows, len(parts), sharex="col", sharey=True, squeeze=False)
     for column, (title, block_s, reported) in enumerate(parts):
         for row, one in enumerate(reported):
@@ -43,4 +39,4 @@ def draw(parts: list[tuple[str, float, list[DecoderReport]]], file: Path) -> Non
         )
         panels[-1, column].set_xlabel("time (s)", fontsize=8)
     figure.supylabel("closure 0 to 1; grey: target", fontsize=8)
-    figure.savefig(file, dpi=110)
+    figure.savefig(file)

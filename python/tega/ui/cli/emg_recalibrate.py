@@ -6,19 +6,24 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import (
+    calibrated_person_option,
+    echo_json,
+    json_option,
+    sets_option,
+    time_scale_option,
+    worn_by,
+    yes_option,
+)
 
 
 @click.command(epilog="Example: tega-teleop emg recalibrate lab.toml --person p01")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
-@click.option("--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, no name.")
+@calibrated_person_option
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="The new model's file.")
-@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
-@click.option(
-    "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
-    help="Scale both durations by FACTOR (for rehearsals).",
-)  # fmt: skip
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@yes_option
+@time_scale_option
+@sets_option
 @json_option
 def emg_recalibrate(
     *,
@@ -43,14 +48,14 @@ def emg_recalibrate(
     from tega.config.calibration.folder import CalibrationFolder
     from tega.config.calibration.records import utc_now
     from tega.setup.calibration.recalibrate import HALF_S, recalibrate
-    from tega.setup.calibration.times import Times
+    from tega.setup.calibration.times import Sitting, Times
     from tega.ui.cli.guided import guided
 
-    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    config = load_config(settings, sets=worn_by(person, sets)).config
     home = CalibrationFolder(config.calibration.folder or settings.absolute().parent / "calibrations")
     times = Times(rest_s=HALF_S, squeeze_s=HALF_S).scaled(time_scale)
     with guided("TEGA recalibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
-        found = recalibrate(config, person, home, guide, times=times, now=utc_now(), model_out=out)
+        found = recalibrate(Sitting(config, person, home, guide, times, utc_now), out)
     if as_json:
         model = None if found.model is None else str(found.model)
         echo_json({"person": person, "record": str(found.record), "model": model})

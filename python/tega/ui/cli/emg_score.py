@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.emg_logs import READ_OPTION, emg_beside
-from tega.ui.cli.options import ChannelList, json_option
+from tega.ui.cli.emg_logs import emg_beside, kind_option, reading_options
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.emg.score import RecordingScore
+    from tega.runtime.files.tables.table import Reading
 
 
 BLOCK_S = 0.1
@@ -26,29 +27,10 @@ BLOCK_S = 0.1
     required=True,
     help="The measured force: a variable's name in a file of arrays, else a column from 1.",
 )
-@click.option(
-    "--rate-hz",
-    type=click.FloatRange(0, 10_000_000, min_open=True),
-    help="Samples per second; else as the file states them.",
-)
-@click.option(
-    "--kind",
-    type=click.Choice(["raw", "rectified", "envelope"]),
-    default="raw",
-    show_default=True,
-    help="Whether the samples are raw, rectified or an envelope.",
-)
-@click.option(
-    "--channels",
-    type=ChannelList(),
-    help="EMG columns, counted from 1; else all of the array in a file of arrays.",
-)
-@click.option(
-    "--variable", default="emg", show_default=True, help="Name of the EMG array in a file of several."
-)
-@READ_OPTION
+@kind_option("--kind", "raw")
+@reading_options
 @json_option
-def emg_score(*, files: tuple[Path, ...], as_json: bool, **flags: Any) -> None:
+def emg_score(*, files: tuple[Path, ...], force: str, kind: Any, reading: Reading, as_json: bool) -> None:
     """Score both presets on recordings of EMG and force.
 
     The first half of each FILE gives the maxima, the second half is judged: rank correlation of the fused level with
@@ -57,43 +39,26 @@ def emg_score(*, files: tuple[Path, ...], as_json: bool, **flags: Any) -> None:
     """
     from dataclasses import asdict
 
-    from tega.ui.cli.options import echo_json
+    from tega.emg.score import score_recording
 
-    scores = {file.name: _score(file, **flags) for file in files}
+    scores: dict[str, RecordingScore] = {}
+    for file in files:
+        samples, measured, rate_hz = emg_beside(file, force, "--force", reading)
+        tau = max(1, round(BLOCK_S * rate_hz))
+        scores[file.name] = score_recording(samples, measured, rate_hz, tau=tau, kind=kind)
     if as_json:
         echo_json([{"file": name, **asdict(score)} for name, score in scores.items()])
     else:
         _print(scores)
 
 
-def _score(
-    file: Path,
-    *,
-    force: str,
-    rate_hz: float | None,
-    kind: Any,
-    channels: list[int] | None,
-    variable: str,
-    read: dict[str, Any],
-) -> RecordingScore:
-    from tega.emg.score import score_recording
-
-    samples, measured, rate_hz = emg_beside(
-        file, force, option="--force", rate_hz=rate_hz, channels=channels, variable=variable, read=read
-    )
-    return score_recording(samples, measured, rate_hz, tau=max(1, round(BLOCK_S * rate_hz)), kind=kind)
-
-
 def _print(scores: dict[str, RecordingScore]) -> None:
     import numpy as np
-    from rich.box import SIMPLE
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(box=SIMPLE)
-    table.add_column("recording", no_wrap=True)
-    for name in ("paper ρ", "changes/s", "live ρ", "changes/s", "live later by"):
-        table.add_column(name, justify="right")
+    from tega.ui.cli.tables import figures_table
+
+    table = figures_table(["recording"], ["paper ρ", "changes/s", "live ρ", "changes/s", "live later by"])
     rows: list[tuple[float, ...]] = [
         (
             s.paper.rank_correlation,

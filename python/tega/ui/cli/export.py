@@ -12,7 +12,7 @@ import click
 from tega.errors import MissingExtraError
 from tega.runtime.features import Feature, features, load_target
 from tega.ui.cli.export_format import ExportFormat
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option, progress_bar
 
 _TABLES = ("csv", "parquet")
 
@@ -89,7 +89,6 @@ def export(
     EMG can identify a person, in tables and in datasets: publish them only with that person's consent.
     """
     from tega.recording.mcap_folder import session_files
-    from tega.ui.cli.options import echo_json
 
     formats = _guest_formats()
     for name, one in formats.items():
@@ -112,7 +111,6 @@ def export(
 def _tables(files: Sequence[Path], out: Path, *, kind: Any, pictures: bool, folders: bool) -> list[Path]:
     """Write the tables of each recording, in a folder of its own where there are several."""
     from tega.recording.export import export_file
-    from tega.ui.cli.options import progress_bar
 
     made: list[Path] = []
     for path in files:

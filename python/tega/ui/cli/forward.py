@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.arm.heading import ForearmSweep
@@ -41,7 +41,6 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
 
     from tega.arm.heading import check_forward, kept_yaw, yaw_from_sweep
     from tega.config import load_config
-    from tega.ui.cli.options import echo_json
 
     with _tracker(load_config(config).config) as tracker:
         frame = tracker.frame

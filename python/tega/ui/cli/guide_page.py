@@ -10,8 +10,8 @@ from html import escape
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from tega.errors import MissingExtraError
 from tega.runtime.guide import Bar, Undecided
+from tega.runtime.lifecycle import require
 from tega.ui.cli.guide import LineGuide
 
 if TYPE_CHECKING:
@@ -68,10 +68,8 @@ class PageGuide(LineGuide):
 
     def __enter__(self) -> Self:
         """Serve the page."""
-        try:
-            from tega.ui.view.browser.local import LocalServer
-        except ImportError as error:
-            raise MissingExtraError("viser is not installed", "pip install 'tega[view]'") from error
+        require("viser", driver="page", extra="view")
+        from tega.ui.view.browser.local import LocalServer
         from tega.ui.view.browser.style import STYLE
 
         self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)

@@ -11,7 +11,7 @@ import click
 
 from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.hand_decode import decode
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -86,7 +86,6 @@ def show(*, as_json: bool, **where: Any) -> None:
     import msgspec
 
     from tega.hand import JOINT_NAMES
-    from tega.ui.cli.options import echo_json
 
     with _opened(torque=False, **where) as driver:
         time.sleep(1.2)  # temperatures come every half second, the version once a second
@@ -167,7 +166,6 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
     import msgspec
 
     from tega.setup.doctor.hand_timing import time_loop
-    from tega.ui.cli.options import echo_json
 
     # A loop without a hand behind it is to be watched when it is late, not to be ended.
     patience: dict[str, Any] = {"silent_after_ms": 500.0, "lowest_rate_hz": 0.0} if where["emulated"] else {}

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from tega.ui.cli.options import sets_option, worn_by
+
 
 @click.command(epilog="Example: tega-teleop vest identify --set vest.driver=bhaptics-player --motor 0")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[CONFIG.toml]", required=False)
@@ -27,7 +29,7 @@ import click
     metavar="ID",
     help="Person who wears the vest; the run stays within the rest of that person's daily vibration.",
 )
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 def identify(
     *,
     config: Path | None,
@@ -49,7 +51,6 @@ def identify(
     from tega.runtime.clock import SystemClock
     from tega.safety.ctrl_c import CtrlC
     from tega.setup.calibration.identify import light_motor, motor_place
-    from tega.ui.cli.options import worn_by
 
     settings = load_config(config, sets=worn_by(person, sets)).config
     if settings.vest.driver is None:

@@ -12,7 +12,7 @@ import click
 
 from tega.errors import TegaError
 from tega.ui.cli.devices import could_not_look
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 
 class _Moves(Protocol):
@@ -78,7 +78,6 @@ def init(
     from tega.devices.registry import driver_class
     from tega.errors import ConfigError
     from tega.setup.doctor import lab_settings, probe_drivers
-    from tega.ui.cli.options import echo_json
 
     if out.exists() and not force:
         raise ConfigError(
@@ -124,7 +123,6 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
 
     from tega.runtime.checkout_tools import needs_tools
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.options import echo_json
 
     with needs_tools("tega-teleop init --emulated"):
         from tega_emulators.bench_moves import MOVES

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.recording.inspection import Inspection
@@ -26,7 +26,6 @@ def inspect(*, session: Path, as_json: bool) -> None:
 
     from tega.recording.inspection import inspect_file
     from tega.recording.mcap_folder import session_files
-    from tega.ui.cli.options import echo_json
 
     found = [inspect_file(path) for path in session_files(session)]
     if as_json:
@@ -39,12 +38,10 @@ def inspect(*, session: Path, as_json: bool) -> None:
 def _show(found: Inspection) -> None:
     from datetime import UTC, datetime
 
-    from rich.console import Console
-    from rich.table import Table
-
     from tega.config.motor_onset import STAGE
+    from tega.ui.cli.tables import figures_table, wide_console
 
-    console = Console(highlight=False, width=None if Console().is_terminal else 160)
+    console = wide_console()
     started = datetime.fromtimestamp(found.start / 1e9, UTC)
     state = "complete" if found.complete else "not finished by its run, read as far as it goes"
     console.print(f"[bold]{found.file}[/]  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}")
@@ -58,20 +55,8 @@ def _show(found: Inspection) -> None:
         console.print(f"  made by {step['made_by']} from {subject}", markup=False)
     for source in (*(f"{name}: {label}" for name, label in found.sources.items()), *found.absent):
         console.print(f"  {source}", markup=False)
-    table = Table(box=None, pad_edge=True)
-    for column in (
-        "stream",
-        "messages",
-        "rate Hz",
-        "usual ms",
-        "longest",
-        "gaps",
-        "missing",
-        "dropped",
-        "MiB",
-    ):
-        left = column == "stream"
-        table.add_column(column, justify="left" if left else "right", no_wrap=left)
+    figures = ["messages", "rate Hz", "usual ms", "longest", "gaps", "missing", "dropped", "MiB"]
+    table = figures_table(["stream"], figures, box=None)
     for s in found.streams:
         table.add_row(
             s.topic,
@@ -86,13 +71,10 @@ def _show(found: Inspection) -> None:
         )
     console.print(table)
     if found.latency:
-        table = Table(box=None, pad_edge=True)
-        for column in ("latency", "n", "p50 ms", "p95 ms", "p99 ms", "worst ms"):
-            left = column == "latency"
-            table.add_column(column, justify="left" if left else "right", no_wrap=left)
+        table = figures_table(["latency"], ["n", "p50 ms", "p95 ms", "p99 ms", "worst ms"], box=None)
         for stage in found.latency:
-            figures = (stage.p50_ms, stage.p95_ms, stage.p99_ms, stage.worst_ms)
-            table.add_row(stage.stage, str(stage.n), *(_number(figure, 2) for figure in figures))
+            times_ms = (stage.p50_ms, stage.p95_ms, stage.p99_ms, stage.worst_ms)
+            table.add_row(stage.stage, str(stage.n), *(_number(time_ms, 2) for time_ms in times_ms))
         console.print(table)
         stages = [stage.stage for stage in found.latency]
         if "camera to vest: whole" in stages and not any(stage.startswith(STAGE) for stage in stages):

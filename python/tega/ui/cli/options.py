@@ -83,6 +83,19 @@ class NumberList(click.ParamType[list[float]]):
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
+sets_option = click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
+)
+calibrated_person_option = click.option(
+    "--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, not a name."
+)
+yes_option = click.option(
+    "--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing."
+)
+time_scale_option = click.option(
+    "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
+    help="Scale all durations by FACTOR (for rehearsals).",
+)  # fmt: skip
 
 
 def echo_json(value: Any) -> None:
@@ -91,7 +104,7 @@ def echo_json(value: Any) -> None:
 
 
 def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
-    """Return overrides of settings, with the vest's wearer added if there is one."""
+    """Return overrides of settings, with the person added if there is one."""
     return sets if person is None else (*sets, f"calibration.person={json.dumps(person)}")
 
 

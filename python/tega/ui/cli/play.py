@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option, sets_option, stop_keys, worn_by
 from tega.ui.cli.page import view_options
 
 
@@ -36,7 +36,7 @@ class _Speed(click.ParamType[float | None]):
     metavar="ID",
     help="Person who wears the vest; playback stays within the rest of that person's daily vibration.",
 )
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 @click.option(
     "--speed", type=_Speed(), default="1", show_default=True,
     help="Multiple of the recorded speed, 0.05 to 20, or 'max': as fast as possible; not allowed with real devices.",
@@ -97,7 +97,6 @@ def play(
     from tega.recording.replay.playhead import Playhead
     from tega.records.bus import Bus
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.options import echo_json, stop_keys, worn_by
     from tega.ui.cli.page import run_viewed
     from tega.ui.cli.report import print_summary
     from tega.ui.cli.run_view import stage

@@ -2,47 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tega.ui.cli.options import ChannelList, PngPath, json_option
+from tega.ui.cli.emg_logs import column_options, kind_option
+from tega.ui.cli.options import PngPath, json_option, progress_bar
 from tega.ui.cli.page import view_options
 
 
-class _Topic(click.ParamType[tuple[str, str]]):
-    """FINGER=/TOPIC or emg=/TOPIC."""
+class _Named(click.ParamType[tuple[str, str]]):
+    """FINGER=/TOPIC or emg=/TOPIC, or FINGER=PATH."""
 
-    name = "finger=/topic"
+    def __init__(self, value: str, *others: str) -> None:
+        self.name, self._others = f"finger={value}", others
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, str]:
         from tega.config import FINGERS
 
-        name, equals, topic = str(value).partition("=")
-        if not equals or not topic or name not in {*FINGERS, "emg"}:
-            self.fail(
-                f"{value!r} is not FINGER=/TOPIC with FINGER one of {', '.join(FINGERS)} or emg", param, ctx
-            )
-        return name, topic
+        name, equals, text = str(value).partition("=")
+        if not equals or not text or name not in {*FINGERS, *self._others}:
+            known = " or ".join([", ".join(FINGERS), *self._others])
+            self.fail(f"{value!r} is not {self.name.upper()} with FINGER one of {known}", param, ctx)
+        return name, text
 
 
-class _Finger(click.ParamType[tuple[str, Path]]):
-    """FINGER=PATH."""
-
-    name = "finger=path"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, Path]:
-        from tega.config import FINGERS
-
-        finger, equals, path = str(value).partition("=")
-        if not equals or not path or finger not in FINGERS:
-            self.fail(f"{value!r} is not FINGER=PATH with FINGER one of {', '.join(FINGERS)}", param, ctx)
-        return finger, Path(path).absolute()
+def _columns(function: Callable[..., Any]) -> Callable[..., Any]:
+    for option in column_options("emg-"):
+        function = option(function)
+    return function
 
 
 @click.command(
@@ -53,7 +45,7 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option("--config", type=click.Path(path_type=Path), hidden=True)
 @click.option(
     "--tactile",
-    type=_Finger(),
+    type=_Named("path"),
     multiple=True,
     help="Recording of a finger: a folder of pictures, a video, an .npy or .npz stack, or a ROS 2 bag.",
 )
@@ -62,11 +54,14 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     help="Pictures per second of folders and stacks [default: times in their names or files, else 60].",
 )  # fmt: skip
 @click.option(
-    "--topic", "topics", type=_Topic(), multiple=True,
+    "--topic", "topics", type=_Named("/topic", "emg"), multiple=True,
     help="Topic of a finger's pictures, or of EMG (emg=/TOPIC), in a ROS 2 bag; by default the only one that fits.",
 )  # fmt: skip
 @click.option(
-    "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
+    "--baseline",
+    type=_Named("path"),
+    multiple=True,
+    help="Picture of a finger's untouched gel; else estimated.",
 )
 @click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
 @click.option(
@@ -74,22 +69,8 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     type=click.Path(path_type=Path),
     help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others.",
 )
-@click.option(
-    "--emg-rate-hz",
-    type=click.FloatRange(0, 10_000_000, min_open=True),
-    help="Samples per second; else as the file states them.",
-)
-@click.option(
-    "--emg-kind",
-    type=click.Choice(["raw", "rectified", "envelope"]),
-    help="Whether the samples are raw, rectified or an envelope.",
-)
-@click.option(
-    "--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else those that are EMG."
-)
-@click.option(
-    "--emg-variable", default="emg", show_default=True, help="Array or stream of a file of several."
-)
+@kind_option("--emg-kind")
+@_columns
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
     help="Readings of the equations: paper (as printed) or live (meant for people).",
@@ -143,7 +124,6 @@ def replay(
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.findings import Findings
-    from tega.ui.cli.options import progress_bar
     from tega.ui.cli.page import run_viewed
     from tega.ui.cli.report import echo_summary
     from tega.ui.cli.verify import check_flags, replay_session
@@ -246,10 +226,10 @@ def _finger_table(path: Path, flags: dict[str, Any], topic: str, exclude: list[P
     return {"driver": driver, "options": options}
 
 
-def _by_finger(flag: str, pairs: tuple[tuple[str, Path], ...]) -> dict[str, Path]:
+def _by_finger(flag: str, pairs: tuple[tuple[str, str], ...]) -> dict[str, Path]:
     named: dict[str, Path] = {}
     for finger, path in pairs:
         if finger in named:
             raise click.UsageError(f"{flag} {finger} is given twice")
-        named[finger] = path
+        named[finger] = Path(path).absolute()
     return named

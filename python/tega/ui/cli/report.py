@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from tega.runtime.number_text import number_text
+from tega.ui.cli.options import echo_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,8 +24,6 @@ def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> No
     Raises:
         KeyboardInterrupt: The run was stopped.
     """
-    from tega.ui.cli.options import echo_json
-
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:
         echo_json({**summary, "measured": measured})
@@ -70,15 +69,14 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         summary: As ``run_session`` returns it.
         measured: ``wall_s`` and ``real_time_factor`` of this run; they are in no file.
     """
-    from rich.box import SIMPLE
     from rich.console import Console
-    from rich.table import Table
+
+    from tega.ui.cli.tables import figures_table
 
     out = Console(highlight=False)
     if summary["tactile"]:
-        table = Table(title="touch", title_justify="left", box=SIMPLE)
-        for name in ("finger", "source", "frames", "Hz", "CCI max", "EDA max", "baseline"):
-            table.add_column(name, justify="left" if name in {"finger", "source", "baseline"} else "right")
+        table = figures_table(["finger", "source"], ["frames", "Hz", "CCI max", "EDA max"], "touch")
+        table.add_column("baseline")
         for finger, f in summary["tactile"].items():
             table.add_row(
                 finger,
@@ -91,18 +89,11 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
             )
         out.print(table)
     if (emg := summary["emg"]) is not None:
-        table = Table(
-            title=f"intent from {emg['source']} ({emg['kind']}, {number_text(emg['rate_hz'])} Hz), time at each level",
-            title_justify="left",
-            box=SIMPLE,
-        )
-        for name in emg["channels"]:
-            table.add_column(f"{name} max", justify="right")
-        for level in summary["hand"]["level_s"]:
-            table.add_column(f"at {level}", justify="right")
-        table.add_row(
-            *map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in summary["hand"]["level_s"].values())
-        )
+        rate_hz, levels = number_text(emg["rate_hz"]), summary["hand"]["level_s"]
+        title = f"intent from {emg['source']} ({emg['kind']}, {rate_hz} Hz), time at each level"
+        columns = [*(f"{name} max" for name in emg["channels"]), *(f"at {level}" for level in levels)]
+        table = figures_table([], columns, title)
+        table.add_row(*map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in levels.values()))
         out.print(table)
     vest = summary["vest"]
     sent = f", {vest['sent']} sent, {vest['skipped']} unchanged" if vest["sent"] else ""
@@ -141,15 +132,14 @@ def _recorded(recording: dict[str, Any]) -> str:
 
 
 def _print_safety(out: Console, summary: dict[str, Any]) -> None:
-    from rich.box import SIMPLE
-    from rich.table import Table
+    from tega.ui.cli.tables import figures_table
 
     changes = summary["safety"]["changes"]
     # A run that was active from the first moment to its end has nothing to tell.
     if len(changes) > 3 or (changes and changes[0]["t_s"] > 0):
-        table = Table(title="states", title_justify="left", box=SIMPLE)
-        for name in ("s", "state", "why"):
-            table.add_column(name, justify="right" if name == "s" else "left")
+        table = figures_table([], ["s"], "states")
+        table.add_column("state")
+        table.add_column("why")
         for change in changes:
             table.add_row(f"{change['t_s']:.2f}", change["state"], change["reason"])
         out.print(table)
@@ -171,14 +161,11 @@ def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
     Args:
         latency_ms: As in the summary.
     """
-    from rich.box import SIMPLE
-    from rich.table import Table
+    from tega.ui.cli.tables import figures_table
 
     titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms", "motion": "muscle to joint, ms"}
     for path, stages in latency_ms.items():
-        table = Table(title=titles[path], title_justify="left", box=SIMPLE)
-        for name in ("stage", "n", "p50", "p95", "p99", "worst"):
-            table.add_column(name, justify="left" if name == "stage" else "right")
+        table = figures_table(["stage"], ["n", "p50", "p95", "p99", "worst"], titles[path])
         for stage, spread in stages.items():
             figures = (
                 f"{spread[name]:.2f}" if name in spread else "-" for name in ("p50", "p95", "p99", "worst")

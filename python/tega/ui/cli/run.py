@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import json_option, sets_option, stop_keys, worn_by
 from tega.ui.cli.page import view_options
 from tega.ui.cli.streams import stream_names
 
@@ -46,9 +46,7 @@ def run_options(function: _Function) -> _Function:
             metavar="DIR",
             help="Record into this session's folder (recording.dir).",
         ),
-        click.option(
-            "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
-        ),
+        sets_option,
         click.option(
             "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
         ),
@@ -107,7 +105,6 @@ def run_settings(
     from tega.records.bus import Bus
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.options import stop_keys
     from tega.ui.cli.page import open_page, run_viewed
     from tega.ui.cli.report import echo_summary
     from tega.ui.cli.run_view import stage
@@ -115,8 +112,7 @@ def run_settings(
 
     if wait_for_go and not view:
         raise click.UsageError("--wait-for-go is for --view, whose page has the button")
-    if person is not None:
-        sets = (*sets, f"calibration.person={json.dumps(person)}")
+    sets = worn_by(person, sets)
     if record is not None:
         sets = (*sets, f"recording.dir={json.dumps(str(record.absolute()))}")
     if lossless:

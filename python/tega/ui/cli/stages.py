@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from tega.runtime.number_text import number_text
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 _TITLES = {
     "metric": "Metrics: a fingertip's picture to a contact (stages.metric.name)",
@@ -30,7 +30,6 @@ def stages(*, as_json: bool) -> None:
     import msgspec
 
     from tega.stages import list_stages
-    from tega.ui.cli.options import echo_json
 
     found = list_stages()
     if as_json:

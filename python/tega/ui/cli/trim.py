@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 
 @click.command(
@@ -43,7 +43,6 @@ def trim(
     identify a person: to leave the samples out, use --no-lead-in.
     """
     from tega.recording.trim import trim_session
-    from tega.ui.cli.options import echo_json
 
     if out is None:
         end = "end" if to_s is None else f"{to_s:g}s"
@@ -70,7 +69,6 @@ def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     versions, calibration, vest or inputs, are rejected.
     """
     from tega.recording.merge import merge_sessions
-    from tega.ui.cli.options import echo_json
 
     made = merge_sessions(list(sessions), out=out)
     if as_json:

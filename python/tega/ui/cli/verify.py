@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from tega.ui.cli.options import PngPath, json_option
+from tega.ui.cli.options import PngPath, echo_json, json_option, progress_bar
 
 if TYPE_CHECKING:
     from tega.recording.replay import Replay
@@ -69,7 +69,6 @@ def replay_session(
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
     from tega.ui.cli.findings import Findings
-    from tega.ui.cli.options import echo_json, progress_bar
 
     replays, files = [], session_files(session)
     for path in files:
@@ -90,10 +89,9 @@ def replay_session(
 
 
 def _show(replay: Replay) -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from tega.ui.cli.tables import wide_console
 
-    console = Console(highlight=False, width=None if Console().is_terminal else 160)
+    console = wide_console()
     how = (
         "from the raw pictures and samples"
         if replay.lossless
@@ -108,6 +106,8 @@ def _show(replay: Replay) -> None:
         console.print("  the recording was cut; compared as far as it goes")
     for topic, count in replay.dropped.items():
         console.print(f"  {topic}: {count} records were dropped while recording and cannot be compared")
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=True)
     for column in ("stream", "recorded", "replayed", "differ", "where", "what"):
         right = column in {"recorded", "replayed", "differ"}

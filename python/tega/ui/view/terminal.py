@@ -17,6 +17,7 @@ from tega.haptics import CONTACT_RULES, FINGERS
 from tega.loop.touch import STALE_NS
 from tega.ui.view.device_rows import device_rows
 from tega.ui.view.labels import ContactLabels
+from tega.ui.view.rate_meter import RateMeter
 from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
 
 if TYPE_CHECKING:
@@ -259,8 +260,7 @@ class TerminalView:
         self._now_s = now_s
         self._live = Live(console=console or Console(stderr=True), auto_refresh=False, transient=True)
         self._drawn_s = -_REFRESH_S
-        self._counted: tuple[float, dict[str, int]] | None = None
-        self._rates_hz: dict[str, float] = {}
+        self._meter = RateMeter()
         self._labels = ContactLabels()
 
     def __enter__(self) -> Self:
@@ -283,12 +283,12 @@ class TerminalView:
         if now_s - self._drawn_s < _REFRESH_S:
             return
         self._drawn_s = now_s
-        self._measure(now_s, view)
+        self._meter.take(now_s, view.counts)
         try:
             drawn = render(
                 view,
                 title=self._title,
-                rates_hz=self._rates_hz,
+                rates_hz=self._meter.rates_hz,
                 rows=rows,
                 age_s=age_s,
                 labels=self._labels,
@@ -299,15 +299,3 @@ class TerminalView:
         except Exception as error:  # the run goes on, and its state is still shown
             drawn = Text(f"{view.state.upper()}  not drawn: {type(error).__name__}: {error}", "bold red")
         self._live.update(drawn, refresh=True)
-
-    def _measure(self, now_s: float, view: LoopView) -> None:
-        """Work the rates out over the last second."""
-        if self._counted is None:
-            self._counted = (now_s, dict(view.counts))
-            return
-        since_s, counts = self._counted
-        if now_s - since_s >= 1.0:
-            self._rates_hz = {
-                name: (count - counts.get(name, 0)) / (now_s - since_s) for name, count in view.counts.items()
-            }
-            self._counted = (now_s, dict(view.counts))

@@ -12,7 +12,7 @@ from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB, load_npy
 from tega.runtime.files.formats.named import open_arrays
 from tega.runtime.files.tables.encoding import MOST_MIB
-from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, judged_columns, loads, oriented
+from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one, judged_columns, oriented
 
 
 def open_npy(path: Path, reading: Reading) -> Table:
@@ -27,7 +27,7 @@ def open_npy(path: Path, reading: Reading) -> Table:
         array = np.column_stack([array[name].ravel() for name in names])
     array, sideways = oriented(array, path.name, rows=reading.rows)
     columns = judged_columns(names, array[:MOST_JUDGED].astype(np.float64))
-    return Table(path.name, "NumPy array", columns, loads(array), sideways=sideways)
+    return Table(path.name, "NumPy array", columns, in_one(array), sideways=sideways)
 
 
 def open_npz(path: Path, reading: Reading) -> Table:

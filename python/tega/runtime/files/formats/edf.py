@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.runtime.files.tables.table import MOST_JUDGED, FileEvent, Load, Reading, Table, judged_columns
-from tega.runtime.files.tables.text import Floats
+from tega.runtime.files.tables.table import MOST_JUDGED, Blocks, FileEvent, Reading, Table, judged_columns
 from tega.runtime.lifecycle import require
 
 _BLOCK_BYTES = 4 * 2**20
@@ -114,26 +113,20 @@ def _parts(edfio: Any, path: Path, layout: _Layout) -> Iterator[Any]:
                 yield read(io.BytesIO(head + file.read(n * layout.record_bytes)), header_encoding="latin-1")
 
 
-def _by_records(edfio: Any, path: Path, layout: _Layout, rates: list[float]) -> Load:
-    def load(
-        channels: Sequence[int], beside: Sequence[int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if len({rates[k] for k in (*channels, *beside)}) > 1:
+def _by_records(edfio: Any, path: Path, layout: _Layout, rates: list[float]) -> Blocks:
+    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+        if len({rates[k] for k in columns}) > 1:
             raise RecordingError(
-                f"{path.name}: its channels {', '.join(str(k + 1) for k in channels)} have different rates",
+                f"{path.name}: its channels {', '.join(str(k + 1) for k in columns)} have different rates",
                 "name channels of one rate",
             )
-        kept, others = Floats(len(channels)), Floats(len(beside))
         for part in _parts(edfio, path, layout):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                kept.add(np.column_stack([part.signals[k].data for k in channels]))
-                if beside:
-                    others.add(np.column_stack([part.signals[k].data for k in beside]))
-        samples = kept.array()
-        return samples, others.array() if beside else np.empty((len(samples), 0))
+                rows = np.column_stack([part.signals[k].data for k in columns])
+            yield rows
 
-    return load
+    return blocks
 
 
 def _marks(edfio: Any, path: Path, layout: _Layout) -> tuple[NDArray[np.float64] | None, list[FileEvent]]:

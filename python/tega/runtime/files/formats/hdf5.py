@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,15 @@ from numpy.typing import NDArray
 from tega.errors import RecordingError
 from tega.runtime.files.formats.named import add_clock, as_array, pick
 from tega.runtime.files.tables.encoding import MOST_MIB
-from tega.runtime.files.tables.table import MOST_JUDGED, Load, Reading, Table, judged_columns, loads, oriented
-from tega.runtime.files.tables.text import Floats
+from tega.runtime.files.tables.table import (
+    MOST_JUDGED,
+    Blocks,
+    Reading,
+    Table,
+    in_one,
+    judged_columns,
+    oriented,
+)
 from tega.runtime.lifecycle import require
 
 _MOST_DATASETS = 10_000
@@ -59,7 +66,7 @@ def _open(path: Path, reading: Reading, *, transposed: bool) -> Table:
             array = as_array(dataset, path.name)
             array, sideways = oriented(array.T if transposed else array, path.name, rows=reading.rows)
             head = array[:MOST_JUDGED].astype(np.float64)
-            table = Table(path.name, name, judged_columns([], head), loads(array), sideways=sideways)
+            table = Table(path.name, name, judged_columns([], head), in_one(array), sideways=sideways)
             n_rows = len(array)
         table.notes += [picked.note] if picked.note else []
         attributes: dict[str, Any] = {}
@@ -111,23 +118,14 @@ def _check_size(path: Path, dataset: Any) -> None:
         )
 
 
-def _by_rows(h5py: Any, path: Path, name: str) -> Load:
-    """Return a function that reads columns of a dataset, a block of rows at a time."""
-
-    def load(
-        channels: Sequence[int], beside: Sequence[int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        kept, others = Floats(len(channels)), Floats(len(beside))
+def _by_rows(h5py: Any, path: Path, name: str) -> Blocks:
+    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
         with h5py.File(path, "r") as file:
             dataset = file[name]
             for at in range(0, len(dataset), _ROWS):
-                rows = dataset[at : at + _ROWS]
-                kept.add(rows[:, list(channels)])
-                others.add(rows[:, list(beside)])
-        samples = kept.array()
-        return samples, others.array() if beside else np.empty((len(samples), 0))
+                yield dataset[at : at + _ROWS][:, list(columns)]
 
-    return load
+    return blocks
 
 
 def _records(path: Path, name: str, dataset: Any) -> Table:
@@ -139,4 +137,4 @@ def _records(path: Path, name: str, dataset: Any) -> Table:
         )
     rows = dataset[()]
     array = np.column_stack([rows[f].astype(np.float64) for f in fields])
-    return Table(path.name, "HDF5", judged_columns(fields, array[:MOST_JUDGED]), loads(array))
+    return Table(path.name, "HDF5", judged_columns(fields, array[:MOST_JUDGED]), in_one(array))

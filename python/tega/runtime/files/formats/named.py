@@ -11,7 +11,7 @@ import numpy as np
 from tega.errors import RecordingError
 from tega.runtime.files.tables.encoding import MOST_MIB
 from tega.runtime.files.tables.names import judged
-from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, judged_columns, loads, oriented
+from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one, judged_columns, oriented
 
 _RATE = re.compile(
     r"(?:emg)?_?(?:fs|sfreq|s?rate|rate_?hz|fsamp|freq|frequency|sampl\w*_?(?:rate|freq\w*|hz))(?:_?hz|_?emg)?",
@@ -81,7 +81,9 @@ def open_arrays(arrays: Mapping[str, Any], reading: Reading, file: str, format_n
     """
     picked = pick(arrays, reading.variable, file)
     array, sideways = oriented(as_array(picked.array, file), file, rows=reading.rows)
-    table = Table(file, format_name, judged_columns([], array[:MOST_JUDGED].astype(np.float64)), loads(array))
+    table = Table(
+        file, format_name, judged_columns([], array[:MOST_JUDGED].astype(np.float64)), in_one(array)
+    )
     table.sideways = sideways
     table.notes += [picked.note] if picked.note else []
     add_clock(table, arrays, picked.name, len(array))

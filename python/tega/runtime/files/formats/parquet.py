@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.tables.encoding import MOST_MIB
-from tega.runtime.files.tables.table import MOST_JUDGED, Load, Reading, Table, judged_columns
-from tega.runtime.files.tables.text import Floats
+from tega.runtime.files.tables.table import MOST_JUDGED, Blocks, Reading, Table, judged_columns
 from tega.runtime.lifecycle import require
 
 _ROWS = 65_536
@@ -52,23 +51,15 @@ def open_parquet(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as a
     return Table(path.name, "Parquet", columns, _by_batches(parquet, path))
 
 
-def _by_batches(parquet: Any, path: Path) -> Load:
-    def load(
-        channels: Sequence[int], beside: Sequence[int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        kept, others = Floats(len(channels)), Floats(len(beside))
+def _by_batches(parquet: Any, path: Path) -> Blocks:
+    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
         with parquet.ParquetFile(path) as file:
-            names = file.schema_arrow.names
-            wanted = [names[k] for k in (*channels, *beside)]
+            wanted = [file.schema_arrow.names[k] for k in columns]
             for batch in file.iter_batches(batch_size=_ROWS, columns=wanted):
                 place = {name: k for k, name in enumerate(batch.schema.names)}
-                rows = np.column_stack([_numbers(batch.column(place[name])) for name in wanted])
-                kept.add(rows[:, : len(channels)])
-                others.add(rows[:, len(channels) :])
-        samples = kept.array()
-        return samples, others.array() if beside else np.empty((len(samples), 0))
+                yield np.column_stack([_numbers(batch.column(place[name])) for name in wanted])
 
-    return load
+    return blocks
 
 
 def _numbers(column: Any) -> NDArray[np.float64]:

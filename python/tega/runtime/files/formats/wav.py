@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_foreign
 from tega.runtime.files.tables.encoding import MOST_MIB
-from tega.runtime.files.tables.table import MOST_JUDGED, FileEvent, Reading, Table, judged_columns, loads
+from tega.runtime.files.tables.table import MOST_JUDGED, FileEvent, Reading, Table, in_one, judged_columns
 
 _FRAMES = 65_536
 
@@ -40,7 +40,7 @@ def open_wav(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
     columns = judged_columns([], samples[:MOST_JUDGED])
     for column in columns:
         column.unit, column.holds, column.why = "counts", "channel", ""
-    table = Table(path.name, "WAV", columns, loads(samples), rate_hz=float(rate_hz), rate_from="its header")
+    table = Table(path.name, "WAV", columns, in_one(samples), rate_hz=float(rate_hz), rate_from="its header")
     table.events = _events(path.with_name(f"{path.stem}-events.txt"))
     return table
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tega.errors import RecordingError, TegaError
 from tega.runtime.files.tables.encoding import opened
-from tega.runtime.files.tables.table import MOST_JUDGED, FileEvent, Reading, Table, judged_columns, loads
+from tega.runtime.files.tables.table import MOST_JUDGED, FileEvent, Reading, Table, in_one, judged_columns
 from tega.runtime.lifecycle import require
 
 _MOST_LISTED = 12
@@ -78,7 +78,7 @@ def _open(pyxdf: Any, path: Path, reading: Reading) -> Table:
     ):
         for column in columns:
             column.holds = "channel" if column.why != "name" else column.holds
-    table = Table(path.name, "XDF", columns, loads(samples))
+    table = Table(path.name, "XDF", columns, in_one(samples))
     table.times_s = np.asarray(stream["time_stamps"], np.float64)
     rate_hz = float(stream["info"]["nominal_srate"][0])
     table.rate_hz, table.rate_from = (rate_hz, "its stream's header") if rate_hz > 0 else (None, "")

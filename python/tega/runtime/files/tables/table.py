@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -16,7 +17,8 @@ from tega.runtime.files.tables.values import course_of, is_even, unix_unit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-Load = Callable[[Sequence[int], Sequence[int]], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
+Blocks = Callable[[Sequence[int]], Iterator["NDArray[np.float64]"]]
+"""Reads columns by their numbers from 0; yields consecutive rows, float64 (n, columns), in blocks."""
 
 MOST_JUDGED = 4096
 """So many rows at the beginning are looked at before a column is judged."""
@@ -85,13 +87,13 @@ class Column(msgspec.Struct, kw_only=True):
 
 @dataclass
 class Table:
-    """A file of samples, opened and judged; its samples are read by :attr:`load`.
+    """A file of samples, opened and judged; its samples are read by :meth:`load`.
 
     Attributes:
         file: Base name of the file.
         format: Name of its format.
         columns: Its columns.
-        load: Reads channels, and columns beside them, by numbers from 0, each as float64 (n, columns).
+        blocks: Reads columns in blocks of rows.
         facts: Encoding, delimiter and the like, by name.
         rate_hz: Samples per second as the file states them.
         rate_from: Place where it states them.
@@ -104,7 +106,7 @@ class Table:
     file: str
     format: str
     columns: list[Column]
-    load: Load
+    blocks: Blocks
     facts: dict[str, str] = field(default_factory=dict)
     rate_hz: float | None = None
     rate_from: str = ""
@@ -112,6 +114,25 @@ class Table:
     events: list[FileEvent] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     sideways: bool = False
+
+    def load(
+        self, channels: Sequence[int], beside: Sequence[int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Read channels, and columns beside them, by numbers from 0, with little more memory than they take.
+
+        Returns:
+            Both, float64 (n, columns).
+        """
+        blocks, n = self.blocks([*channels, *beside]), len(channels)
+        first, second = next(blocks, np.empty((0, n + len(beside)))), next(blocks, None)
+        if second is None:
+            return np.ascontiguousarray(first[:, :n], np.float64), np.asarray(first[:, n:], np.float64)
+        kept, others = bytearray(), bytearray()
+        for rows in itertools.chain((first, second), blocks):
+            kept += np.ascontiguousarray(rows[:, :n], np.float64).tobytes()
+            others += np.ascontiguousarray(rows[:, n:], np.float64).tobytes()
+        samples = np.frombuffer(kept, np.float64).reshape(-1, n)
+        return samples, np.frombuffer(others, np.float64).reshape(len(samples), -1)
 
 
 def judged_columns(
@@ -187,14 +208,11 @@ def oriented(array: NDArray[np.float64], file: str, *, rows: str) -> tuple[NDArr
 _MOST_CHANNELS = 64
 
 
-def loads(array: NDArray[np.float64]) -> Load:
-    """Return a function that picks columns of an array, (n, columns), as :attr:`Table.load`."""
+def in_one(array: NDArray[Any]) -> Blocks:
+    """Return a function that reads columns of an array, (n, columns), as one block."""
 
-    def load(
-        channels: Sequence[int], beside: Sequence[int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        whole = list(channels) == list(range(array.shape[1]))
-        picked = array if whole else array[:, list(channels)]
-        return np.ascontiguousarray(picked, np.float64), np.asarray(array[:, list(beside)], np.float64)
+    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+        whole = list(columns) == list(range(array.shape[1]))
+        yield array if whole else array[:, list(columns)]
 
-    return load
+    return blocks

@@ -14,7 +14,7 @@ from tega.runtime.files.tables.dialect import Dialect, find_dialect, uncommented
 from tega.runtime.files.tables.encoding import Encoding, Lines, find_encoding, head_of, read_lines
 from tega.runtime.files.tables.header import Header, find_header, stated_rate
 from tega.runtime.files.tables.numbers import RowParser, number_of
-from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, judged_columns, loads, oriented
+from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one, judged_columns, oriented
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,25 +22,6 @@ if TYPE_CHECKING:
 _HEAD_BYTES = 65_536
 _FEWEST_LINES = 64
 _SIGNS = {"auto": "", "point": ".", "comma": ","}
-
-
-class Floats:
-    """Collects rows of numbers with little more memory than they take.
-
-    Args:
-        width: Numbers of a row.
-    """
-
-    def __init__(self, width: int) -> None:
-        self._width, self._bytes = width, bytearray()
-
-    def add(self, rows: NDArray[np.float64]) -> None:
-        """Add rows, float64 (n, width)."""
-        self._bytes += np.ascontiguousarray(rows, np.float64).tobytes()
-
-    def array(self) -> NDArray[np.float64]:
-        """Return all rows, float64 (n, width); nothing can be added afterwards."""
-        return np.frombuffer(self._bytes, np.float64).reshape(-1, self._width)
 
 
 def open_text(path: Path, reading: Reading) -> Table:
@@ -76,14 +57,22 @@ def open_text(path: Path, reading: Reading) -> Table:
     rate_hz = stated_rate([*header.preamble, *(line for line in lines[: header.first] if line[:1] in "#%")])
     facts = _facts(header, dialect, encoding)
 
-    def load(
-        channels: Sequence[int], beside: Sequence[int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return _load(path, encoding, header, dialect, channels, beside)
+    def read_columns(wanted: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+        parser = RowParser(path.name, dialect, header.width, wanted)
+        for block in read_lines(path, encoding):
+            skip = max(0, header.first + 1 - block.first)
+            if skip < len(block.lines):
+                yield parser.parse(block.first + skip, block.lines[skip:])
 
     kind = "OpenBCI GUI" if any("OpenBCI" in line for line in header.preamble[:4]) else "text"
     return Table(
-        path.name, kind, columns, load, facts, rate_hz, "the lines before the table" if rate_hz else ""
+        path.name,
+        kind,
+        columns,
+        read_columns,
+        facts,
+        rate_hz,
+        "the lines before the table" if rate_hz else "",
     )
 
 
@@ -120,21 +109,6 @@ def _value(cell: str, decimal: str) -> float:
         return float("nan")
 
 
-def _load(  # noqa: PLR0917  # of one file
-    path: Path, encoding: Encoding, header: Header, dialect: Dialect, channels: Sequence[int], beside: Sequence[int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    parser = RowParser(path.name, dialect, header.width, [*channels, *beside])
-    kept, others = Floats(len(channels)), Floats(len(beside))
-    for block in read_lines(path, encoding):
-        skip = max(0, header.first + 1 - block.first)
-        if skip < len(block.lines):
-            rows = parser.parse(block.first + skip, block.lines[skip:])
-            kept.add(rows[:, : len(channels)])
-            others.add(rows[:, len(channels) :])
-    samples = kept.array()
-    return samples, others.array() if beside else np.empty((len(samples), 0))
-
-
 def _is_sideways(rows: list[list[str]], header: Header, reading: Reading, *, ended: bool) -> bool:
     if reading.rows != "auto":
         return reading.rows == "channels" and ended
@@ -160,6 +134,6 @@ def _sideways(  # noqa: PLR0917  # of one file
     array, _ = oriented(array, path.name, rows="channels")
     columns = judged_columns(names, array[:MOST_JUDGED])
     return Table(
-        path.name, "text", columns, loads(array),
+        path.name, "text", columns, in_one(array),
         _facts(header, dialect, encoding) | {"names": ""}, sideways=True,
     )  # fmt: skip

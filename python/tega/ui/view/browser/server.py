@@ -9,10 +9,12 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from tega.errors import InvalidValueError, MissingExtraError
+from tega.errors import InvalidValueError
 from tega.loop.snapshot import Snapshot
 from tega.records.bus import Backlog
+from tega.runtime.lifecycle import require
 from tega.ui.view.browser.controls import Controls
+from tega.ui.view.rate_meter import RateMeter
 from tega.ui.view.run_state import NO_NEWS_S
 from tega.ui.view.state import ViewState
 
@@ -103,8 +105,7 @@ class BrowserView:
         self.problem = ""
         self._n_failures = 0
         self._reported_age_s = 0.0
-        self._counted: tuple[float, dict[str, int]] | None = None
-        self._rates_hz: dict[str, float] = {}
+        self._meter = RateMeter()
         self._newest: tuple[float, ViewState] | None = None
         self._state: ViewState | None = None
         self._turn = self._n_owed = 0
@@ -140,10 +141,8 @@ class BrowserView:
         Raises:
             MissingExtraError: viser is not installed.
         """
-        try:
-            from tega.ui.view.browser.local import LocalServer
-        except ImportError as error:
-            raise MissingExtraError("viser is not installed", "pip install 'tega[view]'") from error
+        require("viser", driver="page", extra="view")
+        from tega.ui.view.browser.local import LocalServer
         from tega.ui.view.browser.page import Page
 
         self._server = LocalServer(
@@ -250,28 +249,17 @@ class BrowserView:
             self._newest = now_s - self._waiting.waited_s, given
             self._wait_ms = self._waiting.waited_s * 1e3
             self._state = self._complete(given)
-            self._measure(now_s, self._state)
+            self._meter.take(now_s, {**self._state.loop.counts, "page": self.n_painted})
             self._n_owed = N_TURNS
         elif self._n_owed == 0 or now_s - self._painted_s < 2 * self._period_s:
             return False
         if self._state is not None:
             latency_ms = {**self._state.latency_ms, "to the page": self._wait_ms}
-            self.page.paint(self._state, turn=self._turn, rates_hz=self._rates_hz, latency_ms=latency_ms)
+            self.page.paint(
+                self._state, turn=self._turn, rates_hz=self._meter.rates_hz, latency_ms=latency_ms
+            )
         self._turn = (self._turn + 1) % N_TURNS
         self._n_owed -= 1
         self._painted_s = now_s
         self.n_painted += given is not None
         return True
-
-    def _measure(self, now_s: float, state: ViewState) -> None:
-        """Work the rates out over the last second."""
-        counts = {**state.loop.counts, "page": self.n_painted}
-        since_s, before = self._counted or (now_s, counts)
-        if self._counted is None or any(count < before.get(name, 0) for name, count in counts.items()):
-            # The first moment, or that of another run, which counts from 0 again.
-            self._counted = (now_s, counts)
-        elif now_s - since_s >= 1.0:
-            self._rates_hz = {
-                name: (count - before.get(name, 0)) / (now_s - since_s) for name, count in counts.items()
-            }
-            self._counted = (now_s, counts)
