@@ -10,6 +10,7 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
+import msgspec
 import numpy as np
 
 from tega.config import FINGERS
@@ -21,6 +22,7 @@ from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import guided_maxima
 from tega.runtime.device_items import TactileFrame
 from tega_sim.conditions import ARMS
+from tega_sim.filling import HOLD_S
 from tega_sim.gel import Gel, ball, board
 from tega_sim.plan import FULL_N, loop_settings
 from tega_sim.seams import Indenter
@@ -109,22 +111,25 @@ class Lab:
         """
         from tega_sim.operator import Operator, ScriptedOperator, clear_skin
         from tega_sim.operator.forearm import AWAY_M
-        from tega_sim.operator.scripted import DEFAULT_COURSE, PLACE_COURSE
+        from tega_sim.operator.scripted import COURSES
 
-        full_effort, places = self.calibrated.full_effort, plan.task == "place"
+        full_effort = self.calibrated.full_effort
         if plan.operator == "scripted":
-            return ScriptedOperator(PLACE_COURSE if places else DEFAULT_COURSE, full_effort=full_effort)
+            return ScriptedOperator(COURSES[plan.task], full_effort=full_effort)
         if plan.operator == "keyboard":
             raise InvalidValueError("the keyboard operator has no person", "give run_trial() a person")
-        skin = ARMS[plan.condition].skin
+        skin, someone = ARMS[plan.condition].skin, self._someone
+        if plan.task == "fill":
+            forearm = msgspec.structs.replace(someone.forearm, hold_s=HOLD_S)
+            someone = msgspec.structs.replace(someone, forearm=forearm)
         return Operator(
-            clear_skin(self._someone) if skin == "clear" else self._someone,
+            clear_skin(someone) if skin == "clear" else someone,
             seed=self._seed,
             feels=skin != "none",
             full_effort=full_effort,
             rules=plan.rules,
             view=plan.view,
-            away_m=AWAY_M if places else 0.0,
+            away_m=AWAY_M if plan.task == "place" else 0.0,
         )
 
     def metric(self, finger: str) -> Metric:

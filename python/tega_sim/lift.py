@@ -28,6 +28,7 @@ from tega.stages.base import MeasuredPicture
 from tega.stages.events.outcomes import LIFT_WINDOW_S
 from tega.ui.view.state import EmgTail, ViewState
 from tega_sim.conditions import ARMS, worn
+from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ
 from tega_sim.plan import TrialPlan, TrialResult
@@ -138,6 +139,7 @@ class Lift:
             skip_untouched=skip_untouched and not _remembers(lab),
             with_cameras=watched or kept or felt or not skip_untouched,
             painted=watched or not skip_untouched,
+            filling=Filling(plan.seed + number) if plan.task == "fill" else None,
             on_act=self._note,
         )
         self._touch = touch_of(lab, plan, layout=self.layout)

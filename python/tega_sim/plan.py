@@ -16,7 +16,7 @@ from tega_sim.operator.vision import ViewName
 from tega_sim.score import TrialEvent
 from tega_sim.world.objects import OBJECTS, ObjectSpec
 
-Task: TypeAlias = Literal["lift", "place"]
+Task: TypeAlias = Literal["lift", "place", "fill"]
 """Task of a trial."""
 
 
@@ -45,6 +45,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
         task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
+            ``fill``: held for ten seconds while it is filled, see :mod:`tega_sim.filling`.
     """
 
     object: str

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
     from tega.runtime.clock import Clock
     from tega.stages.base import Decoder
+    from tega_sim.filling import Filling
     from tega_sim.lab import Lab
     from tega_sim.operator import ForearmEmg
     from tega_sim.operator.shams import Sham
@@ -91,6 +92,7 @@ class TrialRig:
         with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
         painted: Whether every frame is painted, for readers of :attr:`frames`; else only those that a subscriber on
             the bus wants, or for a metric that needs pixels.
+        filling: What is filled into the object while it is held.
         on_act: Called with the percept and the action after every 10 ms.
 
     Attributes:
@@ -122,6 +124,7 @@ class TrialRig:
         skip_untouched: bool = True,
         with_cameras: bool = True,
         painted: bool = True,
+        filling: Filling | None = None,
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
     ) -> None:
         self.world = world
@@ -139,7 +142,7 @@ class TrialRig:
         self._block_ns = round(lab.muscles.tau * 1e9 / lab.muscles.rate_hz)
         self._end_ns = round(end_s * 1e9)
         self._muted, self._skip_untouched, self._painted = muted, skip_untouched, painted
-        self._on_act = on_act
+        self._filling, self._on_act = filling, on_act
         due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
         self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
         self.levels = LiveStream[Intent](due_ns=self._block_ns)
@@ -242,6 +245,8 @@ class TrialRig:
         percept = Percept(t_s, truth, self.vest, self.closure(), encoded(self.world.angles_rad))
         act = self.act = self._person.act(percept)
         self.world.set_forearm(act.forearm_m)
+        if self._filling is not None:
+            self.world.push(self._filling.force_n(t_s, holding=act.phase == "hold"))
         self._scorer.take(t_s, truth, placing=act.phase in _PLACING)
         self._on_act(percept, act)
         if self._ends(t_ns, act):

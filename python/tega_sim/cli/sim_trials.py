@@ -66,10 +66,11 @@ def sim() -> None:
 )
 @click.option(
     "--task",
-    type=click.Choice(["lift", "place"]),
+    type=click.Choice(["lift", "place", "fill"]),
     default="lift",
     show_default=True,
-    help="lift: put down where it stood. place: carried to a second marked place first.",
+    help="lift: put down where it stood. place: carried to a second marked place first. fill: held for ten seconds "
+    "while it grows heavier.",
 )
 @object_options
 @loop_options

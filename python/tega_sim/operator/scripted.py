@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from tega.errors import InvalidValueError
+from tega_sim.filling import HOLD_S
 from tega_sim.operator.forearm import AWAY_M, FARTHEST_M, SimulatedForearm
 from tega_sim.operator.motor import level_effort
 from tega_sim.operator.person import typical_person
@@ -53,6 +54,17 @@ PLACE_COURSE = (
     Step(13.8, "done", 1, (0.0, FARTHEST_M), 0.0),
 )
 """The same, but carried to the second marked place before it is put down."""
+
+COURSES: Final[dict[str, Sequence[Step]]] = {
+    "lift": DEFAULT_COURSE,
+    "place": PLACE_COURSE,
+    "fill": (
+        *DEFAULT_COURSE[:5],
+        # Held for 3.2 s by default.
+        *(step._replace(t_s=step.t_s + HOLD_S - 3.2) for step in DEFAULT_COURSE[5:]),
+    ),
+}
+"""Course of each task; the hold of ``fill`` lasts as long as a simulated person's."""
 
 
 class ScriptedOperator:

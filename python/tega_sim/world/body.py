@@ -42,6 +42,9 @@ class LiftedBody(Protocol):
     def move(self, x_m: float, y_m: float) -> None:
         """Put the object elsewhere on the table."""
 
+    def push(self, force_n: float) -> None:
+        """Push the object down from now on."""
+
     def middle_m(self) -> tuple[float, float, float]:
         """Return where the object's middle is."""
 
@@ -86,6 +89,7 @@ class Sprung:
         # Views of MuJoCo's own memory: they follow the state.
         self._at, self._turned = data.xpos[thing], data.xmat[thing]
         self._speed = data.qvel[joint.dofadr[0] + 2 :]
+        self._push = data.xfrc_applied[thing]
         self._place = data.qpos[joint.qposadr[0] :]
         # The shells' slides lie one after the other: x and y of each finger.
         first = model.joint(f"{HAND_FINGERS[0]}_shell_x").qposadr[0]
@@ -102,6 +106,10 @@ class Sprung:
     def move(self, x_m: float, y_m: float) -> None:
         """Put the object elsewhere on the table."""
         self._place[:2] += (x_m, y_m)
+
+    def push(self, force_n: float) -> None:
+        """Push the object down from now on."""
+        self._push[2] = -force_n
 
     def middle_m(self) -> tuple[float, float, float]:
         """Return where the object's middle is."""
@@ -167,6 +175,10 @@ class Flexed:
         """Put the object elsewhere on the table."""
         self._data.qpos[self._slides] += x_m
         self._data.qpos[self._slides + 1] += y_m
+
+    def push(self, force_n: float) -> None:
+        """Push the object down from now on, every node alike."""
+        self._data.xfrc_applied[self._nodes, 2] = -force_n / self._nodes.size
 
     def middle_m(self) -> tuple[float, float, float]:
         """Return where the wall halfway up is, in the mean."""

@@ -171,6 +171,19 @@ class World:
         self._arm.lead(self._place(height, back))
         self._forearm_m = forearm_m
 
+    def push(self, force_n: float) -> None:
+        """Push the object down, besides its weight, until the next call: a knock, or what is filled in.
+
+        Args:
+            force_n: Force on its middle, newtons, 0 for none.
+
+        Raises:
+            InvalidValueError: It is not finite, or negative.
+        """
+        if not 0 <= force_n < math.inf:
+            raise InvalidValueError(f"force_n = {force_n} N has to be at least 0 N and finite")
+        self._body.push(force_n)
+
     def set_palm(self, palm_m: ArrayLike, rotation: ArrayLike | None = None) -> None:
         """Lead the palm to a place and turn, world frame.
 

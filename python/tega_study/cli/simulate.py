@@ -81,6 +81,9 @@ def simulate(
     Each person goes through a whole session in the plan's order, with learning and fatigue from trial to trial. The
     results are the same with any number of workers, shards and machines. Run it again to continue after a stop; an
     interrupted session is restarted. The report names the parameter file that the people were drawn from.
+
+    On the shipped objects it is a rehearsal of the protocol: no control with the truth finds a difference there, so
+    that equal arms say nothing.
     """
     from tega_sim.world import crossed
     from tega_study.cli.apart import report_apart
