@@ -89,7 +89,7 @@ class LiveMetric(Metric):
 
     summary: ClassVar[str] = "graded contact with hysteresis; CCI rises with the press"
     memory: ClassVar[bool] = True
-    version: ClassVar[int] = 8
+    version: ClassVar[int] = 9
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
     @classmethod

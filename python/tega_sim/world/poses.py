@@ -1,4 +1,4 @@
-"""Set the bench's five closure poses, taught on its objects, and make a controller that uses them."""
+"""Set the bench's five closure poses, designed on its objects, and make a controller that uses them."""
 
 from __future__ import annotations
 
@@ -6,32 +6,21 @@ from typing import Final
 
 import numpy as np
 
-from tega.hand import CLOSURE_POSES_RAD, HandController
+from tega.hand import HandController
 
-# Open, but no wider than the objects ask for: no joint is 0.59 rad or more from the next level, so that a move
-# from one level to the next keeps its 0.6 s.
-_OPEN_RAD: Final = ((0.0, 0.50, 0.40, 0.30), (1.35, 0.20, -0.14, 0.15))
-# Fingers: how far along the default poses' way (1 open to 5 tight) levels 2 to 5 of the bench are. The defaults share
-# the way out evenly, so that on an object of 80 to 100 mm three of five would not touch it; here the second does.
-_REMEDY: Final = (3.9, 4.3, 4.65, 5.0)
-# The thumb meets the object with its pad, opposite the index and middle fingers; the default thumb reaches past it.
-_THUMB_RAD: Final = (
-    (1.35, 0.20, 0.30, 0.70),
-    (1.35, 0.20, 0.35, 0.90),
-    (1.35, 0.20, 0.40, 1.10),
-    (1.35, 0.20, 0.45, 1.30),
+# Levels 1 (open) to 5 (tight): a finger's joints, the thumb's. Open, but no wider than the objects ask for. From level
+# 2 on pads meet the objects, by `python -m tega_figures.pads.design` and, for levels 4 and 5, firmer by hand.
+_LEVELS_RAD: Final = (
+    ((0.0, 0.500, 0.400, 0.300), (1.35, 0.200, -0.140, 0.400)),
+    ((0.0, 1.045, 0.954, 0.477), (1.35, 0.033, 0.224, 0.981)),
+    ((0.0, 1.194, 1.012, 0.529), (1.35, 0.050, 0.598, 1.085)),
+    ((0.0, 1.240, 1.120, 0.475), (1.35, 0.110, 0.720, 1.090)),
+    ((0.0, 1.345, 1.180, 0.460), (1.35, 0.230, 0.820, 1.170)),
 )
 
 
 def _grasp_poses() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    finger, thumb = _OPEN_RAD
-    poses = np.empty((5, 16))
-    poses[0] = (*finger, *finger, *finger, *thumb)
-    for row, route in enumerate(_REMEDY, start=1):
-        before = min(int(route), 4)
-        low, high = CLOSURE_POSES_RAD[before - 1 : before + 1]
-        poses[row] = low + (route - before) * (high - low)
-    poses[1:, 12:] = _THUMB_RAD
+    poses = np.array([(*finger, *finger, *finger, *thumb) for finger, thumb in _LEVELS_RAD])
     poses.flags.writeable = False
     return poses
 

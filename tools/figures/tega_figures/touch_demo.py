@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tega.stages.base import MeasuredPicture
     from tega_sim.lab import Lab
 
-__all__ = ["DEMO_OBJECTS", "DemoScore", "score_demo"]
+__all__ = ["DEMO_OBJECTS", "DemoScore", "KeptPictures", "score_demo"]
 
 DEMO_OBJECTS: Final = ("bottle", "container", "bag")
 LOAD_N: Final = 0.5
@@ -61,7 +61,7 @@ class DemoScore(NamedTuple):
     """Rank correlation of force with front plus back of the vest over all frames."""
 
 
-class _Kept(Streams):
+class KeptPictures(Streams):
     """Keeps of every picture what was measured and what was so."""
 
     def __init__(self, lab: Lab) -> None:
@@ -89,7 +89,7 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
     counts = {finger: np.zeros(len(DemoScore._fields) - 1, np.int64) for finger in FINGERS}
     felt: dict[str, list[tuple[float, float]]] = {finger: [] for finger in FINGERS}
     for name in DEMO_OBJECTS:
-        kept = _Kept(lab_of(seed, "live", ()))
+        kept = KeptPictures(lab_of(seed, "live", ()))
         run_trial(TrialPlan(object=name, seed=seed), streams=kept)
         at_s = kept.array("truth", "t_s")
         for finger in FINGERS:

@@ -13,7 +13,7 @@ const SETTLED: f64 = 0.1;
 const WAIT: f64 = 1.0;
 /// While another finger bears a load, most quick falls are the object moving: a release then falls to less than this share of the peak, and
 /// is at rest before this many times as long as its fall took.
-const KEPT_LOADED: f64 = 0.17;
+const KEPT_LOADED: f64 = 0.19;
 const WAIT_LOADED: f64 = 2.0;
 /// Less than this share of the peak is a trace of the contact, however slowly it fell; so is what stays under a multiple of the threshold for
 /// so many seconds.
@@ -83,6 +83,8 @@ pub(super) struct Held {
     faint_s: f64,
     /// S at which it was felt again after a release, and the least of it since, while it never rose.
     again: Option<[f64; 2]>,
+    /// The leftover that it presses on.
+    under: Option<Left>,
     steady: Steady,
 }
 
@@ -120,7 +122,10 @@ pub(super) struct Left {
 /// What follows a release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Then {
+    /// What was taken for a leftover is a contact.
     Again,
+    /// Something presses on the leftover.
+    Pressed,
     Over,
 }
 
@@ -158,12 +163,18 @@ impl Steady {
 impl Held {
     /// One that begins.
     pub fn new(s: f64) -> Self {
-        Self { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0, again: None, steady: Steady::new(s) }
+        let steady = Steady::new(s);
+        Self { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0, again: None, under: None, steady }
     }
 
     /// One that is felt again after a release.
     pub fn again(s: f64) -> Self {
         Self { again: Some([s; 2]), ..Self::new(s) }
+    }
+
+    /// One that presses on a leftover.
+    pub fn over(s: f64, left: Left) -> Self {
+        Self { under: Some(Left { since_s: 0.0, ..left }), ..Self::again(s) }
     }
 
     /// Lets a frame pass; how it ends, if it does.
@@ -192,18 +203,17 @@ impl Held {
         });
         let examined = self.sinks(now) || self.rests(now);
         let traces = s < TRACE * self.peak || self.faint_s > FAINT_S || (examined && !loaded);
+        // A leftover only sinks: no more than before this press, if that was short, is that leftover.
+        let under = self.under.filter(|left| s <= left.least && left.since_s < REZERO_S);
+        if let Some(left) = &mut self.under {
+            left.since_s += dt_s;
+        }
         if s < HYSTERESIS * (threshold - leftover) + leftover {
             Some(Ends::Quiet)
+        } else if let Some(left) = under {
+            Some(Ends::Released(Left::new(s, self.peak.max(left.peak), left.fell)))
         } else if (settled && fell) || traces {
-            Some(Ends::Released(Left {
-                peak: self.peak,
-                first: s,
-                mean: s,
-                lowest: s,
-                least: s,
-                since_s: 0.0,
-                fell: fell && !traces,
-            }))
+            Some(Ends::Released(Left::new(s, self.peak, fell && !traces)))
         } else {
             None
         }
@@ -225,6 +235,10 @@ impl Held {
 }
 
 impl Left {
+    fn new(s: f64, peak: f64, fell: bool) -> Self {
+        Self { peak, first: s, mean: s, lowest: s, least: s, since_s: 0.0, fell }
+    }
+
     /// Lets a frame pass; what follows, if anything yet.
     pub fn pass(&mut self, now: &Now) -> Option<Then> {
         let Now { s, threshold, rest, dt_s, .. } = *now;
@@ -240,7 +254,9 @@ impl Left {
             && self.mean - rest > HOLDS * (self.peak - rest);
         self.since_s += dt_s;
         let over = s > threshold.max(OVER_LEFTOVER * self.least + OVER_LEFTOVER_SHARE * self.peak);
-        if over || stays || rises {
+        if over {
+            Some(Then::Pressed)
+        } else if stays || rises {
             Some(Then::Again)
         } else {
             (self.since_s >= REZERO_S).then_some(Then::Over)
@@ -337,6 +353,27 @@ mod tests {
         }
         // One that began by itself may sink as it likes.
         assert!((0..360).all(|k| Held::new(11.0).pass(&now(11.0, 11.0 - f64::from(k) / 60.0)).is_none()));
+    }
+
+    #[test]
+    fn a_touch_of_a_leftover_ends_where_that_is_left_and_a_light_hold_under_it_is_felt_again() {
+        for (share, then) in [(0.1, Then::Over), (0.25, Then::Again)] {
+            let (mut left, s) = (fallen(share), 1.0 + 40.0 * share);
+            let touched = 1.5 * s + 2.0;
+            let loaded = |before, s| Now { loaded: true, ..now(before, s) };
+            assert_eq!(left.pass(&loaded(s, touched)), Some(Then::Pressed), "{share}");
+            let mut held = Held::over(touched, left);
+            // What is more than the leftover is still the touch.
+            assert_eq!(held.pass(&loaded(touched, 1.05 * s)), None, "{share}");
+            let mut long = held;
+            let Some(Ends::Released(mut left)) = held.pass(&loaded(1.05 * s, s)) else {
+                panic!("not released: {share}");
+            };
+            assert_eq!((0..90).find_map(|_| left.pass(&now(s, s))), Some(then), "{share}");
+            // Under a touch of more than a second the leftover has sunk: as much as before is a touch.
+            assert!((0..60).all(|_| long.pass(&loaded(1.05 * s, 1.05 * s)).is_none()), "{share}");
+            assert_eq!(long.pass(&loaded(1.05 * s, s)), None, "{share}");
+        }
     }
 
     #[test]

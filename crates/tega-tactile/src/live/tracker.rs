@@ -310,13 +310,14 @@ impl TouchTracker {
                 None => {}
             },
             State::Released(left) => {
-                let (then, peak) = (left.pass(&now), left.peak);
+                let (then, released) = (left.pass(&now), *left);
                 self.pend(step(dt_s, PENDING_S));
                 match then {
                     Some(Then::Again) => self.state = State::Contact(Held::again(s)),
+                    Some(Then::Pressed) => self.state = State::Contact(Held::over(s, released)),
                     Some(Then::Over) if self.options.rezero && !loaded => {
                         self.take_rest();
-                        self.leftover = self.leftover.max(LEFTOVER * peak);
+                        self.leftover = self.leftover.max(LEFTOVER * released.peak);
                     }
                     _ => {}
                 }

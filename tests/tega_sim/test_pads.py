@@ -1,0 +1,46 @@
+"""Fingertips of the simulated hand's poses meet objects where their cameras see the contact, and hold them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+
+from tega.hand.mjcf import joint_names
+from tega_figures.pads.grip import grip
+from tega_sim.world import GRASP_POSES_RAD, OBJECTS, World
+
+
+@pytest.mark.parametrize("level", [3, 4, 5])
+@pytest.mark.parametrize("name", OBJECTS)
+def test_contacts_of_a_hold_are_in_the_picture(name: str, level: int) -> None:
+    held = grip(name, level, GRASP_POSES_RAD, seed=2, shares=True)
+    assert held.held
+    assert np.count_nonzero(held.forces_n > 0.5) == 4
+    assert held.share.mean() >= 0.95
+    assert held.share.min() >= 0.85
+    assert held.slip_mm < 10
+    assert np.abs(held.along_mm).max() < 8
+
+
+def test_a_contact_on_the_tip_s_edge_is_not_in_the_picture() -> None:
+    curled = np.array(GRASP_POSES_RAD)
+    curled[1:, [3, 7, 11]] += 0.35
+    held = grip("bag", 5, curled, shares=True)
+    assert held.share[1:].max() < 0.5
+    assert held.along_mm[1:].max() < -8
+
+
+def test_pads_of_an_empty_hand_meet_from_level_3_on() -> None:
+    """Why a real hand keeps the built-in poses: it may be closed without an object."""
+    world = World("bag")
+    first = int(world.model.joint(joint_names()[0]).qposadr[0])
+    pads = [world.model.geom(name).id for name in ("thumb_pad", "index_pad")]
+    apart_mm = []
+    for pose in GRASP_POSES_RAD:
+        world.data.qpos[first : first + 16] = pose
+        world.mujoco.mj_kinematics(world.model, world.data)
+        apart_mm.append(1e3 * world.mujoco.mj_geomDistance(world.model, world.data, *pads, 0.2, None))
+    assert apart_mm[0] > 10
+    assert max(apart_mm[2:]) < 0
