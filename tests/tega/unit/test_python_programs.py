@@ -21,7 +21,6 @@ STARTS = re.compile(
 WORKERS = {"joblib", "multiprocessing", "ProcessPoolExecutor", "loky"}
 OTHER_PROGRAMS = {
     "python/tega/devices/hand/can_links.py": "ip",
-    "tools/campaigns/tega_campaigns/lossy_wire.py": "ip, tc and the program inside, which its caller names",
     "tools/campaigns/tega_campaigns/mutants/drawn.py": "cargo",
     "tools/emulators/tega_emulators/message_bus.py": "dbus-daemon",
     "tools/emulators/tega_emulators/openxr_runtime.py": "cargo",
