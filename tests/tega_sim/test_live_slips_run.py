@@ -72,7 +72,13 @@ def test_a_run_looks_at_hand_and_arm_and_goes_by_touch_while_the_hand_is_silent(
     assert replay.same, [stream for stream in replay.streams if stream.differ]
 
 
-_PLAN: dict[str, Any] = {"object": "bag", "condition": "event-gated", "seed": 7003}
+_PLAN: dict[str, Any] = {
+    "object": "bag",
+    "mass_kg": 0.8,
+    "friction": 0.4,
+    "condition": "event-gated",
+    "seed": 9111,
+}
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +111,7 @@ def test_a_simulated_object_slides_and_joints_and_height_tell_it_where_touch_doe
     result, file = lift["hand"]
     slid_s = [event.t_s for event in result.events if event.kind == "slip"]
     reported_s = _slips_s(file)
-    assert len(slid_s) == len(reported_s) == 2
+    assert len(slid_s) == len(reported_s) == 1
     assert all(0 <= reported - slid < 0.1 for slid, reported in zip(slid_s, reported_s, strict=True))
     result, file = lift["touch"]
     slid_s = [event.t_s for event in result.events if event.kind == "slip"]
@@ -120,9 +126,9 @@ def test_a_recording_replays_by_the_rule_that_it_was_made_with(
         replay = replay_file(file)
         assert replay.same, (rule, [stream for stream in replay.streams if stream.differ])
         (events,) = (stream for stream in replay.streams if stream.stream == Event.topic)
-        assert events.recorded == events.replayed > 5
+        assert events.recorded == events.replayed > 3
         looks = [m for m in McapReader(file).messages() if m.topic == HandLook.topic]
-        assert (len(looks) > 1000) == (rule == "hand")
+        assert (len(looks) > 500) == (rule == "hand")
     # A part of it as well: what was seen of the hand before goes with it.
     part = trim_session(lift["hand"][1], from_s=4.0, to_s=None, out=tmp_path / "part")
     replay = replay_file(part)
