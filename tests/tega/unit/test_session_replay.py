@@ -248,13 +248,18 @@ def test_no_flag_of_loose_files_is_left_out_beside_a_session(
 
 def test_records_that_the_loop_never_reads_are_forgotten_as_it_runs(tmp_path: Path) -> None:
     seconds = 8.0
+    np.save(tmp_path / "emg.npy", np.random.default_rng(1).normal(0, 20, (round(200 * seconds), 2)))
     settings = {
         "session": {"pace": "fast"},
-        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": seconds}},
-        "recording": {"dir": str(tmp_path), "stop_free_mib": 0.0},
+        "emg": {
+            "driver": "emg-file",
+            "kind": "raw",
+            "options": {"file": str(tmp_path / "emg.npy"), "rate_hz": 200.0, "channels": [1, 2]},
+        },
+        "recording": {"dir": str(tmp_path / "session"), "stop_free_mib": 0.0},
     }
     summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)
-    feed = RecordFeed(tmp_path / str(summary["recording"]["file"]))
+    feed = RecordFeed(tmp_path / "session" / str(summary["recording"]["file"]))
     run = RecordedRun(feed, Measured(feed, Bus()), lambda _t_ns: None)
     rows, n_most = run.newest(HandCommand).rows, 0
     for k in range(round(seconds / 0.003)):
