@@ -83,7 +83,8 @@ def compute_ahead(
                 batch.items.append(item)
                 if len(batch.items) == _BATCH:
                     submit(name)
-            while n_ahead > _MOST_AHEAD:
+            # What has no result to wait for is never kept: a recording may have no pictures at all.
+            while n_ahead > _MOST_AHEAD or (waiting and not waiting[0][1]):
                 yield first()
         while waiting:
             yield first()
