@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import json
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -106,3 +108,28 @@ def test_hand_show_and_doctor_say_the_same(tmp_path: Path, capsys: pytest.Captur
         Allegro(AllegroOptions(interface="kvaser", channel=0)).open()
     out, _ = call(capsys, "doctor", lab, "--json", code=3)
     assert "CANlib is missing" in json.dumps(json.loads(out))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="terminals have other names")
+def test_another_hand_s_terminal_of_the_same_name_is_not_opened() -> None:
+    def terminal() -> tuple[int, int, str]:
+        master, slave = os.openpty()
+        return master, slave, os.ttyname(slave)
+
+    master, slave, name = terminal()
+    bus = HandBus("slcan", name, bitrate=1_000_000, more={})
+    bus.open()
+    os.close(master)
+    os.close(slave)
+    bus.drop()
+    made = [terminal()]
+    while made[-1][2] != name:  # another program may take the name first
+        made.append(terminal())
+    os.set_blocking(made[-1][0], False)
+    assert bus.receive(may_reopen=True) == []
+    assert bus.replaced
+    with pytest.raises(BlockingIOError):
+        os.read(made[-1][0], 100)
+    for ends in made:
+        os.close(ends[0])
+        os.close(ends[1])

@@ -54,8 +54,14 @@ def steering(
     )
     words = [sys.executable, "-P", "-c", program]
     with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE) as running:
-        until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
+
+        def pushes() -> bool:
+            assert running.poll() is None, "the program has ended; its error output says why"
+            state = hand.say("look")
+            return state["servo_on"] and any(state["duties"])
+
         try:
+            until(pushes)
             yield running
         finally:
             running.kill()

@@ -94,6 +94,7 @@ class HandBus:
         self.n_garbled = self.n_unsent = 0
         self._can: Any = None
         self._bus: Any = None
+        self._terminal = self._terminal_now()
         self._again = Reopening(_REOPEN_S, _REOPEN_S)
         self._echoes: deque[tuple[int, bytes, bool]] = deque(maxlen=_MOST_ECHOES)
 
@@ -101,6 +102,11 @@ class HandBus:
     def label(self) -> str:
         """Adapter and bus, without a path."""
         return bus_label(self.settings["interface"], self.settings["channel"])
+
+    @property
+    def replaced(self) -> bool:
+        """Whether the name of an emulated adapter's terminal belongs to another one now, perhaps another hand's."""
+        return self._terminal is not None and self._terminal_now() != self._terminal
 
     def load(self) -> None:
         """Load python-can, which takes its time.
@@ -249,11 +255,20 @@ class HandBus:
         it sends no torque until a person has the hand reopened: a bus that comes back by itself must not make the
         hand grip a person.
         """
-        if not self._again.due():
+        if not self._again.due() or self.replaced:
             return False
         with contextlib.suppress(DeviceUnavailableError):
             self._bus, self.trouble = self._opened(), ""
         return self._bus is not None
+
+    def _terminal_now(self) -> tuple[int, int] | None:
+        channel = str(self.settings["channel"])
+        if not channel.startswith("/dev/pts/"):
+            return None
+        with contextlib.suppress(OSError):
+            seen = Path(channel).stat()
+            return seen.st_ino, seen.st_ctime_ns
+        return None
 
     def _opened(self) -> Any:
         settings = dict(self.settings)

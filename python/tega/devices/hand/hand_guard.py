@@ -17,7 +17,6 @@ import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from tega.devices.hand.guard_process import GuardProcess, stand_by
@@ -93,11 +92,10 @@ class _Hand:
         from tega.wire import CanFrame
 
         more = dict(bus)
-        interface, self._channel = more.pop("interface"), more.pop("channel")
-        self._bus = HandBus(interface, self._channel, bitrate=more.pop("bitrate"), more=more)
+        interface, channel = more.pop("interface"), more.pop("channel")
+        self._bus = HandBus(interface, channel, bitrate=more.pop("bitrate"), more=more)
         self._frames = [CanFrame(can_id, bytes.fromhex(data)) for can_id, data in frames]
         self._device_id = device_id
-        self._node = self._seen()
 
     @property
     def label(self) -> str:
@@ -108,7 +106,7 @@ class _Hand:
         """Switch the motors off until the hand confirms or the program goes on; return why it has not confirmed."""
         until_s, why = time.monotonic() + LONGEST_S, "no answer"
         while time.monotonic() < until_s:
-            if self._replaced():
+            if self._bus.replaced:
                 return "its adapter is gone"
             try:
                 self._bus.open()
@@ -123,17 +121,6 @@ class _Hand:
                 return "its program goes on"
             time.sleep(_REST_S)
         return f"{why}, for {LONGEST_S / 60:g} minutes"
-
-    def _replaced(self) -> bool:
-        """Whether another program's terminal has the name now that an emulated adapter had."""
-        return str(self._channel).startswith("/dev/pts/") and self._seen() != self._node
-
-    def _seen(self) -> tuple[int, int] | None:
-        try:
-            seen = Path(str(self._channel)).stat()
-        except OSError:
-            return None
-        return seen.st_ino, seen.st_ctime_ns
 
 
 def main() -> None:
