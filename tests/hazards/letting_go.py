@@ -149,11 +149,7 @@ def _fault(cell: Cell, started: Started) -> Iterator[list[float]]:
     if cell.event in {"closed terminal", "dropped SSH"}:
         started.hang_up()
     elif cell.event == "end of the scope":
-        # As systemd does: SIGTERM to every process of the control group, then SIGHUP, each followed by SIGCONT.
-        scope = started.scope()
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            _send(scope, number)
-            _send(scope, signal.SIGCONT)
+        started.end_scope()
     else:
         pids = [pid for role in _roles(cell.targets) for pid in started.roles[role]]
         if cell.event == "STOP 3 s":

@@ -12,8 +12,10 @@ import subprocess
 import sys
 import tempfile
 import threading
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
@@ -52,6 +54,18 @@ def command(*words: object) -> list[str]:
     return [sys.executable, "-c", _FIRST, *map(str, words)]
 
 
+@cache
+def _systemd() -> list[str]:
+    """Return the word that names a running systemd's manager, the system's or the user's; ``[]`` for none."""
+    manager = "--system" if os.geteuid() == 0 else "--user"
+    with contextlib.suppress(OSError):
+        state = subprocess.run(
+            ["systemctl", manager, "is-system-running"], capture_output=True, text=True, check=False
+        ).stdout
+        return [manager] if state.strip() in {"running", "degraded", "starting"} else []
+    return []
+
+
 class Program:
     """A command, on a pseudo-terminal where it is to be lost, else without one.
 
@@ -65,7 +79,7 @@ class Program:
     def __init__(self, words: Sequence[str], *, terminal: bool, shell: bool = False, typed: str = "") -> None:
         # Appended to by the program and by this one, and read from its start.
         self._err = tempfile.NamedTemporaryFile("ab", buffering=0)  # noqa: SIM115  # closed with the program
-        self._master, self._closing = -1, threading.Event()
+        self._master, self._closing, self._unit = -1, threading.Event(), ""
         if not terminal and not typed:
             self.process = subprocess.Popen(
                 words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._err,
@@ -73,7 +87,7 @@ class Program:
             )  # fmt: skip
             return
         self._master, slave = pty.openpty()
-        line = ["bash", "--norc", "--noprofile", "-i"] if shell else words
+        line = ["bash", "--norc", "--noprofile", "-i"] if shell else [*self._scope(), *words]
         self.process = subprocess.Popen(
             [sys.executable, "-c", _ON_TERMINAL, *line],
             stdin=slave,
@@ -86,6 +100,26 @@ class Program:
             os.write(self._master, (shlex.join(words) + "\n").encode())
         self._reader = threading.Thread(target=self._read, args=(typed,), daemon=True)
         self._reader.start()
+
+    def _scope(self) -> list[str]:
+        """Return the words that start a command in a scope like a login session's, where systemd runs."""
+        if manager := _systemd():
+            self._unit = f"tega-{uuid.uuid4().hex}.scope"
+            return ["systemd-run", *manager, "--scope", "--quiet", "--collect", "--unit", self._unit,
+                    "--property=SendSIGHUP=yes", "--property=TimeoutStopSec=20", "--"]  # fmt: skip
+        return []
+
+    def end_scope(self) -> None:
+        """Have systemd end the command's scope, as at a log-out; without it, send what systemd sends."""
+        if self._unit:
+            subprocess.run(["systemctl", *_systemd(), "--no-block", "stop", self._unit], check=True)
+            return
+        # SIGTERM to every process of the control group, then SIGHUP, each followed by SIGCONT.
+        top = self.process.pid
+        for number in (signal.SIGTERM, signal.SIGCONT, signal.SIGHUP, signal.SIGCONT):
+            for pid in [top, *below(top)]:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, number)
 
     def _read(self, typed: str) -> None:
         unanswered = b""
@@ -173,10 +207,9 @@ class Started:
         opened = np.abs(np.array(check["angles_rad"]) - TIGHT).max() > 0.3
         return float(check["t_s"]) if opened else 0.0
 
-    def scope(self) -> list[int]:
-        """Return every process of the program, with its shell."""
-        top = self._program.process.pid
-        return [top, *below(top)]
+    def end_scope(self) -> None:
+        """End the control group of the program."""
+        self._program.end_scope()
 
     def hang_up(self) -> None:
         """Close the program's terminal."""
