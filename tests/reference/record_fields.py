@@ -68,7 +68,10 @@ def update() -> None:
     if found := problems(table):
         raise SystemExit("\n".join(found))
     for name, kind in MESSAGES.items():
-        table.setdefault(name, {})[str(getattr(kind, "version", 1))] = fields_now(kind)
+        versions, version = table.setdefault(name, {}), str(getattr(kind, "version", 1))
+        if version not in versions:
+            print(f"{name}: version {version} added")  # noqa: T201  # this is a program
+        versions[version] = fields_now(kind)
     text = json.dumps(dict(sorted(table.items())), indent=1, ensure_ascii=False)
     FILE.write_text(f"{text}\n", encoding="utf-8")
 

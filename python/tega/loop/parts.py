@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tega.runtime.features import targets
+from tega.errors import DeviceUnavailableError, TegaError
+from tega.runtime.features import features, targets
 
 if TYPE_CHECKING:
     from tega.config import Pace, SessionConfig
@@ -156,8 +157,15 @@ def open_parts(context: PartContext) -> list[Part]:
         TegaError: A part cannot be opened; the message says why.
     """
     found: list[Part] = []
-    for _, open_part in targets("part"):
-        part = open_part(context)
+    for name, open_part in targets("part"):
+        try:
+            part = open_part(context)
+        except TegaError:
+            raise
+        except Exception as error:
+            problem = f"feature {name!r}: its part does not open: {type(error).__name__}: {error}"
+            hint = f"--debug shows where; else remove {features()[name].package} and report it to its authors"
+            raise DeviceUnavailableError(problem, hint) from error
         if part is not None:
             found.append(part)
     return found

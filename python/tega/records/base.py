@@ -52,7 +52,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         schema: Name of its message in files; ``""`` for the class's own.
         version: Version of its fields; 1 for those of the first recordings.
         unwritten: Fields that a message does not hold: the topic says them, or a viewer's own schema.
-        table: Fields that its CSV table holds, ``t_s`` being ``t_ns`` in seconds; empty where it has none.
+        table: Fields that its table in a run's own folder holds, ``t_s`` being ``t_ns`` in seconds; empty where it has
+            none. ``recording export`` writes every field.
         columns: Column names of the fields that hold a fixed number of numbers or none.
     """
 

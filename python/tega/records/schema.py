@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.errors import InvalidValueError
 from tega.records.base import Record
 
 Part = type[msgspec.Struct]
@@ -67,7 +68,13 @@ def fields(kind: Part) -> tuple[MessageField, ...]:
     found: list[MessageField] = []
     for attribute, name in zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True):
         if attribute not in unwritten:
-            found += _fields_of(name, attribute, hints[attribute])
+            try:
+                found += _fields_of(name, attribute, hints[attribute])
+            except (KeyError, ValueError) as error:
+                raise InvalidValueError(
+                    f"record {kind.__name__}: field {attribute} has the type {hints[attribute]}, which no file holds",
+                    "use int, float, bool, str, bytes, a quantity of tega.records.base, or a tuple of one of these",
+                ) from error
     return tuple(found)
 
 

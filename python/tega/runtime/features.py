@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
-from tega.errors import MissingExtraError, TegaError
+from tega.errors import ConfigError, MissingExtraError, TegaError
 from tega.runtime.plugins import plugin_package, plugins
 
 __all__ = ["Broken", "Feature", "Verb", "broken_features", "features", "load_target", "targets"]
@@ -86,14 +86,26 @@ def load_target(target: str, feature: Feature) -> Any:
 
     Raises:
         MissingExtraError: Its module needs a package that is not installed.
+        ConfigError: There is no such module or object.
     """
     module, _, name = target.partition(":")
     try:
-        return getattr(importlib.import_module(module), name)
+        loaded = importlib.import_module(module)
     except ModuleNotFoundError as error:
         missing = error.name or "a package"
+        if "." in missing and f"{module}.".startswith(f"{missing}."):
+            raise _misspelt(target, feature) from error
         line = f"pip install '{feature.requirement}'" if feature.extra else f"pip install {missing}"
         raise MissingExtraError(f"{target} needs {missing!r}: {error}", f"install it with: {line}") from error
+    if not hasattr(loaded, name):
+        raise _misspelt(target, feature)
+    return getattr(loaded, name)
+
+
+def _misspelt(target: str, feature: Feature) -> ConfigError:
+    return ConfigError(
+        f"{target} does not exist", f"correct the declaration in {feature.package}, or update it"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +145,10 @@ def _loaded() -> tuple[dict[str, Feature], tuple[Broken, ...]]:
             feature = entry.load()
         except Exception as error:
             text = f"{type(error).__name__}: {error}"
-            broken.append(Broken(name, text, f"pip install --force-reinstall {package}, or remove {package}"))
+            hint = f"correct the declaration {entry.value}, or update or remove {package}"
+            if isinstance(error, ImportError):
+                hint = f"pip install --force-reinstall {package}, or remove {package}"
+            broken.append(Broken(name, text, hint))
             continue
         if isinstance(feature, Feature):
             found[name] = replace(feature, package=package)
@@ -146,10 +161,8 @@ def _loaded() -> tuple[dict[str, Feature], tuple[Broken, ...]]:
 def targets(member: str) -> Iterator[tuple[str, Any]]:
     """Yield name and loaded object of every feature that gives a member, such as ``"part"``.
 
-    A target that cannot be imported is skipped and listed by :func:`broken_features` the next time it is asked for.
-
     Raises:
-        TegaError: Its module needs a package that is not installed.
+        TegaError: Its module needs a package that is not installed, or there is no such object.
     """
     for name, feature in features().items():
         target = getattr(feature, member)

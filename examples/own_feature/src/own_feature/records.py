@@ -18,7 +18,6 @@ class Grip(Record, frozen=True, kw_only=True):
     """
 
     topic: ClassVar[str] = "/grip"
-    table: ClassVar[tuple[str, ...]] = ("t_s", "fingers", "firm")
 
     t_ns: Ns
     fingers: Count

@@ -125,7 +125,8 @@ def _paragraph(finding: Finding, width: int) -> list[str]:
     head = f"{mark}  {finding.check:<{width}}  "
     margin = " " * (_STATUS_WIDTH + 2 + width + 2)
     sentence = finding.finding
-    if not (finding.driver and sentence.startswith(finding.driver)):
+    begins_with_name = finding.driver and sentence.startswith(finding.driver)
+    if not begins_with_name and sentence.partition(" ")[0].isalpha():  # nor with the key of a setting
         sentence = sentence[:1].upper() + sentence[1:]
     wrapped = _wrapped(sentence, margin)
     lines = [head + wrapped[0].removeprefix(margin), *wrapped[1:]]
