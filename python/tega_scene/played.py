@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from tega.errors import RecordingError
+from tega.loop.inbox.stream import NEVER_NS
 from tega.recording.mcap_index import open_indexed
-from tega.recording.replay.followed_file import NEVER_NS, FollowedFile, Follower, PlayedMoment
+from tega.recording.replay.followed_file import FollowedFile, Follower, PlayedMoment
 from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import reports_damage
 from tega_scene.decode import SceneDecoder, note_key

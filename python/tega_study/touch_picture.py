@@ -12,7 +12,7 @@ import numpy as np
 from tega.config.choose import finger_metric, preset_metric
 from tega.errors import MissingExtraError, RecordingError
 from tega.records import Contact
-from tega.runtime.files.foreign_file import load_npy, parse_toml, read_foreign
+from tega.runtime.files.foreign_file import read_foreign
 from tega.stages.base import TouchMap
 from tega.ui.view.state import TouchImage
 
@@ -158,9 +158,8 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
         RecordingError: The recording is damaged.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
-    from tega.config.calibration.store import parse_calibration
     from tega.recording.mcap_reader import McapReader
-    from tega.recording.replay.head import without_devices
+    from tega.recording.replay.head import read_head
     from tega.records.schema import read
 
     files = sorted(folder.glob("*.mcap"))
@@ -175,11 +174,10 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     if firmest is None:
         return None
     finger = firmest.finger
-    calibration = parse_calibration(reader.files["calibration.toml"].decode(), files[0].name)
-    baseline = load_npy(reader.files[f"baseline-{finger}.npy"], files[0].name)
+    head = read_head(reader)
+    calibration, baseline = head.calibration, head.baselines[finger]
     maxima = calibration.touch(finger)
-    stages = without_devices(parse_toml(reader.files["session.toml"].decode())).stages
-    metric = finger_metric(stages, calibration.preset, finger, baseline, maxima)
+    metric = finger_metric(head.config.stages, calibration.preset, finger, baseline, maxima)
     frame = _follow(files[0], finger, metric, firmest.t_ns)
     if frame is None:
         return None

@@ -148,7 +148,7 @@ def inspect_file(path: Path) -> Inspection:
     paced = b'pace = "real"' in reader.files.get("session.toml", b"")
     return Inspection(
         file=path.name,
-        complete=not reader.cut and "end" in reader.metadata,
+        complete=reader.complete,
         cut=reader.cut,
         lossless=facts.get("lossless") == "true",
         origin=origins(reader.metadata),

@@ -98,6 +98,11 @@ class McapReader:
         self._own = False
         self.progress: Progress = _no_progress
 
+    @property
+    def complete(self) -> bool:
+        """Whether the file was finished, and not recovered or cut, as far as that is known yet."""
+        return not self.cut and "end" in self.metadata
+
     def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[Message]:
         """Return the messages in the order in which they were written.
 

@@ -90,7 +90,7 @@ class RecordedTopics(Mapping[str, "Topic"]):
     def __init__(self, files: tuple[RecordedFile, ...], from_ns: int, to_ns: int) -> None:
         self._files, self._from_ns, self._to_ns = files, from_ns, to_ns
         self.files = tuple(file.reader.path for file in files)
-        self.complete = all("end" in file.reader.metadata and not file.reader.cut for file in files)
+        self.complete = all(file.reader.complete for file in files)
         self._names = sorted({name for file in files for name in file.reader.topics})
         self.clock = (
             f"seconds since the session's start, {self.start.isoformat()}, on the monotonic clock of the recording "

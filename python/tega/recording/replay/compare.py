@@ -1,18 +1,45 @@
-"""Compare two courses of the same session and find where they differ."""
+"""Compare the records of a recording with those of its replay, type by type, as both are published."""
 
 from __future__ import annotations
 
-import math
+import zlib
 from bisect import insort
 from collections import deque
-from collections.abc import Callable, Mapping
-from functools import cache
-from operator import attrgetter, itemgetter
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 
+from tega import records
+from tega.config.choose import chosen_stage, is_outside
+from tega.hand import joined_level
 from tega.loop.inbox.stream import NEVER_NS
+from tega.records import (
+    BesideContact,
+    BesideIntent,
+    Contact,
+    HandCommand,
+    Picture,
+    Record,
+    SentFrame,
+    VestFrame,
+)
+from tega.records.schema import values
+
+if TYPE_CHECKING:
+    from tega.recording.replay.feed import RecordFeed
+    from tega.recording.replay.head import Head
+    from tega.records.bus import Bus
+
+# Differences are settled so much later than the tick: stages beside the connected ones may have been so late.
+_LATE_NS = 60_000_000_000
+_KEPT = 5
+_BESIDE = (BesideContact, BesideIntent)
+
+_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_SPEEDS = ("x", "y", "z", "about_x", "about_y", "about_z")
 
 
 class Difference(msgspec.Struct, frozen=True):
@@ -53,125 +80,221 @@ class Comparison(msgspec.Struct, frozen=True):
     first: list[Difference]
 
 
-_ABSENT: Mapping[str, Any] = {}
-_KEPT = 5
+class Rule(NamedTuple):
+    """Comparison of the records of one type."""
+
+    values: Callable[[Any], Mapping[str, Any]]  # those that are compared, by name
+    left_out: frozenset[str] = frozenset({"t_ns"})  # fields that are not compared
+    listed: bool = False  # a stream without a record is listed, too
+    shared: bool = False  # what only the replay has is no difference, and does not count
 
 
 class Compared:
-    """Compares a stream's records with those of its replay as they come.
+    """Compares a stream's records with those of its replay as they come, by their times.
 
-    Both sides give their records nearly in the order of their times: the last frame of a run is stamped with the run's
-    end, which may be before that of its last tick. Numbers are equal when every bit is; every NaN equals any other.
-
-    Args:
-        stream: Its name.
-        values: Returns the values of a record by name.
-        left_out: Fields that are not compared.
-        shared: If true, what only the replay has is no difference, and does not count.
+    Numbers are equal when every bit is; every NaN equals any other.
     """
 
-    def __init__(
-        self,
-        stream: str,
-        values: Callable[[Any], Mapping[str, Any]],
-        *,
-        left_out: frozenset[str] = frozenset(),
-        shared: bool = False,
-    ) -> None:
-        self.stream, self._values, self._left_out, self._shared = stream, values, left_out, shared
+    def __init__(self, stream: str, rule: Rule) -> None:
+        self.stream, self.rule = stream, rule
         self.n_recorded = self.n_replayed = self.last_recorded_ns = 0
-        # Time, time at which it was known, and record, by time.
-        self._recorded, self._replayed = deque[tuple[int, int, Any]](), deque[tuple[int, int, Any]]()
-        self._differ, self._last_ns, self._cut_ns = 0, -1, NEVER_NS
+        # Those without a counterpart yet, by time: whether replayed, the tick at which it was known, and the record.
+        self._waiting: dict[int, deque[tuple[bool, int, Any]]] = {}
+        self._differ, self._last_ns = 0, -1
         self._fields: dict[str, int] = {}
         self._first: list[Difference] = []
 
-    def recorded(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
-        """Add a record of the recording, with its time and the tick at which it was known."""
-        self.n_recorded, self.last_recorded_ns = self.n_recorded + 1, t_ns
-        _put(self._recorded, (t_ns, known_ns or t_ns, record))
+    def add(self, record: Any, t_ns: int, known_ns: int = 0, *, replayed: bool) -> None:
+        """Add a record of the recording or of its replay, with its time and the tick at which it was known."""
+        if replayed:
+            self.n_replayed += not self.rule.shared
+        else:
+            self.n_recorded, self.last_recorded_ns = self.n_recorded + 1, t_ns
+        waiting = self._waiting.setdefault(t_ns, deque())
+        if not waiting or waiting[0][0] == replayed:
+            waiting.append((replayed, known_ns or t_ns, record))
+            return
+        other = waiting.popleft()[-1]
+        if not waiting:
+            del self._waiting[t_ns]
+        self.n_replayed += self.rule.shared
+        self._compare(t_ns, *((other, record) if replayed else (record, other)))
 
-    def replayed(self, record: Any, t_ns: int, known_ns: int = 0) -> None:
-        """Add a record of the replay."""
-        self.n_replayed += not self._shared
-        _put(self._replayed, (t_ns, known_ns or t_ns, record))
-
-    def settle(self, until_ns: int) -> None:
-        """Compare what can be: both sides are complete up to a tick."""
-        ours, theirs = self._recorded, self._replayed
-        while ours or theirs:
-            if ours and theirs and ours[0][0] == theirs[0][0]:
-                self.n_replayed += self._shared
-                self._pair(ours[0][0], ours.popleft()[-1], theirs.popleft()[-1])
-                continue
-            first = ours if not theirs or (ours and ours[0][0] < theirs[0][0]) else theirs
-            if first[0][1] >= until_ns:
-                return
-            t_ns, _, record = first.popleft()
-            if first is ours:
-                self._pair(t_ns, record, None)
-            elif not self._shared and t_ns < self._cut_ns:
-                self._pair(t_ns, None, record)
-
-    def result(self, cut_ns: int | None = None) -> Comparison:
-        """Compare the rest, and return the findings.
+    def settle(self, until_ns: int, cut_ns: int = NEVER_NS) -> None:
+        """Note what is on one side only: both are complete up to a tick.
 
         Args:
+            until_ns: The tick.
             cut_ns: What only the replay has from here on is no difference: the recording was cut there.
         """
-        self._cut_ns = NEVER_NS if cut_ns is None else cut_ns
-        self.settle(NEVER_NS)
+        for t_ns in sorted(self._waiting):
+            if self._waiting[t_ns][-1][1] < until_ns:
+                for replayed, _, record in self._waiting.pop(t_ns):
+                    if not replayed:
+                        self._compare(t_ns, record, None)
+                    elif not self.rule.shared and t_ns < cut_ns:
+                        self._compare(t_ns, None, record)
+
+    def result(self, cut_ns: int = NEVER_NS) -> Comparison:
+        """Compare the rest, and return the findings; the recording was cut at a time."""
+        self.settle(NEVER_NS, cut_ns)
         last_t_s = None if self._last_ns < 0 else self._last_ns / 1e9
         return Comparison(
             self.stream, self.n_recorded, self.n_replayed, self._differ, self._fields, last_t_s, self._first
         )
 
-    def _pair(self, t_ns: int, ours: Any, theirs: Any) -> None:
-        if ours == theirs or (type(ours) is type(theirs) and _equal_but(self._left_out, ours, theirs)):
-            return
-        sides = [_ABSENT if record is None else self._values(record) for record in (ours, theirs)]
-        names = [
-            name
-            for name in {**sides[0], **sides[1]}
-            if name not in self._left_out and not _same(name, *sides)
-        ]
+    def _compare(self, t_ns: int, ours: Any, theirs: Any) -> None:
+        values, left_out, *_ = self.rule
+        if isinstance(ours, Record) and theirs is not None:  # at first sight: nearly always they are equal
+            fields = _compared_fields(type(ours), left_out)
+            if all(map(_same, fields(ours), fields(theirs))):
+                return
+        now, again = ({} if record is None else values(record) for record in (ours, theirs))
+        names = [n for n in {**now, **again} if n not in left_out and not _same(now.get(n), again.get(n))]
         self._differ += bool(names)
         for name in names:
-            self._last_ns = t_ns
+            self._last_ns = max(self._last_ns, t_ns)
             self._fields[name] = self._fields.get(name, 0) + 1
-            if len(self._first) < _KEPT:
-                texts = (str(side.get(name, "absent")) for side in sides)
-                self._first.append(Difference(t_ns / 1e9, name, *texts))
-
-
-def _put(rows: deque[tuple[int, int, Any]], row: tuple[int, int, Any]) -> None:
-    """Put a row behind those of its time and before, which is nearly always at the end."""
-    if not rows or rows[-1][0] <= row[0]:
-        rows.append(row)
-    else:
-        insort(rows, row, key=itemgetter(0))
-
-
-def _equal_but(left_out: frozenset[str], ours: Any, theirs: Any) -> bool:
-    """Return whether two records of one type are equal at first sight, some fields left out."""
-    if not isinstance(ours, msgspec.Struct):
-        return False
-    read = _compared_fields(type(ours), left_out)
-    return all(a == b or (a != a and b != b) for a, b in zip(read(ours), read(theirs), strict=True))  # noqa: PLR0124
+            texts = (str(side.get(name, "absent")) for side in (now, again))
+            insort(self._first, Difference(t_ns / 1e9, name, *texts), key=attrgetter("t_s"))
+            del self._first[_KEPT:]
 
 
 @cache
-def _compared_fields(
-    kind: type[msgspec.Struct], left_out: frozenset[str]
-) -> Callable[[Any], tuple[Any, ...]]:
-    names = [name for name in kind.__struct_fields__ if name not in left_out]
-    return attrgetter(*names) if len(names) > 1 else lambda one: tuple(getattr(one, name) for name in names)
+def _compared_fields(kind: type[Record], left_out: frozenset[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return what reads the fields of a record that are compared, and its type."""
+    return attrgetter("__class__", *(name for name in kind.__struct_fields__ if name not in left_out))
 
 
-def _same(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
-    if name not in ours or name not in theirs:
-        return False
-    a, b = ours[name], theirs[name]
-    if isinstance(a, float) and isinstance(b, float) and math.isnan(a):
-        return math.isnan(b)
-    return bool(a == b)
+def _same(a: Any, b: Any) -> bool:
+    return bool(a == b or (a != a and b != b))  # noqa: PLR0124  # every NaN
+
+
+class Comparing:
+    """Subscribes to every type of record that is compared, in the recording and on the bus of its replay."""
+
+    def __init__(self, feed: RecordFeed, bus: Bus) -> None:
+        self._feed, self._rules = feed, _rules(feed.head)
+        self._outside = {one.name for one in feed.head.config.stages.beside if is_outside(one)}
+        self._streams: dict[str, Compared] = {}
+        for kind in self._rules:
+            fingers = feed.head.baselines if "{finger}" in kind.topic else [""]
+            for finger in [] if kind in _BESIDE else fingers:
+                self._stream(kind, kind.topic.format(finger=finger))
+            if kind is not Picture:
+                feed.bus.subscribe(kind, partial(self._add, replayed=False), vital=True)
+                bus.subscribe(kind, partial(self._add, replayed=True), name="replay", vital=True)
+        if Picture in self._rules:
+            feed.ahead.append(self._add_checksums)
+        if SentFrame in self._rules:  # no vest is worn now, which would send what was made
+            bus.subscribe(VestFrame, self._add_made, name="replay", vital=True)
+
+    def settle(self, t_ns: int) -> None:
+        """Compare what is complete at a tick."""
+        for compared in self._streams.values():
+            compared.settle(t_ns - _LATE_NS)
+
+    def results(self) -> Iterator[Comparison]:
+        """Return the comparison of every stream, once both have ended."""
+        for topic, compared in self._streams.items():
+            # Samples may have been recorded later than what was made of them.
+            late = topic == records.Adaptation.topic
+            cut_ns = compared.last_recorded_ns + 1 if late else self._feed.last_tick_ns
+            result = compared.result(cut_ns if self._feed.end is None else NEVER_NS)
+            displayed = compared.rule.listed or result.recorded or result.replayed
+            if displayed and self._measurable(topic, result.replayed):
+                yield result
+
+    def _stream(self, kind: type[Record], topic: str) -> Compared:
+        if topic not in self._streams:
+            self._streams[topic] = Compared(topic, self._rules[kind])
+        return self._streams[topic]
+
+    def _add(self, record: Any, *, replayed: bool) -> None:
+        """Add a record to its stream, unless the recording begins later or another process made it."""
+        known_ns = getattr(record, "taken_ns", record.t_ns)
+        if known_ns < self._feed.head.from_ns > 0:
+            return
+        if isinstance(record, _BESIDE) and self._outside & _stage_names(record.stage):
+            return
+        self._stream(type(record), record.where).add(record, record.t_ns, known_ns, replayed=replayed)
+
+    def _add_made(self, frame: VestFrame) -> None:
+        sent = SentFrame(t_ns=frame.t_ns, layout=frame.layout, intensities=frame.intensities)
+        self._add(sent, replayed=True)
+
+    def _add_checksums(self, picture: Picture) -> Callable[[], object]:
+        """Return a function that compares the checksum of a picture with that of its pixels as they were taken."""
+        where, t_ns = picture.where, picture.t_ns
+        checksums = picture.pixels_crc32, zlib.crc32(picture.image.data)
+
+        def add() -> None:
+            for replayed, checksum in enumerate(checksums):
+                self._stream(Picture, where).add(checksum, t_ns, replayed=bool(replayed))
+
+        return add
+
+    def _measurable(self, topic: str, n_shared: int) -> bool:
+        """Return whether a stage's output can be computed again: of lossless pictures, with all that it remembers."""
+        if not topic.startswith("/beside/"):
+            return True
+        _, _, stage, finger = topic.split("/")
+        head, config = self._feed.head, self._feed.head.config
+        if finger == "emg" or not head.lossless:
+            return finger == "emg"
+        remembers = any(
+            chosen_stage("metric", one.stages, config.session.preset).kind.memory
+            for one in config.stages.beside
+            if one.group == "metric" and one.name in _stage_names(stage)
+        )
+        n_pictures = self._stream(Picture, Picture.topic.format(finger=finger)).n_recorded
+        whole = head.from_ns == 0 and not any(self._feed.lost.values()) and n_shared == n_pictures
+        return whole or not remembers
+
+
+def _rules(head: Head) -> dict[type[Record], Rule]:
+    """Return the rule of each type that is compared, in the order of the report."""
+    # Before version 3 the activity was lost on the way to the file.
+    lost = ("activity",) if int(head.versions.get("Levels", "1")) < 3 else ()
+    rules: dict[type[Record], Rule] = {
+        Picture: Rule(lambda picture: {"pixels_crc32": picture}, listed=True),
+        Contact: Rule(values, frozenset({"t_ns", "taken_ns", "known_ns"}), listed=True),
+        records.Intent: Rule(values, frozenset({"t_ns", "taken_ns", *lost}), listed=True),
+        records.Event: Rule(values),
+        VestFrame: Rule(values, frozenset({"t_ns", "handed_ns"}), listed=True),
+        # The loop once left frames out that the vest showed already: a frame sent then was made at that time.
+        SentFrame: Rule(lambda _: {"sent": True}, listed=True, shared=head.facts.get("sent") != "every"),
+        HandCommand: Rule(partial(_command_values, steered=head.facts["steered"] == "true"), listed=True),
+        records.ReflexGrip: Rule(values),
+        records.Adaptation: Rule(values),
+        BesideContact: Rule(values, shared=True),
+        BesideIntent: Rule(values, shared=True),
+        records.HandExchange: Rule(lambda one: {"sent": _hex(one.sent)}),
+        records.ArmTurn: Rule(_turn_values),
+    }
+    left_out: list[type[Record]] = [] if head.lossless else [Picture]
+    left_out += [] if "emg" in head.sources else [records.Intent, HandCommand]
+    left_out += [] if "Event" in head.versions else [records.Event]
+    left_out += [] if head.live_vest else [SentFrame]
+    return {kind: rule for kind, rule in rules.items() if kind not in left_out}
+
+
+def _stage_names(stage: str) -> set[str]:
+    """Return the names that a stage beside the connected ones may have in the settings: a second one has a number."""
+    return {stage, stage.rpartition("-")[0]}
+
+
+def _command_values(command: HandCommand, *, steered: bool) -> dict[str, Any]:
+    level = {"level": joined_level(command.level, command.closure)}
+    # The frames of a hand that closes its own loop are compared by its exchanges.
+    return level if steered else level | {"frames": _hex(command.frames)}
+
+
+def _turn_values(turn: records.ArmTurn) -> dict[str, Any]:
+    target = {f"target_{axis}": number for axis, number in zip(_POSE, turn.target, strict=False)}
+    speeds = {f"velocity_{axis}": number for axis, number in zip(_SPEEDS, turn.velocity, strict=False)}
+    return {"state": turn.state, "reason": turn.reason, "holds": turn.holds} | target | speeds
+
+
+def _hex(frames: tuple[records.BusFrame, ...]) -> str:
+    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)

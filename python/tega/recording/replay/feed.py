@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from contextlib import suppress
+from functools import cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -16,12 +17,11 @@ from tega.errors import RecordingError
 from tega.recording.compute_ahead import PICTURES, compute_ahead
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import Message, Progress, read_picture
-from tega.recording.mcap_schemas import PACKAGE
+from tega.recording.record_columns import find_kind, record_of
 from tega.recording.replay.head import lead_in, read_head
 from tega.records import Contact, HandCommand, Intent, Picture, Record, VestFrame
 from tega.records.bus import Bus
-from tega.records.schema import own_schema, read, schema_name
-from tega.records.types import record_types
+from tega.records.schema import own_schema, read
 
 if TYPE_CHECKING:
     from tega.loop.inbox.stream import StampedRecord
@@ -33,42 +33,15 @@ _LONGEST_NS = 600_000_000_000
 
 Stamped = TypeVar("Stamped", bound="StampedRecord")
 Kind = TypeVar("Kind", bound=Record)
+# A message, and of a picture's number and times the message of its image.
+_Paired = tuple[Message, Message | None]
 
 
 @cache
-def kind_of(schema: str, topic: str) -> type[Record] | None:
-    """Return the record type of a message of the file; ``None`` for a schema that is not TEGA's."""
-    found = [
-        kind for kind in record_types() if own_schema(kind) and f"{PACKAGE}.{schema_name(kind)}" == schema
-    ]
-    return next((kind for kind in found if kind.topic == topic), found[-1] if found else None)
-
-
-def record_of(message: Message, **more: Any) -> Record | None:
-    """Return the record of a message, with the fields that it does not hold; ``None`` for a schema not of TEGA's."""
-    kind = kind_of(message.schema, message.topic)
-    return None if kind is None else read(kind, message.value, **_named(kind, message.topic), **more)
-
-
-@cache
-def _named(kind: type[Record], topic: str) -> dict[str, str]:
-    """Return the fields of a record that its topic names, such as its finger."""
-    parts = zip(kind.topic.split("/"), topic.split("/"), strict=False)
-    return {field[1:-1]: name for field, name in parts if field.startswith("{")}
-
-
-class _Read(NamedTuple):
-    """A message, and of a picture's number and times the message of its image."""
-
-    message: Message
-    image: Message | None = None
-
-
-class _Computed(NamedTuple):
-    """What other threads made of a picture."""
-
-    picture: Picture | None  # if anything subscribes to it
-    finish: list[Callable[[], object]]
+def _kind_of(schema: str, topic: str) -> tuple[type[Record] | None, dict[str, str]]:
+    """Return the record type that a message belongs to, and the fields that its topic names; none if not TEGA's."""
+    found = (Picture, {}) if schema in PICTURES else find_kind(topic, schema)
+    return found if found is not None and own_schema(found[0]) else (None, {})
 
 
 class Newest(Generic[Stamped]):
@@ -125,19 +98,17 @@ class RecordFeed:
         self._early = lead_in(self.reader, self.head.from_ns)
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
-        self._early_kinds = {kind_of(one.schema, one.topic) for one in self._early}
-        self._messages: Iterator[tuple[_Read, _Computed | None]] | None = None
-        self._next: tuple[_Read, _Computed | None] | None = None
-        self._end = self._read_end()
+        self._early_kinds = {_kind_of(one.schema, one.topic)[0] for one in self._early}
+        paired = _paired(chain(self._early, self.reader.in_order(self._wanted)))
+        self._messages = compute_ahead(
+            paired, _finger_of, self._compute
+        )  # it begins with what is first asked for
+        self._next: tuple[_Paired, list[Callable[[], object]] | None] | None = None
+        self._end = next(reversed(self.beforehand(records.End)), None)
         ticked: tuple[type[Record], ...] = (Contact, Intent, VestFrame, HandCommand)
         for kind in ticked:
             self.bus.subscribe(kind, self._note_tick, vital=True)
         self.bus.subscribe(records.RecorderStatus, self._note_status, vital=True)
-
-    def _read_end(self) -> records.End | None:
-        places = self.reader.places(records.End.topic, from_ns=0, to_ns=self.reader.until_ns + 1)
-        record = record_of(self.reader.message(records.End.topic, places[-1])) if len(places) else None
-        return record if isinstance(record, records.End) else None
 
     def _note_tick(self, record: Any) -> None:
         # No tick is far after the message that reports it, but in a damaged file.
@@ -152,6 +123,15 @@ class RecordFeed:
         rows: list[Kind] = []
         self.bus.subscribe(kind, rows.append, vital=True)
         return rows
+
+    def beforehand(self, kind: type[Kind]) -> list[Kind]:
+        """Return all records of a type with a fixed topic now, each once, as far as the file can be read."""
+        found = [one for one in self._early if one.topic == kind.topic]
+        with suppress(RecordingError):
+            places = self.reader.places(kind.topic, from_ns=0, to_ns=self.reader.until_ns + 1)
+            found.extend(self.reader.message(kind.topic, place) for place in places)
+        # What was received before a trimmed span and reported in it stands in both.
+        return list(dict.fromkeys(read(kind, one.value) for one in found if one.value is not None))
 
     def holds(self, kind: type[Record]) -> bool:
         """Return whether there is any record of a type with a fixed topic, in the lead-in or later."""
@@ -168,30 +148,19 @@ class RecordFeed:
         lost = {topic: int(count) for topic, count in self.reader.metadata.get("dropped", {}).items()}
         return self._dropped | lost
 
-    @property
-    def complete(self) -> bool:
-        """Whether the file was finished, or else recovered or cut."""
-        return not self.reader.cut and "end" in self.reader.metadata
-
     def read_until(self, t_ns: int) -> None:
         """Read on until everything is there that may be needed up to a time since the start of the session."""
-        if self._messages is None:
-            messages = chain(self._early, self.reader.in_order(self._wanted))
-            self._messages = compute_ahead(self._paired(messages), _finger_of, self._compute)
-            self._next = next(self._messages, None)
-        until_ns, following = self.epoch_ns + t_ns + _AHEAD_NS, self._next
-        while following is not None and (log_ns := following[0].message.log_ns) <= until_ns:
+        until_ns = self.epoch_ns + t_ns + _AHEAD_NS
+        self._next = self._next or next(self._messages, None)
+        while self._next is not None and (log_ns := self._next[0][0].log_ns) <= until_ns:
             self.newest_ns = max(self.newest_ns, log_ns - self.epoch_ns)
-            self._take(following[0].message, following[1])
-            following = self._next = next(self._messages, None)
-        self.ended = following is None
-        if (
-            following is not None
-            and following[0].message.log_ns - self.epoch_ns > self.newest_ns + _LONGEST_NS
-        ):
-            gap_s = (following[0].message.log_ns - self.epoch_ns - self.newest_ns) / 1e9
+            self._take(*self._next)
+            self._next = next(self._messages, None)
+        self.ended = self._next is None
+        if self._next is not None and (gap_ns := log_ns - self.epoch_ns - self.newest_ns) > _LONGEST_NS:
             raise RecordingError(
-                f"{self.reader.path.name}: nothing was recorded for {gap_s:.0f} s after {self.newest_ns / 1e9:.1f} s",
+                f"{self.reader.path.name}: nothing was recorded for {gap_ns / 1e9:.0f} s after "
+                f"{self.newest_ns / 1e9:.1f} s",
                 "the file is damaged, or the computer slept; trim copies the part before",
             )
 
@@ -200,56 +169,50 @@ class RecordFeed:
         self.read_until(2**62)
 
     def _wanted(self, schema: str, topic: str) -> bool:
-        kind = Picture if schema in PICTURES else kind_of(schema, topic)
-        if kind is Picture:
-            return bool(self.ahead) or self.bus.wants(Picture)
-        return bool(self.others) if kind is None else self.bus.wants(kind)
+        kind, _ = _kind_of(schema, topic)
+        if kind is None:
+            return bool(self.others)
+        return self.bus.wants(kind) or (kind is Picture and bool(self.ahead))
 
-    def _paired(self, messages: Iterable[Message]) -> Iterator[_Read]:
-        """Yield the messages; an image is with its number and times, which follow it."""
-        images: dict[str, Message] = {}
-        for message in messages:
-            if message.schema in PICTURES:
-                if message.value is not None:
-                    images[_place(message.topic)] = message
-            elif message.value is not None and kind_of(message.schema, message.topic) is Picture:
-                yield _Read(message, images.pop(_place(message.topic), None))
-            else:
-                yield _Read(message)
-
-    def _compute(self, one: _Read) -> _Computed:
-        """Decode a picture and call the functions for it, in another thread."""
+    def _compute(self, one: _Paired) -> list[Callable[[], object]]:
+        """Decode a picture and call the functions for it, in another thread; return those to call in its turn."""
         message, image = one
         assert image is not None
         published = self.bus.wants(Picture)
         skipped = self.cells_suffice and not published and bool(getattr(message.value, "cells", b""))
         pixels = np.empty((0, 0, 3), np.uint8) if skipped else read_picture(image)
-        picture = read(Picture, message.value, **_named(Picture, message.topic), image=pixels)
+        named = _kind_of(message.schema, message.topic)[1]
+        picture = read(Picture, message.value, image=pixels, **named)
         finish = [function(picture) for function in self.ahead]
-        return _Computed(picture if published else None, finish)
+        return [*finish, partial(self.bus.publish, picture)] if published else finish
 
-    def _take(self, message: Message, computed: _Computed | None) -> None:
-        if computed is not None:
-            for finish in computed.finish:
+    def _take(self, one: _Paired, computed: list[Callable[[], object]] | None) -> None:
+        message = one[0]
+        kind, named = _kind_of(message.schema, message.topic)
+        if kind is Picture:
+            for finish in computed or ():
                 finish()
-            if computed.picture is not None:
-                self.bus.publish(computed.picture)
-            return
-        kind = None if message.value is None else kind_of(message.schema, message.topic)
-        if message.value is None or kind is Picture:
-            return
-        if kind is None:
+        elif message.value is not None and kind is not None:
+            self.bus.publish(record_of(kind, message, named, self.epoch_ns))
+        elif message.value is not None:
             for other in self.others:
                 other(message)
-            return
-        self.bus.publish(read(kind, message.value, **_named(kind, message.topic)))
 
 
-def _place(topic: str) -> str:
-    """Return the finger that a topic of pictures names."""
-    return topic.split("/")[2]
+def _paired(messages: Iterable[Message]) -> Iterator[_Paired]:
+    """Yield the messages; an image is with its number and times, which follow it."""
+    images: dict[str, Message] = {}
+    for message in messages:
+        place = message.topic.rpartition("/")[0]
+        if message.schema in PICTURES:
+            if message.value is not None:
+                images[place] = message
+        elif message.value is not None and _kind_of(message.schema, message.topic)[0] is Picture:
+            yield message, images.pop(place, None)
+        else:
+            yield message, None
 
 
-def _finger_of(one: _Read) -> str:
+def _finger_of(one: _Paired) -> str:
     """Return the finger of a picture; ``""`` of everything else."""
-    return "" if one.image is None else _place(one.message.topic)
+    return "" if one[1] is None else _kind_of(one[0].schema, one[0].topic)[1]["finger"]

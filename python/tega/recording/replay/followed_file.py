@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Iterator, Mapping
 from functools import partial
+from heapq import heappop, heappush
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from msgspec.structs import replace
 
 from tega.errors import RecordingError, TegaError
+from tega.loop.inbox.stream import NEVER_NS
 from tega.recording.mcap_reader import read_picture
-from tega.recording.replay.feed import record_of
 from tega.recording.replay.measured import finger_meter, measure
 from tega.records import EmgSamples, Picture
+from tega.records.schema import read
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
     from tega.recording.replay.head import Head
     from tega.records.bus import Bus
 
-NEVER_NS = 2**63 - 1
 # A metric with a memory looks at so much before the first picture that is shown after a jump.
 _WARM_NS: Final = 1_000_000_000
 
@@ -49,13 +50,11 @@ class Follower:
     Attributes:
         since_ns: Messages that came before are not given to it; set by :meth:`begin` and :meth:`skip`.
         n_published: Number of times that it published something.
-        waiting: Messages that have been read and wait for their time, each with it.
     """
 
     def __init__(self, name: str, *, delay_ns: int = 0) -> None:
         self.name, self.delay_ns = name, delay_ns
         self.since_ns = self.n_published = 0
-        self.waiting: deque[tuple[int, Message]] = deque()
 
     def begin(self, at_ns: int, *, jumped: bool) -> None:  # noqa: ARG002  # for those with a memory
         """Go on at a time of the recording, to which the playhead has jumped, or which reading is behind."""
@@ -108,8 +107,10 @@ class FollowedFile:
         self._behind_ns = behind_ns
         self._least_delay_ns = min((one.delay_ns for one in self.followers), default=0)
         self._most_delay_ns = max((one.delay_ns for one in self.followers), default=0)
-        self._n_jumps = -1
+        self._n_jumps, self._numbers = -1, count()
         self._messages: Iterator[Message] = iter(())
+        # Messages that have been read, by the time that they wait for and their number, as a heap.
+        self._waiting: list[tuple[int, int, Follower, Message]] = []
         self._read_ns = -NEVER_NS  # time of the recording at which the newest message was logged
         self._n_unusable: dict[str, int] = {}
         self.problems: dict[str, str] = {}  # by the follower's name
@@ -120,11 +121,10 @@ class FollowedFile:
         until_ns = snapshot.at_ns + self._most_delay_ns
         if jumped or until_ns - self._read_ns > self._behind_ns:
             self._place(snapshot.at_ns, jumped=jumped)
-        for follower in self.followers:
-            self._pass_on(follower, snapshot)
+        self._pass_on(snapshot)
         while self._read_ns <= until_ns and not closing.is_set():
-            if (found := self._read()) is not None:
-                self._pass_on(found, snapshot)
+            self._read()
+            self._pass_on(snapshot)
         for follower in self.followers:
             try:
                 follower.settle(snapshot)
@@ -140,12 +140,10 @@ class FollowedFile:
             self._messages = self._reader.in_order(
                 lambda _schema, topic: topic in self._topics, since_ns=max(self.zero_ns + since_ns, 0)
             )
-            self._read_ns = -NEVER_NS
-            for follower in self.followers:
-                follower.waiting.clear()
+            self._read_ns, self._waiting = -NEVER_NS, []
 
-    def _read(self) -> Follower | None:
-        """Read the next message; return its follower, ``None`` at the end of the file."""
+    def _read(self) -> None:
+        """Read the next message, or find that there is none."""
         try:
             found = next((one for one in self._messages if one.topic in self._topics), None)
         except TegaError as error:  # the file is there no more
@@ -153,14 +151,13 @@ class FollowedFile:
             self.problems[self._reader.path.name] = error.message
         if found is None:
             self._read_ns, self._messages = NEVER_NS, iter(())
-            return None
+            return
         self._read_ns, follower = found.log_ns - self.zero_ns, self._topics[found.topic]
-        follower.waiting.append((self._read_ns - follower.delay_ns, found))
-        return follower
+        heappush(self._waiting, (self._read_ns - follower.delay_ns, next(self._numbers), follower, found))
 
-    def _pass_on(self, follower: Follower, snapshot: PlayedMoment) -> None:
-        while follower.waiting and follower.waiting[0][0] <= snapshot.at_ns:
-            at_ns, message = follower.waiting.popleft()
+    def _pass_on(self, snapshot: PlayedMoment) -> None:
+        while self._waiting and self._waiting[0][0] <= snapshot.at_ns:
+            at_ns, _, follower, message = heappop(self._waiting)
             if at_ns >= follower.since_ns:
                 try:
                     follower.take(message, at_ns, snapshot)
@@ -199,17 +196,13 @@ class PlayedFinger(Follower):
         if image is None:
             return
         self._meter = self._make() if self._meter is None else self._meter
-        picture = record_of(message, image=read_picture(image))
-        contact = measure(self._meter, picture) if isinstance(picture, Picture) else None
-        if contact is not None and isinstance(picture, Picture) and known_ns >= self._displayed_ns:
+        picture = read(Picture, message.value, finger=self.name, image=read_picture(image))
+        contact = measure(self._meter, picture)
+        if contact is not None and known_ns >= self._displayed_ns:
             contact = replace(contact, t_ns=contact.t_ns + snapshot.shift_ns)
             metric = self._meter.metric
             self._bus.publish(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
             self.n_published += 1
-
-    def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
-        """Go on with the next picture."""
-        self._image = None
 
 
 class PlayedSamples(Follower):
@@ -231,9 +224,7 @@ class PlayedSamples(Follower):
         Raises:
             RecordingError: The samples have another number of channels.
         """
-        given = record_of(message)
-        if not isinstance(given, EmgSamples):
-            return
+        given = read(EmgSamples, message.value)
         n, more = divmod(given.samples.size, self._n_channels)
         if given.n_channels != self._n_channels or more:
             raise RecordingError(f"{given.n_channels} channels, and the maxima are of {self._n_channels}")
@@ -243,7 +234,3 @@ class PlayedSamples(Follower):
         number, received_ns = given.first_index + self._offset, known_ns + snapshot.shift_ns
         self._bus.publish(replace(given, t_ns=t_ns, received_ns=received_ns, first_index=number))
         self.n_published += 1
-
-    def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
-        """Go on with the next samples."""
-        self._offset = None

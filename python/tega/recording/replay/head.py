@@ -21,8 +21,6 @@ from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.mcap_schemas import VERSIONS
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.session import FORMAT
-from tega.records import AdaptationSwitch
-from tega.records.schema import read
 from tega.runtime.files.foreign_file import load_npy, parse_json, parse_toml
 
 
@@ -40,7 +38,6 @@ class Head(msgspec.Struct, frozen=True):
         facts: Format, times, and the parts that were live.
         files: All attachments; those that options of stages name are used in their place.
         versions: Version of every record that it may hold; empty in recordings of the first version.
-        switches: Switches of the online adaptation of EMG, in order, those of the lead-in first.
         from_ns: Beginning of the file, nanoseconds since the start of the session; what is before is its lead-in.
         changed: Differences from the run's own settings, a sentence each.
     """
@@ -55,7 +52,6 @@ class Head(msgspec.Struct, frozen=True):
     facts: dict[str, str]
     files: dict[str, bytes]
     versions: dict[str, str]
-    switches: tuple[AdaptationSwitch, ...] = ()
     from_ns: int = 0
     changed: tuple[str, ...] = ()
 
@@ -84,7 +80,7 @@ def read_head(reader: McapReader) -> Head:
     versions = dict(reader.metadata.get("records", {}))
     _refuse_newer(reader, versions)
     try:
-        tree = _with_mapping(parse_toml(files["session.toml"].decode()), facts)
+        tree = _as_named_now(parse_toml(files["session.toml"].decode()), facts)
         calibration = parse_calibration(files["calibration.toml"].decode(), "calibration.toml")
         baselines = {
             name.removeprefix("baseline-").removesuffix(".npy"): load_npy(data, name)
@@ -108,7 +104,6 @@ def read_head(reader: McapReader) -> Head:
         facts,
         dict(files),
         versions,
-        _switches(reader) if config.stages.adaptation.on else (),
         span(reader.metadata).from_ns,
     )
 
@@ -130,18 +125,6 @@ def lead_in(reader: McapReader, from_ns: int) -> list[Message]:
     return sorted(found, key=lambda message: message.log_ns)
 
 
-def _switches(reader: McapReader) -> tuple[AdaptationSwitch, ...]:
-    """Read the switches of the adaptation beforehand: one is recorded after the samples that it is for."""
-    lead = [McapReader(reader.path, data=reader.files[LEAD_IN])] if LEAD_IN in reader.files else []
-    found = {
-        read(AdaptationSwitch, message.value)
-        for one in (*lead, McapReader(reader.path))
-        for message in one.messages(lambda topic: topic == AdaptationSwitch.topic)
-        if message.value is not None
-    }  # what was received before the span and reported in it stands in both
-    return tuple(sorted(found, key=lambda switch: switch.n_samples))
-
-
 def _refuse_newer(reader: McapReader, versions: Mapping[str, str]) -> None:
     """Refuse records of a later TEGA, as their format is unknown here; earlier ones are read."""
     for name, version in versions.items():
@@ -160,32 +143,23 @@ def without_devices(tree: dict[str, Any], sets: Sequence[str] = ()) -> SessionCo
     Raises:
         ConfigError: One of them is unknown, of a wrong type or out of range.
     """
-    tree, devices = _as_named_now(tree), {"driver", "options"}
-    kept = {"stages": dict(tree.get("stages", {}))}
+    kept, devices = {"stages": tree.get("stages", {})}, {"driver", "options"}
     for name, left_out in (("session", {"out_dir"}), ("vest", devices), ("hand", devices)):
         kept[name] = {key: value for key, value in tree.get(name, {}).items() if key not in left_out}
     return check_tree(kept, override_recorded(kept, sets), base=Path.cwd()).config
 
 
-def _with_mapping(tree: dict[str, Any], facts: Mapping[str, str]) -> dict[str, Any]:
-    """Name the mapping of a run that used the preset's default, as this default has changed since."""
-    stages = tree.get("stages", {})
-    mapping = stages.get("mapping", {})
-    vest = tree.get("vest", {})
-    if "name" in mapping or vest.get("feedback", "continuous") == "events":
-        return tree
-    named = {"name": facts.get("mapping", "columns"), **mapping}
-    return tree | {"stages": stages | {"mapping": named}}
+def _as_named_now(tree: dict[str, Any], facts: Mapping[str, str]) -> dict[str, Any]:
+    """Return the settings of an earlier version's recording under the names that they have now.
 
-
-def _as_named_now(tree: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of an earlier version's recording under the names that they have now."""
-    vest = dict(tree.get("vest", {}))
+    The mapping is named where the run used the preset's default, as this default has changed since.
+    """
+    vest, stages = dict(tree.get("vest", {})), tree.get("stages", {})
     feedback, pulses = vest.pop("feedback", "continuous"), vest.pop("pulses", {})
-    if feedback != "events":
-        return tree | {"vest": vest}
-    mapping = {"name": "pulses", "options": pulses}
-    return tree | {"vest": vest, "stages": tree.get("stages", {}) | {"mapping": mapping}}
+    mapping = {"name": facts.get("mapping", "columns")} | stages.get("mapping", {})
+    if feedback == "events":
+        mapping = {"name": "pulses", "options": pulses}
+    return tree | {"vest": vest, "stages": stages | {"mapping": mapping}}
 
 
 def with_changes(head: Head, other: Path | None = None, sets: Sequence[str] = ()) -> Head:

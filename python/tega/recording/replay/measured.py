@@ -19,7 +19,7 @@ from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
 from tega.recording.cells import read_sums
 from tega.recording.replay.feed import Newest
 from tega.recording.replay.head import metric_change
-from tega.records import BesideContact, BesideIntent, Contact, EmgSamples, Intent, Picture
+from tega.records import AdaptationSwitch, BesideContact, BesideIntent, Contact, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Measured:
         self._decodes = "emg" in head.sources and not decoder.outside and head.sources["emg"].unit != "level"
         self._muscles = None
         if maxima is not None and not decoder.outside:
-            self._muscles = _block_meter(head, maxima, bus)
+            self._muscles = _block_meter(feed, maxima, bus)
         beside = tuple(one for one in config.stages.beside if not is_outside(one))
         if beside and (bus.wants(BesideContact) or bus.wants(BesideIntent)):
             feed.bus.subscribe(Picture, bus.publish, vital=True)
@@ -180,11 +180,12 @@ def measure(meter: FrameMeter, picture: Picture) -> Contact | None:
     return meter.take(frame_of(picture))
 
 
-def _block_meter(head: Head, maxima: EmgMaxima, bus: Bus) -> BlockMeter:
+def _block_meter(feed: RecordFeed, maxima: EmgMaxima, bus: Bus) -> BlockMeter:
     """Make the meter of EMG samples, with the adaptation of the run and its switches as the run read them."""
-    config, adaptation = head.config, None
+    head, config, adaptation = feed.head, feed.head.config, None
     if config.stages.adaptation.on:
-        switches = read_switches(head.switches)
+        # One is recorded after the samples that it is for.
+        switches = read_switches(feed.beforehand(AdaptationSwitch))
         adaptation = ChannelAdaptation(
             maxima, config.stages.adaptation, switches=switches, notify=bus.publish
         )

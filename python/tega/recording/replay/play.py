@@ -117,7 +117,7 @@ def play_file(
     if pace != 1:
         words = f"at {pace:g} times its speed"
     note = f"played from {path.name} {words}{f', because {because}' if because else ''}"
-    if not feed.complete:
+    if not feed.reader.complete:
         note += "; the recording was cut, and is played as far as it goes"
     prepared, bus = played.sources(note), Bus() if bus is None else bus
     if others:

@@ -29,8 +29,7 @@ from tega.loop.snapshot import Moments, Snapshot
 from tega.loop.touch import touch_loop
 from tega.loop.vest_output import VestOutput
 from tega.recording.mcap_reader import Progress
-from tega.recording.replay.compare import Comparison
-from tega.recording.replay.comparing import Comparing
+from tega.recording.replay.compare import Comparing, Comparison
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.head import Head, metric_change, with_changes
 from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
@@ -111,7 +110,7 @@ def replay_file(
     return Replay(
         file=path.name,
         lossless=head.lossless,
-        complete=feed.complete,
+        complete=feed.reader.complete,
         changed=[*head.changed, *filter(None, [metric_change(head)])],
         from_s=head.from_ns / 1e9,
         duration_s=(end_ns - head.from_ns) / 1e9,
