@@ -14,7 +14,6 @@ from tega_scene.settings import MOST_CAMERAS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.recording.mcap_reader import Message
 
 _DECODERS: Final = {"h264": "h264", "av1": "libdav1d"}
 # Four times as many as Full HD has: a packet of some bytes may claim a picture of gigabytes.
@@ -126,10 +125,10 @@ def _av1_alone(packet: bytes) -> bool:
     return False
 
 
-def note_key(keys: dict[str, array[int]], message: Message) -> None:
-    """Note the log time of a video's picture that stands alone; of sixteen cameras, which no scene has more of."""
-    if message.topic not in keys and len(keys) == MOST_CAMERAS:
+def note_key(keys: dict[str, array[int]], topic: str, t_ns: int, video: str, data: bytes) -> None:
+    """Note the time of a video's picture that stands alone; of sixteen cameras, which no scene has more of."""
+    if topic not in keys and len(keys) == MOST_CAMERAS:
         return
-    found = keys.setdefault(message.topic, array("Q"))
-    if stands_alone(message.value.format, message.value.data):
-        found.append(message.log_ns)
+    found = keys.setdefault(topic, array("q"))
+    if stands_alone(video, data):
+        found.append(t_ns)

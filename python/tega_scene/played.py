@@ -17,6 +17,7 @@ from tega.runtime.files.foreign_file import reports_damage
 from tega_scene.decode import SceneDecoder, note_key
 from tega_scene.offset_file import read_offsets
 from tega_scene.record import scene_epoch
+from tega_scene.records import SceneVideo
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -103,7 +104,7 @@ class PlayedCamera(Follower):
 
 
 @reports_damage
-def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int) -> FollowedFile:
+def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int) -> FollowedFile:
     """Open a scene recording, to be played beside a recording of the same machine.
 
     Args:
@@ -111,7 +112,6 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
         bus: Receives their frames.
         start_ns: The machine's clock at the beginning of the recording.
         end_ns: Length of the recording.
-        behind_ns: As of :class:`FollowedFile`.
 
     Raises:
         RecordingError: It is no scene recording, is damaged, or is of another time.
@@ -122,7 +122,7 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
     first_ns, last_ns = NEVER_NS, 0
     for message in reader.messages(lambda topic: not topic.endswith("/image")):
         if message.schema == VIDEO and message.value is not None:
-            note_key(keys, message)
+            note_key(keys, message.topic, message.log_ns, message.value.format, message.value.data)
             first_ns, last_ns = min(first_ns, message.log_ns), max(last_ns, message.log_ns)
     if not keys:
         raise RecordingError(
@@ -138,7 +138,7 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
             f"recording of {end_ns / 1e9:.1f} s",
             "name the scene that was recorded beside it, on the same machine",
         )
-    return FollowedFile(reader, zero_ns, _cameras(path, keys, zero_ns, bus), behind_ns=behind_ns)
+    return FollowedFile(reader, zero_ns, _cameras(path, keys, zero_ns, bus))
 
 
 def _cameras(path: Path, keys: Mapping[str, Iterable[int]], zero_ns: int, bus: Bus) -> dict[str, Follower]:
@@ -166,20 +166,20 @@ class PlayedScene:
     def __init__(self) -> None:
         self._keys_ns: dict[str, array[int]] = {}
 
-    def note(self, message: Message) -> None:
+    def listen(self, bus: Bus) -> None:
         """Note the pictures of a video that stand alone."""
-        if message.schema == VIDEO:
-            note_key(self._keys_ns, message)
+        bus.subscribe(SceneVideo, self._note, vital=True)
 
-    def topics(self, path: Path, zero_ns: int, bus: Bus) -> Mapping[str, Follower]:
+    def _note(self, packet: SceneVideo) -> None:
+        note_key(self._keys_ns, packet.where, packet.log_ns, packet.video, packet.data)
+
+    def topics(self, path: Path, bus: Bus) -> Mapping[str, Follower]:
         """Return the videos of the recording."""
         wanted = self._keys_ns and bus.wants(DisplayPicture)
-        return _cameras(path, self._keys_ns, zero_ns, bus) if wanted else {}
+        return _cameras(path, self._keys_ns, 0, bus) if wanted else {}
 
-    def beside(
-        self, path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int
-    ) -> FollowedFile | None:
+    def beside(self, path: Path, bus: Bus, *, start_ns: int, end_ns: int) -> FollowedFile | None:
         """Return a scene recording of the same machine."""
         if not bus.wants(DisplayPicture):
             return None
-        return followed_scene(path, bus, start_ns=start_ns, end_ns=end_ns, behind_ns=behind_ns)
+        return followed_scene(path, bus, start_ns=start_ns, end_ns=end_ns)

@@ -150,7 +150,7 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     # What is played shows a picture when it was taken, not when it came.
     bus, seen = Bus(), list[int]()
     bus.subscribe(DisplayPicture, lambda one: seen.append(one.t_ns), vital=True)
-    film = followed_scene(recording, bus, start_ns=0, end_ns=2**62, behind_ns=2**62)
+    film = followed_scene(recording, bus, start_ns=0, end_ns=2**62)
     for at_s in (BEGIN_S + 2.0, BEGIN_S + 3.5):
         film.follow(PlayedMoment(0, round(at_s * 1e9), 0), threading.Event())
         assert seen[-1] / 1e9 == pytest.approx(exported[exported <= at_s][-1], abs=1e-6)

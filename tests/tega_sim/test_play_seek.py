@@ -107,10 +107,13 @@ def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
 def test_after_a_jump_the_level_that_stood_there_is_asked_for_at_once() -> None:
     playhead = Playhead()
     playhead.begin(10_000 * MS, 0)
-    items = [Intent(t_ns=t_s * 1000 * MS, level=level) for t_s, level in ((1, 2), (5, 4), (9, 1))]
+    items = [
+        Intent(t_ns=t_s * 1000 * MS, taken_ns=t_s * 1000 * MS, level=level)
+        for t_s, level in ((1, 2), (5, 4), (9, 1))
+    ]
 
     def stream(first: Intent | None) -> LiveStream[Intent]:
-        return PlayedItems([(item.t_ns, item) for item in items], playhead, first).stream
+        return PlayedItems(items, playhead, first).stream
 
     levels, touch = stream(Intent(t_ns=0, level=5)), stream(None)
 
@@ -156,12 +159,14 @@ def test_the_slider_follows_and_the_program_s_own_moves_are_no_wishes() -> None:
         playhead.reach(12_340 * MS)
         seek.follow()
         assert (seek.slider.visible, seek.slider.max, seek.slider.value) == (True, 90.0, 12.3)
-        assert not playhead.wanted
+        playhead.reach(12_350 * MS)
+        assert playhead.n_jumps == 0
         seek.slider.value = 70.0
         seek._put(SimpleNamespace(client=object()))
-        assert playhead.wanted
         seek.follow()  # it is being dragged
         assert seek.slider.value == 70.0
+        playhead.reach(12_360 * MS)
+        assert (playhead.n_jumps, playhead.at_s) == (1, 70.0)
     with BrowserView(port=0) as view:
         assert view.page.seek is None
 
@@ -181,10 +186,16 @@ def test_the_slider_seeks_ahead_and_back_in_the_browser() -> None:
         slider = page.get_by_role("slider").first
         slider.focus()
         slider.press("End")
-        until(lambda: playhead.wanted)
-        playhead.reach(2_000 * MS)
-        until(lambda: playhead.at_s == 90.0 or playhead.wanted)
+        _until_reached(playhead, 90.0)
         slider.press("Home")
-        until(lambda: playhead.wanted)
-        playhead.reach(2_500 * MS)
-        assert playhead.at_s == 0.0
+        _until_reached(playhead, 0.0)
+
+
+def _until_reached(playhead: Playhead, at_s: float) -> None:
+    """Have the run's ticks carry out what the page requests, until the playhead is there."""
+
+    def there() -> bool:
+        playhead.reach(playhead.tick_ns)
+        return playhead.at_s == at_s
+
+    until(there)

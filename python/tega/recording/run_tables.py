@@ -76,8 +76,9 @@ class RunTables(Part):
         self._closes.close()
 
     def finish(self, summary: dict[str, Any]) -> None:
-        """Write the summary."""
-        write_summary(summary, self._folder / "summary.json")
+        """Write the summary as JSON, keys in their order, one newline at the end."""
+        text = json.dumps(summary, indent=2, ensure_ascii=False)
+        write_whole(self._folder / "summary.json", f"{text}\n")
 
 
 def open_part(context: PartContext) -> RunTables | None:
@@ -87,11 +88,6 @@ def open_part(context: PartContext) -> RunTables | None:
         return None
     check_folder(folder)  # refused before any device is opened
     return RunTables(context, folder)
-
-
-def write_summary(summary: dict[str, Any], path: Path) -> None:
-    """Write a summary as JSON, keys in their order, one newline at the end."""
-    write_whole(path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n")
 
 
 def _open_tables(

@@ -27,9 +27,7 @@ class _FilmFile:
     def __init__(self, path: Path) -> None:
         self._bus = Bus()
         self._bus.subscribe(DisplayPicture, self._observe, vital=True)
-        self.file: FollowedFile = followed_scene(
-            path, self._bus, start_ns=0, end_ns=_EVER_NS, behind_ns=_EVER_NS
-        )
+        self.file: FollowedFile = followed_scene(path, self._bus, start_ns=0, end_ns=_EVER_NS)
         self.names = [one.name for one in self.file.followers]
         self.newest: dict[str, NDArray[np.uint8]] = {}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,7 +35,8 @@ def compared(recorded: Rows, replayed: Rows, settled: list[int], cut_ns: int) ->
             for t_ns, known_ns, value in rows:
                 if known_ns == tick:
                     found.add(value, t_ns, known_ns, replayed=bool(side))
-    return found.result(cut_ns)
+    found.settle(NEVER_NS, cut_ns)
+    return found.found
 
 
 @given(_ROWS, _ROWS, _LATE, st.lists(st.integers(0, 39)), st.just(NEVER_NS) | st.integers(20, 30))
@@ -63,7 +63,7 @@ def test_a_stream_is_the_same_as_itself_and_is_not_kept(
         found.add(value, t_ns, known_ns, replayed=True)
         found.settle(t_ns)
         assert not found._waiting
-    result: Any = found.result()
+    result = found.found
     assert (result.recorded, result.replayed, result.differ) == (len(rows), len(rows), 0)
 
 
@@ -87,4 +87,5 @@ def test_a_last_frame_that_is_stamped_before_others_is_paired() -> None:
         found.add(0.0, t_ns, replayed=False)
     for t_ns in (10, 20, 15):
         found.add(0.0, t_ns, replayed=True)
-    assert found.result().differ == 0
+    found.settle(NEVER_NS)
+    assert found.found.differ == 0

@@ -379,7 +379,7 @@ def test_settings_of_an_arm_that_do_not_fit_are_said_in_words(
 def test_a_recording_that_is_played_moves_no_arm() -> None:
     then = load_config(None, environ={}, sets=["arm.driver=simulated-arm"]).config
     assert then.arm is not None
-    assert _settings(then, then, pace=1.0, fast=False, vest_pace="steady").arm is None
+    assert _settings(then, then, speed=1.0, vest_pace="steady").arm is None
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_of_guests_those_that_say_so_join_a_played_run(monkeypatch: pytest.Monke
     }
     monkeypatch.setattr("tega.recording.replay.play.features", lambda: declared)
     to = replace(SessionConfig(), guests={"plays": "table", "films": "table"})
-    config = _settings(SessionConfig(), to, pace=1.0, fast=True, vest_pace="steady")
+    config = _settings(SessionConfig(), to, speed=None, vest_pace="steady")
     assert config.guests == {"plays": "table"}
 
 

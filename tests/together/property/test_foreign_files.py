@@ -65,7 +65,7 @@ def _scene_at(path: Path) -> None:
     """Look at a scene recording here and there."""
     bus = Bus()
     bus.subscribe(DisplayPicture, lambda _one: None)
-    file = followed_scene(path, bus, start_ns=0, end_ns=3_000_000_000, behind_ns=2**62)
+    file = followed_scene(path, bus, start_ns=0, end_ns=3_000_000_000)
     for n, at_ns in enumerate((0, 1_400_000_000, 300_000_000, 2_900_000_000)):
         file.follow(PlayedMoment(n, at_ns, 0), threading.Event())
 

@@ -58,7 +58,7 @@ class Difference(msgspec.Struct, frozen=True):
     replayed: str
 
 
-class Comparison(msgspec.Struct, frozen=True):
+class Comparison(msgspec.Struct):
     """One stream compared.
 
     Attributes:
@@ -72,12 +72,12 @@ class Comparison(msgspec.Struct, frozen=True):
     """
 
     stream: str
-    recorded: int
-    replayed: int
-    differ: int
-    fields: dict[str, int]
-    last_t_s: float | None
-    first: list[Difference]
+    recorded: int = 0
+    replayed: int = 0
+    differ: int = 0
+    fields: dict[str, int] = msgspec.field(default_factory=dict)
+    last_t_s: float | None = None
+    first: list[Difference] = msgspec.field(default_factory=list)
 
 
 class Rule(NamedTuple):
@@ -93,23 +93,22 @@ class Compared:
     """Compares a stream's records with those of its replay as they come, by their times.
 
     Numbers are equal when every bit is; every NaN equals any other.
+
+    Attributes:
+        found: The findings so far.
     """
 
     def __init__(self, stream: str, rule: Rule) -> None:
-        self.stream, self.rule = stream, rule
-        self.n_recorded = self.n_replayed = self.last_recorded_ns = 0
+        self.found, self.rule, self.last_recorded_ns = Comparison(stream), rule, 0
         # Those without a counterpart yet, by time: whether replayed, the tick at which it was known, and the record.
         self._waiting: dict[int, deque[tuple[bool, int, Any]]] = {}
-        self._differ, self._last_ns = 0, -1
-        self._fields: dict[str, int] = {}
-        self._first: list[Difference] = []
 
     def add(self, record: Any, t_ns: int, known_ns: int = 0, *, replayed: bool) -> None:
         """Add a record of the recording or of its replay, with its time and the tick at which it was known."""
         if replayed:
-            self.n_replayed += not self.rule.shared
+            self.found.replayed += not self.rule.shared
         else:
-            self.n_recorded, self.last_recorded_ns = self.n_recorded + 1, t_ns
+            self.found.recorded, self.last_recorded_ns = self.found.recorded + 1, t_ns
         waiting = self._waiting.setdefault(t_ns, deque())
         if not waiting or waiting[0][0] == replayed:
             waiting.append((replayed, known_ns or t_ns, record))
@@ -117,7 +116,7 @@ class Compared:
         other = waiting.popleft()[-1]
         if not waiting:
             del self._waiting[t_ns]
-        self.n_replayed += self.rule.shared
+        self.found.replayed += self.rule.shared
         self._compare(t_ns, *((other, record) if replayed else (record, other)))
 
     def settle(self, until_ns: int, cut_ns: int = NEVER_NS) -> None:
@@ -135,14 +134,6 @@ class Compared:
                     elif not self.rule.shared and t_ns < cut_ns:
                         self._compare(t_ns, None, record)
 
-    def result(self, cut_ns: int = NEVER_NS) -> Comparison:
-        """Compare the rest, and return the findings; the recording was cut at a time."""
-        self.settle(NEVER_NS, cut_ns)
-        last_t_s = None if self._last_ns < 0 else self._last_ns / 1e9
-        return Comparison(
-            self.stream, self.n_recorded, self.n_replayed, self._differ, self._fields, last_t_s, self._first
-        )
-
     def _compare(self, t_ns: int, ours: Any, theirs: Any) -> None:
         values, left_out, *_ = self.rule
         if isinstance(ours, Record) and theirs is not None:  # at first sight: nearly always they are equal
@@ -151,13 +142,14 @@ class Compared:
                 return
         now, again = ({} if record is None else values(record) for record in (ours, theirs))
         names = [n for n in {**now, **again} if n not in left_out and not _same(now.get(n), again.get(n))]
-        self._differ += bool(names)
+        found, t_s = self.found, t_ns / 1e9
+        found.differ += bool(names)
         for name in names:
-            self._last_ns = max(self._last_ns, t_ns)
-            self._fields[name] = self._fields.get(name, 0) + 1
+            found.last_t_s = max(t_s, found.last_t_s or t_s)
+            found.fields[name] = found.fields.get(name, 0) + 1
             texts = (str(side.get(name, "absent")) for side in (now, again))
-            insort(self._first, Difference(t_ns / 1e9, name, *texts), key=attrgetter("t_s"))
-            del self._first[_KEPT:]
+            insort(found.first, Difference(t_s, name, *texts), key=attrgetter("t_s"))
+            del found.first[_KEPT:]
 
 
 @cache
@@ -200,10 +192,11 @@ class Comparing:
             # Samples may have been recorded later than what was made of them.
             late = topic == records.Adaptation.topic
             cut_ns = compared.last_recorded_ns + 1 if late else self._feed.last_tick_ns
-            result = compared.result(cut_ns if self._feed.end is None else NEVER_NS)
-            displayed = compared.rule.listed or result.recorded or result.replayed
-            if displayed and self._measurable(topic, result.replayed):
-                yield result
+            compared.settle(NEVER_NS, cut_ns if self._feed.end is None else NEVER_NS)
+            found = compared.found
+            displayed = compared.rule.listed or found.recorded or found.replayed
+            if displayed and self._measurable(topic, found.replayed):
+                yield found
 
     def _stream(self, kind: type[Record], topic: str) -> Compared:
         if topic not in self._streams:
@@ -247,7 +240,7 @@ class Comparing:
             for one in config.stages.beside
             if one.group == "metric" and one.name in _stage_names(stage)
         )
-        n_pictures = self._stream(Picture, Picture.topic.format(finger=finger)).n_recorded
+        n_pictures = self._stream(Picture, Picture.topic.format(finger=finger)).found.recorded
         whole = head.from_ns == 0 and not any(self._feed.lost.values()) and n_shared == n_pictures
         return whole or not remembers
 
@@ -275,7 +268,8 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
     left_out: list[type[Record]] = [] if head.lossless else [Picture]
     left_out += [] if "emg" in head.sources else [records.Intent, HandCommand]
     left_out += [] if "Event" in head.versions else [records.Event]
-    left_out += [] if head.live_vest else [SentFrame]
+    # A real vest was worn; it was sent changes only.
+    left_out += [] if head.facts["live_vest"] == "true" else [SentFrame]
     return {kind: rule for kind, rule in rules.items() if kind not in left_out}
 
 

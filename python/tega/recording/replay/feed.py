@@ -21,7 +21,7 @@ from tega.recording.record_columns import find_kind, record_of
 from tega.recording.replay.head import lead_in, read_head
 from tega.records import Contact, HandCommand, Intent, Picture, Record, VestFrame
 from tega.records.bus import Bus
-from tega.records.schema import own_schema, read
+from tega.records.schema import read
 
 if TYPE_CHECKING:
     from tega.loop.inbox.stream import StampedRecord
@@ -39,9 +39,8 @@ _Paired = tuple[Message, Message | None]
 
 @cache
 def _kind_of(schema: str, topic: str) -> tuple[type[Record] | None, dict[str, str]]:
-    """Return the record type that a message belongs to, and the fields that its topic names; none if not TEGA's."""
-    found = (Picture, {}) if schema in PICTURES else find_kind(topic, schema)
-    return found if found is not None and own_schema(found[0]) else (None, {})
+    """Return the record type that a message belongs to, and the fields that its topic names; none if unknown."""
+    return (Picture, {}) if schema in PICTURES else find_kind(topic, schema) or (None, {})
 
 
 class Newest(Generic[Stamped]):
@@ -70,7 +69,6 @@ class RecordFeed:
         reader: Reads the file; for further passes.
         head: Facts that are known before the first message.
         bus: Every record is published here as it was recorded; subscribe before reading begins.
-        others: Functions called with every message whose schema is not TEGA's; without any these are not decoded.
         ahead: Functions called with every picture in another thread, those of one finger in order. Each returns a
             function that is called in the reader's thread when the picture is published.
         cells_suffice: Whether the functions need no image where the picture's cells are recorded; it is empty then.
@@ -89,16 +87,14 @@ class RecordFeed:
         self.reader.progress = progress or self.reader.progress
         self.head = read_head(self.reader)
         self.bus = Bus()
-        self.others: list[Callable[[Message], None]] = []
         self.ahead: list[Callable[[Picture], Callable[[], object]]] = []
         self.cells_suffice = False
         self.last_tick_ns, self.newest_ns, self.ended = 0, self.head.from_ns, False
-        self._dropped = dict[str, int]()
+        self._status = deque[records.RecorderStatus](maxlen=1)
         self.epoch_ns = int(self.head.facts["epoch_ns"])
         self._early = lead_in(self.reader, self.head.from_ns)
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
-        self._early_kinds = {_kind_of(one.schema, one.topic)[0] for one in self._early}
         paired = _paired(chain(self._early, self.reader.in_order(self._wanted)))
         self._messages = compute_ahead(
             paired, _finger_of, self._compute
@@ -108,15 +104,12 @@ class RecordFeed:
         ticked: tuple[type[Record], ...] = (Contact, Intent, VestFrame, HandCommand)
         for kind in ticked:
             self.bus.subscribe(kind, self._note_tick, vital=True)
-        self.bus.subscribe(records.RecorderStatus, self._note_status, vital=True)
+        self.bus.subscribe(records.RecorderStatus, self._status.append, vital=True)
 
     def _note_tick(self, record: Any) -> None:
         # No tick is far after the message that reports it, but in a damaged file.
         tick_ns = min(getattr(record, "taken_ns", record.t_ns), self.newest_ns + _AHEAD_NS)
         self.last_tick_ns = max(self.last_tick_ns, tick_ns)
-
-    def _note_status(self, status: records.RecorderStatus) -> None:
-        self._dropped = dict(zip(status.dropped_topics, status.dropped_counts, strict=True))
 
     def collect(self, kind: type[Kind]) -> list[Kind]:
         """Return a list to which the records of a type and its subclasses are added as they are read."""
@@ -135,7 +128,7 @@ class RecordFeed:
 
     def holds(self, kind: type[Record]) -> bool:
         """Return whether there is any record of a type with a fixed topic, in the lead-in or later."""
-        return kind in self._early_kinds or self.reader.holds(kind.topic)
+        return any(one.topic == kind.topic for one in self._early) or self.reader.holds(kind.topic)
 
     @property
     def end(self) -> records.End | None:
@@ -145,8 +138,9 @@ class RecordFeed:
     @property
     def lost(self) -> dict[str, int]:
         """Number of records lost while recording, by topic, once everything is read."""
+        reported = (zip(one.dropped_topics, one.dropped_counts, strict=True) for one in self._status)
         lost = {topic: int(count) for topic, count in self.reader.metadata.get("dropped", {}).items()}
-        return self._dropped | lost
+        return dict(chain.from_iterable(reported)) | lost
 
     def read_until(self, t_ns: int) -> None:
         """Read on until everything is there that may be needed up to a time since the start of the session."""
@@ -170,9 +164,7 @@ class RecordFeed:
 
     def _wanted(self, schema: str, topic: str) -> bool:
         kind, _ = _kind_of(schema, topic)
-        if kind is None:
-            return bool(self.others)
-        return self.bus.wants(kind) or (kind is Picture and bool(self.ahead))
+        return kind is not None and (self.bus.wants(kind) or (kind is Picture and bool(self.ahead)))
 
     def _compute(self, one: _Paired) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, in another thread; return those to call in its turn."""
@@ -194,9 +186,6 @@ class RecordFeed:
                 finish()
         elif message.value is not None and kind is not None:
             self.bus.publish(record_of(kind, message, named, self.epoch_ns))
-        elif message.value is not None:
-            for other in self.others:
-                other(message)
 
 
 def _paired(messages: Iterable[Message]) -> Iterator[_Paired]:

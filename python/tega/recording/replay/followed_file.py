@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping
-from functools import partial
 from heapq import heappop, heappush
 from itertools import count
 from pathlib import Path
@@ -38,6 +37,7 @@ class PlayedMoment(NamedTuple):
     n_jumps: int  # of the playhead so far
     at_ns: int  # time of the recording
     shift_ns: int  # time of the run minus time of the recording
+    behind_ns: int = NEVER_NS  # reading that is further behind than this skips ahead, time of the recording
 
 
 class Follower:
@@ -74,17 +74,15 @@ class Follower:
 class Player(Protocol):
     """Plays the topics of one feature, on a bus; made for each recording that is read. Times are nanoseconds."""
 
-    def note(self, message: Message) -> None:
-        """Note a message of the recording's first pass that is none of TEGA's own."""
+    def listen(self, bus: Bus) -> None:
+        """Subscribe to records of the recording's first pass."""
         ...
 
-    def topics(self, path: Path, zero_ns: int, bus: Bus) -> Mapping[str, Follower]:
-        """Return the follower of each topic to play of a recording that begins at log time ``zero_ns``."""
+    def topics(self, path: Path, bus: Bus) -> Mapping[str, Follower]:
+        """Return the follower of each topic of the recording to play."""
         ...
 
-    def beside(
-        self, path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int
-    ) -> FollowedFile | None:
+    def beside(self, path: Path, bus: Bus, *, start_ns: int, end_ns: int) -> FollowedFile | None:
         """Return a file to be played beside a recording of a beginning (machine's clock) and length, if wanted."""
         ...
 
@@ -96,15 +94,11 @@ class FollowedFile:
         reader: Reads the file.
         zero_ns: Log time at the beginning of the recording.
         topics: Follower of each topic to read.
-        behind_ns: Reading that is further behind than this skips ahead, time of the recording.
     """
 
-    def __init__(
-        self, reader: IndexedReader, zero_ns: int, topics: Mapping[str, Follower], *, behind_ns: int
-    ) -> None:
+    def __init__(self, reader: IndexedReader, zero_ns: int, topics: Mapping[str, Follower]) -> None:
         self._reader, self.zero_ns, self._topics = reader, zero_ns, topics
         self.followers = list(dict.fromkeys(topics.values()))
-        self._behind_ns = behind_ns
         self._least_delay_ns = min((one.delay_ns for one in self.followers), default=0)
         self._most_delay_ns = max((one.delay_ns for one in self.followers), default=0)
         self._n_jumps, self._numbers = -1, count()
@@ -119,7 +113,7 @@ class FollowedFile:
         """Pass on the messages up to a position, and have the followers publish them."""
         jumped, self._n_jumps = snapshot.n_jumps != self._n_jumps, snapshot.n_jumps
         until_ns = snapshot.at_ns + self._most_delay_ns
-        if jumped or until_ns - self._read_ns > self._behind_ns:
+        if jumped or until_ns - self._read_ns > snapshot.behind_ns:
             self._place(snapshot.at_ns, jumped=jumped)
         self._pass_on(snapshot)
         while self._read_ns <= until_ns and not closing.is_set():
@@ -176,8 +170,8 @@ class PlayedFinger(Follower):
 
     def __init__(self, finger: str, head: Head, bus: Bus) -> None:
         super().__init__(finger)
-        self._make, self._bus = partial(finger_meter, head, finger), bus
-        self._meter: FrameMeter | None = None
+        self._head, self._bus = head, bus
+        self._meter: FrameMeter
         self._image: Message | None = None
         self._displayed_ns = 0
 
@@ -185,7 +179,7 @@ class PlayedFinger(Follower):
         """Begin a second before a position, or skip the pictures before it."""
         self._image, self._displayed_ns, self.since_ns = None, at_ns, at_ns
         if jumped:
-            self._meter, self.since_ns = None, at_ns - _WARM_NS
+            self._meter, self.since_ns = finger_meter(self._head, self.name), at_ns - _WARM_NS
 
     def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:
         """Take an image, or the number and times that follow it."""
@@ -195,7 +189,6 @@ class PlayedFinger(Follower):
         image, self._image = self._image, None
         if image is None:
             return
-        self._meter = self._make() if self._meter is None else self._meter
         picture = read(Picture, message.value, finger=self.name, image=read_picture(image))
         contact = measure(self._meter, picture)
         if contact is not None and known_ns >= self._displayed_ns:

@@ -60,11 +60,6 @@ class Head(msgspec.Struct, frozen=True):
         """Whether the pictures are as they were."""
         return self.facts["lossless"] == "true"
 
-    @property
-    def live_vest(self) -> bool:
-        """Whether a real vest was worn; it was sent changes only."""
-        return self.facts["live_vest"] == "true"
-
 
 def read_head(reader: McapReader) -> Head:
     """Return the head of a recording whose first message has been passed.
@@ -174,7 +169,7 @@ def with_changes(head: Head, other: Path | None = None, sets: Sequence[str] = ()
         return head
     old, changed = head.config, list[str]()
     new = without_devices(head.tree, sets) if other is None else load_config(other, sets=sets).config
-    calibration, arm = head.calibration, head.arm
+    calibration = head.calibration
     if new.calibration.file is not None:
         calibration = load_calibration(new.calibration.file)
         if calibration != head.calibration:
@@ -187,8 +182,7 @@ def with_changes(head: Head, other: Path | None = None, sets: Sequence[str] = ()
         stages=new.stages,
     )
     kind = head.emg_kind if new.emg is None else new.emg.kind
-    if new.arm is not None and "arm" in head.tree:
-        arm = new.arm.chain
+    arm = head.arm if new.arm is None or "arm" not in head.tree else new.arm.chain
     files = head.files if other is None else {}
     found = replace(head, config=config, calibration=calibration, emg_kind=kind, arm=arm, files=files)
     before, now = _comparable(head), _comparable(found)
@@ -211,12 +205,8 @@ def _comparable(head: Head) -> dict[str, Any]:
     config = head.config
     stages = {f"stages.{group}": _words(config, group) for group in STAGE_GROUPS}
     stages["stages.beside"] = ", ".join(one.name for one in config.stages.beside)
-    found = {"session.preset": config.session.preset, "emg.kind": head.emg_kind}
-    parts = {"vest": config.vest, "stages": config.stages, "hand": config.hand, "arm": head.arm}
-    for name, part in parts.items():
-        fields = fields_of(part, f"{name}.")
-        found |= {key: value for key, value in fields if not key.startswith(tuple(stages))}
-    return found | stages
+    fields = {"emg.kind": head.emg_kind, **dict(fields_of(config)), **dict(fields_of(head.arm, "arm."))}
+    return {key: value for key, value in fields.items() if not key.startswith(tuple(stages))} | stages
 
 
 def _words(config: SessionConfig, group: Any) -> str:

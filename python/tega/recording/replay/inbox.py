@@ -55,18 +55,16 @@ class RecordedRun(Pacer):
         self._feed, self._measured, self._settle = feed, measured, settle
         self.contacts = {f: LiveStream[Contact](capacity=_MOST) for f in feed.head.baselines}
         self.levels = LiveStream[Intent](capacity=_MOST) if "emg" in feed.head.sources else None
-        self._streams: list[LiveStream[Any]] = [*self.contacts.values(), *filter(None, [self.levels])]
         self.active = feed.holds(records.TriedMotor) or feed.holds(records.ProgramFrame)
         self._taken: list[tuple[int, int, Contact | Intent]] = []  # by tick and number, as a heap
         self._numbers, self._calls = count(), count()
-        self._skipped: set[int] = set()
         self._switches: dict[int, bool] = {}
         self._haptics = True
         self._newest: list[Newest[Any]] = []
         self._tried, self._sent = self.newest(records.TriedMotor), self.newest(records.ProgramFrame)
-        self._checks = self.newest(HandLook) if feed.holds(HandLook) else None
+        self._skips = self.newest(records.Skip)
+        self._looks = self.newest(HandLook)
         self._settled_ns, self.tick_ns = 0, -1
-        feed.bus.subscribe(records.Skip, lambda skip: self._skipped.add(skip.t_ns), vital=True)
         feed.bus.subscribe(
             records.Haptics, lambda one: self._switches.update({one.n_asked: one.on}), vital=True
         )
@@ -98,9 +96,7 @@ class RecordedRun(Pacer):
             self._settle(t_ns)
             for newest in self._newest:
                 newest.until(t_ns)
-        skipped = t_ns in self._skipped
-        self._skipped.discard(t_ns)
-        return not skipped
+        return self._skips.at(t_ns) is None
 
     def over(self) -> bool:
         """Return whether the run was over."""
@@ -116,11 +112,9 @@ class RecordedRun(Pacer):
         self._feed.read_rest()
         self._put(NEVER_NS)
 
-    @property
-    def check(self) -> Callable[[int, float], HandLook | None] | None:
-        """Gives the look at hand and arm of a tick; ``None`` where slips were detected by touch alone."""
-        looks = self._checks
-        return None if looks is None else lambda t_ns, _level: looks.at(t_ns)
+    def look(self, t_ns: int, _level: float) -> HandLook | None:
+        """Return the look at hand and arm of a tick."""
+        return self._looks.at(t_ns)
 
     def haptics(self) -> bool:
         """Return whether motors could turn, one call after the other."""
@@ -146,7 +140,8 @@ class RecordedRun(Pacer):
         last = end is not None and end.ended == "duration" and t_ns >= end.end_ns
         self._put(NEVER_NS if last else t_ns)
         if end is not None and end.ended == "complete" and self.over():
-            for stream in self._streams:
+            streams: list[LiveStream[Any]] = [*self.contacts.values(), *filter(None, [self.levels])]
+            for stream in streams:
                 stream.end(end.end_ns)
 
     def _put(self, t_ns: int) -> None:
@@ -189,9 +184,7 @@ def recorded_arc(
     grips = newest(ReflexGrip)
 
     def snapshot(t_ns: int) -> ReflexInputs:
-        row = grips.at(t_ns)
-        if row is None:
-            return ReflexInputs(0.0, allowed=True, measured=None)
+        row = grips.at(t_ns) or ReflexGrip(t_ns=t_ns, own=0.0, added=0.0)  # it was not asked
         return ReflexInputs(row.authority, row.allowed, row.measured)
 
     return ReflexArc(reflex, config.stages.reflex, snapshot=snapshot, notify=bus.publish)

@@ -91,23 +91,20 @@ class Measured:
         maxima = None if emg is None else replace(emg, kind=head.emg_kind)
         # The intents of an operator's station or of another program are those recorded.
         self._decodes = "emg" in head.sources and not decoder.outside and head.sources["emg"].unit != "level"
-        self._muscles = None
-        if maxima is not None and not decoder.outside:
-            self._muscles = _block_meter(feed, maxima, bus)
+        self._muscles = None if maxima is None or decoder.outside else _block_meter(feed, maxima, bus)
         beside = tuple(one for one in config.stages.beside if not is_outside(one))
         if beside and (bus.wants(BesideContact) or bus.wants(BesideIntent)):
             feed.bus.subscribe(Picture, bus.publish, vital=True)
             feed.bus.subscribe(EmgSamples, bus.publish, vital=True)
-            with ExitStack() as stack:  # nothing in it has a thread of its own
-                measure_beside_on(
-                    stack,
-                    replace(config, stages=replace(config.stages, beside=beside)),
-                    bus,
-                    baselines=head.baselines,
-                    touch=head.calibration.touch,
-                    muscles=maxima,
-                    live="emg" in head.sources and head.sources["emg"].live,
-                )
+            measure_beside_on(
+                ExitStack(),  # nothing in it, as no stage has a thread of its own
+                replace(config, stages=replace(config.stages, beside=beside)),
+                bus,
+                baselines=head.baselines,
+                touch=head.calibration.touch,
+                muscles=maxima,
+                live="emg" in head.sources and head.sources["emg"].live,
+            )
         if bus.wants(MeasuredPicture):  # its subscriber may ask the metric for the map of that picture
             feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
         elif head.lossless or compressed:

@@ -25,7 +25,6 @@ from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.followed_file import Player
 from tega.recording.replay.played_run import PlayedRun
 from tega.recording.replay.playhead import Playhead
-from tega.recording.run_tables import write_summary
 from tega.records.bus import Bus
 from tega.runtime.features import features, targets
 from tega.runtime.files.foreign_file import reports_damage
@@ -108,14 +107,12 @@ def play_file(
     playhead = Playhead() if playhead is None else playhead
     playhead.speed = speed
     players: list[Player] = [player() for _, player in targets("played")]
-    feed, played = _read(path, playhead, players, controls)
-    head, end, pace = feed.head, feed.end, 1.0 if speed is None else speed
+    played = _read(path, playhead, players, controls)
+    feed, head, pace = played.feed, played.feed.head, speed or 1.0
     # Whole seconds, so that the ticks of the vest lie where they lay.
     lead_ns = math.ceil(LEAD_S * pace) * 1_000_000_000 if live else 0
-    playhead.begin(feed.last_tick_ns if end is None else end.end_ns, lead_ns)
-    words = "as fast as it went" if speed is None else "at its own speed"
-    if pace != 1:
-        words = f"at {pace:g} times its speed"
+    playhead.begin(feed.last_tick_ns if feed.end is None else feed.end.end_ns, lead_ns)
+    words = {None: "as fast as it went", 1.0: "at its own speed"}.get(speed, f"at {pace:g} times its speed")
     note = f"played from {path.name} {words}{f', because {because}' if because else ''}"
     if not feed.reader.complete:
         note += "; the recording was cut, and is played as far as it goes"
@@ -123,9 +120,17 @@ def play_file(
     if others:
         progress("reading the other files", 0, 0)
     played.follow(bus, players, others)
+    played.facts = {
+        "file": path.name,
+        "speed": "max" if speed is None else speed,
+        "because": because,
+        "from": "raw streams" if head.lossless else "recorded contacts and levels",
+        "real": real,
+        "lead_s": lead_ns / 1e9,
+    }
     vest_pace: Pace = "by-frame" if head.facts.get("pace") == "by-frame" else "steady"
-    summary = run_session(
-        _settings(head.config, to, pace=pace, fast=speed is None, vest_pace=vest_pace),
+    return run_session(
+        _settings(head.config, to, speed=speed, vest_pace=vest_pace),
         clock=playhead,
         prepared=prepared,
         controls=replace(controls, haptics=played.haptics(controls.haptics)),
@@ -133,30 +138,10 @@ def play_file(
         bus=bus,
         parts=[played, *parts],
     )
-    summary["played"] = {
-        "file": path.name,
-        "speed": "max" if speed is None else speed,
-        "because": because,
-        "from": "raw streams" if head.lossless else "recorded contacts and levels",
-        "real": real,
-        "lead_s": lead_ns / 1e9,
-        "from_s": playhead.from_ns / 1e9,
-        "jumps": playhead.n_jumps,
-        "shown": played.n_displayed(),
-        "not_shown": list(played.problems),
-    }
-    if speed is not None:
-        # The loop counts in the session's time; who waits for a tick waits in real time.
-        summary["pacing"] |= {"overruns": playhead.n_late, "worst_late_ms": playhead.worst_late_ns / 1e6}
-    if to.session.out_dir is not None:
-        write_summary(summary, to.session.out_dir / "summary.json")
-    return summary
 
 
 @reports_damage
-def _read(
-    path: Path, playhead: Playhead, players: Sequence[Player], controls: Controls
-) -> tuple[RecordFeed, PlayedRun]:
+def _read(path: Path, playhead: Playhead, players: Sequence[Player], controls: Controls) -> PlayedRun:
     """Read a recording."""
 
     def check(_name: str, _done: int, _total: int) -> None:
@@ -164,10 +149,11 @@ def _read(
             raise KeyboardInterrupt
 
     feed = RecordFeed(path, progress=check)
-    feed.others = [player.note for player in players]
+    for player in players:
+        player.listen(feed.bus)
     played = PlayedRun(feed, playhead)
     feed.read_rest()
-    return feed, played
+    return played
 
 
 def _live(to: SessionConfig) -> tuple[bool, list[str]]:
@@ -205,24 +191,23 @@ def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None
 
 
 def _settings(
-    then: SessionConfig, to: SessionConfig, *, pace: float, fast: bool, vest_pace: Pace
+    then: SessionConfig, to: SessionConfig, *, speed: float | None, vest_pace: Pace
 ) -> SessionConfig:
     """Put the recording's reading of the input and the sinks of other settings together.
 
     Vest rates and guard limits are in real time, so they are converted to the session's time.
     """
-    plain, fitted = VestConfig(), ("threshold", "step", "mirror")
-    felt = {}
-    if all(getattr(to.vest, name) == getattr(plain, name) for name in fitted):
-        # As strong to feel as it was, for a vest that no person is fitted to.
-        felt = {name: getattr(then.vest, name) for name in fitted}
+    plain, fitted, pace = VestConfig(), ("threshold", "step", "mirror"), speed or 1.0
+    unfitted = all(getattr(to.vest, name) == getattr(plain, name) for name in fitted)
+    # As strong to feel as it was, for a vest that no person is fitted to.
+    felt = {name: getattr(then.vest, name) for name in fitted} if unfitted else {}
     times_ms = {name: getattr(to.safety, name) * pace for name in ("late_ms", "settle_ms", "hold_ms")}
     joining = {key for one in features().values() if one.in_play for key in one.settings}
     session, vest, worn = to.session, to.vest, to.calibration
     return changed(
         then,
         session=changed(
-            session, preset=then.session.preset, pace="fast" if fast else "real", duration_s=None
+            session, preset=then.session.preset, pace="fast" if speed is None else "real", duration_s=None
         ),
         vest=changed(
             vest,

@@ -18,7 +18,6 @@ from msgspec.structs import replace
 from tega.config.attached import with_attached
 from tega.config.choose import muscle_decoder
 from tega.errors import ConfigError, RecordingError
-from tega.hand import joined_level, split_level
 from tega.loop.arm_view import recorded_check
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
 from tega.loop.inbox.reader import Reader
@@ -32,6 +31,7 @@ from tega.recording.replay.followed_file import (
     PlayedFinger,
     PlayedMoment,
     PlayedSamples,
+    Player,
 )
 from tega.recording.replay.measured import Measured
 from tega.recording.replay.playhead import PlayedItems, Playhead, Track
@@ -44,7 +44,6 @@ from tega.stages.base import MeasuredPicture
 if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView
     from tega.recording.replay.feed import RecordFeed
-    from tega.recording.replay.followed_file import Player
 
 PLAYED: Final = "recording"
 """Source of a marker that is published again."""
@@ -60,10 +59,14 @@ class PlayedRun(Part):
     Args:
         feed: The recording, to be read before the rest is used.
         playhead: Position of the playback.
+
+    Attributes:
+        feed: The recording.
+        facts: What the summary says of the playback, besides what happened in it.
     """
 
     def __init__(self, feed: RecordFeed, playhead: Playhead) -> None:
-        self._feed, self._head, self._playhead = feed, feed.head, playhead
+        self.feed, self._playhead = feed, playhead
         self._measured = Measured(feed, Bus(), compressed=False)
         self._contacts, self._intents = feed.collect(Contact), feed.collect(Intent)
         self._commands, self._imposed = feed.collect(HandCommand), feed.collect(Imposed)
@@ -72,11 +75,12 @@ class PlayedRun(Part):
         self._bus, self._files, self._readers = Bus(), list[FollowedFile](), list[Reader[PlayedMoment]]()
         self._closing = threading.Event()
         self._snapshot: PlayedMoment | None = None
+        self.facts: dict[str, Any] = {}
 
     @reports_damage
     def sources(self, note: str) -> Prepared:
         """Return the sources of the run, with a note for readers of its results."""
-        head, muscles, emg = self._head, None, self._head.calibration.emg
+        head, muscles, emg = self.feed.head, None, self.feed.head.calibration.emg
 
         def source(name: str) -> Any:
             then = head.sources[name]
@@ -85,10 +89,10 @@ class PlayedRun(Part):
                 replace(then, driver="recorded", label=label, live=False, n_items=None, notes=(note,))
             )
 
-        found: dict[str, list[tuple[int, Contact]]] = {finger: [] for finger in head.baselines}
+        found: dict[str, list[Contact]] = {finger: [] for finger in head.baselines}
         for row in self._contacts:
             if (contact := self._measured.contact(row)) is not None:
-                found[row.finger].append((row.taken_ns, contact))
+                found[row.finger].append(replace(contact, taken_ns=row.taken_ns))
         fingers = {}
         for finger, items in found.items():
             report, stream = SourceReport(n_items=len(items)), PlayedItems(items, self._playhead).stream
@@ -108,12 +112,7 @@ class PlayedRun(Part):
     def haptics(self, permitted: Callable[[], bool]) -> Callable[[], bool]:
         """Return the function that allows motors to vibrate if the run did then, and another function does."""
         switches = Track(self._haptics, self._playhead)
-
-        def haptics() -> bool:
-            switch = switches.at_playhead()
-            return (switch is None or switch.on) and permitted()
-
-        return haptics
+        return lambda: ((switch := switches.at_playhead()) is None or switch.on) and permitted()
 
     def follow(self, bus: Bus, players: Sequence[Player], others: Sequence[Path]) -> None:
         """Open the files to follow: a thread for each, or the run's own where that has no real time.
@@ -124,18 +123,17 @@ class PlayedRun(Part):
             ConfigError: Two streams have the same name.
             RecordingError: A file cannot be used, or is of another time.
         """
-        feed, playhead, self._bus = self._feed, self._playhead, bus
-        self._markers = Track(sorted(self._marked, key=lambda marker: marker.t_ns), playhead)
+        feed, playhead, self._bus = self.feed, self._playhead, bus
+        markers = (Marker(t_ns=one.t_ns, text=one.text, source=PLAYED) for one in self._marked)
+        self._markers = Track(sorted(markers, key=lambda marker: marker.t_ns), playhead)
         self._turns = Track(self._turned, playhead)
-        self._inline = playhead.speed is None
-        behind_ns = 2**62 if self._inline else round(_BEHIND_S * 1e9 * max(playhead.speed or 0.0, 1.0))
         if topics := _topics(feed, bus, players):
-            self._files.append(FollowedFile(feed.reader, feed.epoch_ns, topics, behind_ns=behind_ns))
+            self._files.append(FollowedFile(feed.reader, feed.epoch_ns, topics))
         start_ns = table_ns(feed.head.facts, "start_ns")
         for other in others:
             if start_ns is None:
                 raise RecordingError(f"{feed.reader.path.name}: does not say when it began: no start_ns")
-            times = {"start_ns": start_ns, "end_ns": playhead.end_ns, "behind_ns": behind_ns}
+            times = {"start_ns": start_ns, "end_ns": playhead.end_ns}
             self._files += filter(None, (player.beside(other, bus, **times) for player in players))
         self._followers = [one for file in self._files for one in file.followers]
         for name, n in Counter(one.name for one in self._followers).items():
@@ -145,7 +143,7 @@ class PlayedRun(Part):
 
     def begin(self, run: RunStart) -> None:  # noqa: ARG002  # the files know all that is needed
         """Start the threads."""
-        if not self._inline:
+        if self._playhead.speed is not None:
             self._readers = [
                 Reader("played", self._snapshots, partial(file.follow, closing=self._closing), rank="beside")
                 for file in self._files
@@ -161,13 +159,15 @@ class PlayedRun(Part):
         """Publish the markers that have passed, and let the files follow."""
         playhead = self._playhead
         for marker in self._markers.due():
-            self._bus.publish(Marker(t_ns=marker.t_ns + playhead.shift_ns, text=marker.text, source=PLAYED))
+            self._bus.publish(replace(marker, t_ns=marker.t_ns + playhead.shift_ns))
         if playhead.at_ns < playhead.from_ns and not playhead.n_jumps:
             return
-        self._snapshot = PlayedMoment(playhead.n_jumps, playhead.at_ns, playhead.shift_ns)
-        if self._inline:
-            for file in self._files:
-                file.follow(self._snapshot, self._closing)
+        snapshot = PlayedMoment(playhead.n_jumps, playhead.at_ns, playhead.shift_ns)
+        if playhead.speed is not None:
+            self._snapshot = snapshot._replace(behind_ns=round(_BEHIND_S * 1e9 * max(playhead.speed, 1.0)))
+            return
+        for file in self._files:
+            file.follow(snapshot, self._closing)
 
     def _snapshots(self, _stopped: Callable[[], bool]) -> Iterator[PlayedMoment]:
         """Yield the newest position, again and again until the run ends."""
@@ -191,26 +191,38 @@ class PlayedRun(Part):
         height_m = None if arm.hand_m is None else arm.hand_m[2]
         return view._replace(arm=words, seen_arm=arm, arm_height_m=height_m)
 
-    def n_displayed(self) -> dict[str, int]:
-        """Return the number of published frames and chunks of samples, by finger, camera and ``emg``."""
-        return {one.name: one.n_published for one in self._followers}
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Add what was played, with the number of frames and chunks of samples by finger, camera and ``emg``."""
+        playhead = self._playhead
+        summary["played"] = self.facts | {
+            "from_s": playhead.from_ns / 1e9,
+            "jumps": playhead.n_jumps,
+            "shown": {one.name: one.n_published for one in self._followers},
+            "not_shown": list(self.problems),
+        }
+        if playhead.speed is not None:
+            # The loop counts in the session's time; who waits for a tick waits in real time.
+            summary["pacing"] |= {"overruns": playhead.n_late, "worst_late_ms": playhead.worst_late_ns / 1e6}
 
     def _levels(self, n_channels: int) -> PlayedItems[Intent]:
         """Return the hand's intents: the muscles' level, or the one imposed instead."""
-        intent = Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL)
-        began = [joined_level(command.level, command.closure) for command in self._commands[:1]]
-        first, imposed, found = _imposed(intent, sum(began) or FIRST_LEVEL), 0.0, list[tuple[int, Intent]]()
-        changes: list[tuple[int, Intent | Imposed]] = [(row.taken_ns, row) for row in self._intents]
-        changes += [(one.t_ns, one) for one in self._imposed]
-        for tick_ns, change in sorted(changes, key=lambda one: one[0]):
+        intent, imposed, found = (
+            Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL),
+            None,
+            list[Intent](),
+        )
+        began = next((one for one in self._commands[:1] if one.level), intent)
+        first = replace(intent, level=began.level, closure=began.closure)
+        changes: list[Intent | Imposed] = [*self._intents, *self._imposed]
+        for change in sorted(changes, key=lambda one: one.log_ns):
             if isinstance(change, Imposed):
-                imposed = joined_level(change.level, change.closure)
-                at = replace(intent, t_ns=tick_ns)
+                imposed = change if change.level else None
             elif (now := self._measured.intent(change)) is not None:
-                at = intent = now
+                intent = now
             else:
                 continue
-            found.append((tick_ns, _imposed(at, imposed) if imposed else at))
+            at = replace(intent, t_ns=change.t_ns, taken_ns=change.log_ns)
+            found.append(at if imposed is None else replace(at, level=imposed.level, closure=imposed.closure))
         return PlayedItems(found, self._playhead, first)
 
 
@@ -224,14 +236,8 @@ def _topics(feed: RecordFeed, bus: Bus, players: Sequence[Player]) -> dict[str, 
     if bus.wants(EmgSamples) and (maxima := head.calibration.emg) is not None:
         topics[EmgSamples.topic] = PlayedSamples(maxima, bus)
     for player in players:
-        topics |= player.topics(feed.reader.path, feed.epoch_ns, bus)
+        topics |= player.topics(feed.reader.path, bus)
     return topics
-
-
-def _imposed(intent: Intent, level: float) -> Intent:
-    """Return an intent that requests a level set against the muscles."""
-    whole, closure = split_level(level)
-    return replace(intent, level=whole, closure=closure)
 
 
 def played_checks(looks: list[HandLook], playhead: Playhead) -> Callable[[int, float], HandLook | None]:

@@ -6,17 +6,22 @@ import math
 import threading
 import time
 from bisect import bisect_left, bisect_right
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Generic, TypeVar
+from operator import attrgetter
+from typing import Generic, TypeVar
 
 from msgspec.structs import replace
 
 from tega.errors import InvalidValueError
-from tega.loop.inbox.stream import Item, LiveStream
+from tega.loop.inbox.stream import LiveStream
+from tega.records import Contact, Intent, Record
 
-Played = TypeVar("Played")
+Played = TypeVar("Played", bound=Record)
+Taken = TypeVar("Taken", bound=Contact | Intent)
 
 _LATE_NS = 3_000_000
+_known_ns = attrgetter("log_ns")
 
 
 class Playhead:
@@ -64,11 +69,6 @@ class Playhead:
         self.end_ns, self.shift_ns = end_ns, lead_ns - self.from_ns
 
     @property
-    def duration_s(self) -> float:
-        """Length of the recording, seconds; 0 until it is read."""
-        return self.end_ns / 1e9
-
-    @property
     def at_ns(self) -> int:
         """Position in the recording at this tick; before its beginning during the lead."""
         return self.tick_ns - self.shift_ns
@@ -77,11 +77,6 @@ class Playhead:
     def at_s(self) -> float:
         """Position in the recording, seconds, within its limits."""
         return min(max(self.at_ns, 0 if self.n_jumps else self.from_ns), self.end_ns) / 1e9
-
-    @property
-    def wanted(self) -> bool:
-        """Whether a request for another position waits."""
-        return self._requested_ns is not None
 
     def go_to(self, t_s: float) -> None:
         """Request a position, seconds; of two requests the newer one counts. From any thread."""
@@ -121,28 +116,23 @@ class Playhead:
 class Track(Generic[Played]):
     """Items of a recording, in the order in which they were known, from wherever the playhead is."""
 
-    def __init__(
-        self,
-        items: Sequence[Played],
-        playhead: Playhead,
-        known_ns: Callable[[Any], int] = lambda one: one.t_ns,
-    ) -> None:
-        self._items, self._playhead, self._known_ns = items, playhead, known_ns
-        self._next, self._n_jumps = bisect_left(items, playhead.from_ns, key=known_ns), playhead.n_jumps
+    def __init__(self, items: Sequence[Played], playhead: Playhead) -> None:
+        self._items, self._playhead = items, playhead
+        self._next, self._n_jumps = bisect_left(items, playhead.from_ns, key=_known_ns), playhead.n_jumps
 
     def moved(self) -> bool:
         """Follow a jump of the playhead; return whether there was one since the last call."""
         if self._n_jumps == self._playhead.n_jumps:
             return False
         self._n_jumps = self._playhead.n_jumps
-        self._next = bisect_right(self._items, self._playhead.at_ns, key=self._known_ns)
+        self._next = bisect_right(self._items, self._playhead.at_ns, key=_known_ns)
         return True
 
     def due(self) -> Iterator[Played]:
         """Yield the items that the playhead has reached since the last call; a jump passes over those between."""
         self.moved()
         at_ns = self._playhead.at_ns
-        while self._next < len(self._items) and self._known_ns(self._items[self._next]) <= at_ns:
+        while self._next < len(self._items) and _known_ns(self._items[self._next]) <= at_ns:
             self._next += 1
             yield self._items[self._next - 1]
 
@@ -153,24 +143,21 @@ class Track(Generic[Played]):
 
     def at_playhead(self) -> Played | None:
         """Return the item in force at the playhead; ``None`` before the first."""
-        for _ in self.due():
-            pass
+        deque(self.due(), maxlen=0)
         return self.newest
 
 
-class PlayedItems(Generic[Item]):
-    """Puts items of a recording, each after the time at which it was known, into a live stream of the loop.
+class PlayedItems(Generic[Taken]):
+    """Puts records of a recording, each after the time at which it was known, into a live stream of the loop.
 
     With ``first``, the item in force before the first one, the item in force at the new position is repeated at a jump;
     without it items have no later effect.
     """
 
-    def __init__(
-        self, items: Sequence[tuple[int, Item]], playhead: Playhead, first: Item | None = None
-    ) -> None:
-        self._track = Track(items, playhead, lambda one: one[0])
+    def __init__(self, items: Sequence[Taken], playhead: Playhead, first: Taken | None = None) -> None:
+        self._track = Track(items, playhead)
         self._playhead, self._first, self._newest_ns = playhead, first, -1
-        self.stream: LiveStream[Item] = LiveStream(capacity=len(items) + 1)
+        self.stream: LiveStream[Taken] = LiveStream(capacity=len(items) + 1)
         playhead.fills.append(self.fill)
 
     def fill(self, t_ns: int) -> None:
@@ -178,13 +165,13 @@ class PlayedItems(Generic[Item]):
         shift_ns, begins = self._playhead.shift_ns, self._newest_ns < 0
         if (self._track.moved() or begins) and self._first is not None:
             newest = self._track.newest
-            self._put(self._first if newest is None else newest[1], t_ns)
-        for _, item in self._track.due():
+            self._put(self._first if newest is None else newest, t_ns)
+        for item in self._track.due():
             self._put(item, item.t_ns + shift_ns)
         if t_ns >= shift_ns + self._playhead.end_ns:
             self.stream.end(shift_ns + self._playhead.end_ns)
 
-    def _put(self, item: Item, t_ns: int) -> None:
+    def _put(self, item: Taken, t_ns: int) -> None:
         # Of two items on either side of a jump the later one may be stamped earlier.
         self._newest_ns = max(t_ns, self._newest_ns + 1)
-        self.stream.put(replace(item, t_ns=self._newest_ns))  # type: ignore[type-var]  # a record, which is a struct
+        self.stream.put(replace(item, t_ns=self._newest_ns))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec.structs import astuple, replace
@@ -34,7 +34,7 @@ from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.head import Head, metric_change, with_changes
 from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
 from tega.recording.replay.measured import Measured, PictureError
-from tega.records import ArmTurn, HandExchange, Imposed, bus_frames
+from tega.records import ArmTurn, HandExchange, HandLook, Imposed, bus_frames
 from tega.records.bus import Bus
 from tega.runtime.files.foreign_file import reports_damage
 
@@ -149,7 +149,8 @@ def _run(feed: RecordFeed, recorded: RecordedRun, bus: Bus) -> int:
         bus=bus,
         guard=RecordedGuard(recorded.newest(Imposed), lambda: recorded.tick_ns),
         moments=Moments(bus, None if recorded.levels is None else hand),
-        poll_hand=recorded.check,
+        # Without any, slips were detected by touch alone.
+        poll_hand=recorded.look if feed.holds(HandLook) else None,
     )
     duration_ns = end.end_ns if end is not None and end.ended == "duration" else None
     feed.read_until(0)
@@ -168,7 +169,15 @@ def repeat_turns(recorded: Bus, settings: ArmSettings, bus: Bus) -> None:
 
 def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
     """Give a new link the messages of a real hand at their times, and publish the exchanges with its frames."""
-    link = _link(head)
+    from tega.devices.hand.allegro_options import AllegroOptions
+
+    tree = head.tree.get("hand", {}).get("options", {})
+    with tempfile.TemporaryDirectory() as folder:
+        poses = Path(folder) / "poses.toml"
+        if poses.name in head.files:
+            poses.write_bytes(head.files[poses.name])
+        options = msgspec.convert(tree | {"poses": poses if poses.is_file() else None}, AllegroOptions)
+        link = options.link()
     recorded.subscribe(
         HandExchange,
         lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))),
@@ -177,11 +186,9 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
 
 
 def _turn(row: ArmTurn) -> Turn:
-    plain = {
-        name: getattr(row, name) for name in ("t_ns", "clutch", "dead_man", "may_move", "stopped", "cleared")
-    }
     poses, measured = ([StampedPose(*astuple(pose)) for pose in some] for some in (row.poses, row.measured))
-    return Turn(**plain, poses=tuple(poses), measured=measured[0] if measured else None)
+    same: dict[str, Any] = {name: getattr(row, name) for name in Turn._fields}
+    return Turn(**same | {"poses": tuple(poses), "measured": measured[0] if measured else None})
 
 
 def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:
@@ -193,18 +200,3 @@ def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:
         return link.abandon()
     frames = [Received(f.id, f.data, f.remote, bool(f.flags & 1), bool(f.flags & 2)) for f in one.received]
     return link.exchange(frames, one.t_ns, joined_level(one.level, one.closure), one.added)
-
-
-def _link(head: Head) -> HandLink:
-    """Make the link of the run."""
-    from tega.devices.hand.allegro_options import AllegroOptions
-
-    tree = dict(head.tree.get("hand", {}).get("options", {}))
-    tree.pop("poses", None)
-    options = msgspec.convert(tree, AllegroOptions)
-    if "poses.toml" not in head.files:
-        return options.link()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "poses.toml"
-        path.write_bytes(head.files["poses.toml"])
-        return replace(options, poses=path).link()

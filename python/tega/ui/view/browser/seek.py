@@ -47,7 +47,7 @@ class SeekSlider:
 
     def follow(self) -> None:
         """Put the slider where the recording is now."""
-        if (duration_s := self._playhead.duration_s) <= 0:
+        if (duration_s := self._playhead.end_ns / 1e9) <= 0:
             return
         if not self.slider.visible:
             self.slider.max, self.slider.visible = max(duration_s, 0.1), True
