@@ -72,12 +72,12 @@ class Comparison(msgspec.Struct):
     """
 
     stream: str
-    recorded: int = 0
-    replayed: int = 0
-    differ: int = 0
-    fields: dict[str, int] = msgspec.field(default_factory=dict)
-    last_t_s: float | None = None
-    first: list[Difference] = msgspec.field(default_factory=list)
+    recorded: int
+    replayed: int
+    differ: int
+    fields: dict[str, int]
+    last_t_s: float | None
+    first: list[Difference]
 
 
 class Rule(NamedTuple):
@@ -99,7 +99,8 @@ class Compared:
     """
 
     def __init__(self, stream: str, rule: Rule) -> None:
-        self.found, self.rule, self.last_recorded_ns = Comparison(stream), rule, 0
+        self.found = Comparison(stream, 0, 0, 0, {}, None, [])
+        self.rule, self.last_recorded_ns = rule, 0
         # Those without a counterpart yet, by time: whether replayed, the tick at which it was known, and the record.
         self._waiting: dict[int, deque[tuple[bool, int, Any]]] = {}
 
