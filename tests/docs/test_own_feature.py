@@ -76,7 +76,10 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     assert f"{firm} firm grips" in tega(installed, tmp_path, "grip", str(file))
     inspected = tega(installed, tmp_path, "recording", "inspect", str(file))
     assert "/grip" in inspected
-    tega(installed, tmp_path, "verify", str(file))
+    assert "not installed here" not in tega(installed, tmp_path, "verify", str(file))
+    assert "recorded with the feature 'grip', which is not installed" in tega(
+        tmp_path, tmp_path, "verify", str(file)
+    )
     tega(
         installed, tmp_path, "recording", "trim", str(file), "--from", "1", "--to", "5", "--out", "part.mcap"
     )

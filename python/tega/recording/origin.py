@@ -6,6 +6,7 @@ The origin is in tables of names and texts in the file: ``span``, the part of th
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -47,6 +48,15 @@ def span(tables: Tables) -> Span:
     table = tables.get(SPAN, {})
     to_ns = table.get("to_ns")
     return Span(int(table.get("from_ns", "0")), int(to_ns) if to_ns else None)
+
+
+def made_with(tables: Tables) -> tuple[str, bool]:
+    """Return the version of TEGA that made a recording, and whether it is later than this one or unknown."""
+    from tega import __version__
+
+    made = tables.get("versions", {}).get("tega", "unknown")
+    numbers, now = ([int(n) for n in re.findall(r"\d+", text)[:3]] for text in (made, __version__))
+    return made, not numbers or numbers > now
 
 
 def origins(tables: Tables) -> list[dict[str, str]]:

@@ -102,6 +102,16 @@ def test_a_recording_of_a_later_version_is_refused_by_the_name_of_its_record(
         replay_file(later)
 
 
+def test_an_unknown_record_is_a_feature_s_unless_a_later_tega_made_it(golden: Path, tmp_path: Path) -> None:
+    unknown = _with_table(golden, tmp_path / "unknown.mcap", "records", {"Grip": "1"})
+    assert replay_file(unknown).same
+    later = _with_table(unknown, tmp_path / "later.mcap", "versions", {"tega": "99.0.0"})
+    with pytest.raises(
+        RecordingError, match=r"its record Grip has version 1, this TEGA knows none; .*99\.0\.0"
+    ):
+        replay_file(later)
+
+
 def _with_table(source: Path, target: Path, name: str, table: dict[str, str]) -> Path:
     """Copy a recording and give it one more table of names and texts before its first message."""
     with source.open("rb") as old, target.open("wb") as new:
