@@ -3,8 +3,11 @@
 //! A lamp on mains of 50 or 60 Hz flickers at 100 or 120 Hz. A rolling shutter turns that into bands, along rows or, where the picture is turned, along
 //! columns, which move from picture to picture. Each line of cells then has a gain of its own, the same for the three colours. At rest the
 //! variance of that gain is measured: as the covariance of two outer thirds of the picture, which neither noise nor a dent in one of them
-//! adds to, over the three quarters of the lines that have least of it. Where there are bands, the gain of each line is fitted with that variance as its prior and taken out; a contact is hardly trusted
-//! in the fit. Where there are none, nothing is changed.
+//! adds to, over the three quarters of the lines that have least of it. Where there are bands, the gain of each line is fitted with that variance as its prior and taken out.
+//!
+//! A dent on a line pulls its gain, and always to the same side, so a contact is told from bands by its staying: bands that move from picture to
+//! picture have no mean. In contact the gains are fitted to what a picture differs by from the mean of those before. Bands that hardly move are fitted
+//! to the change itself, in which a contact is hardly trusted. Where there are none, nothing is changed.
 
 use super::cells::Grid;
 use super::colour::Field;
@@ -21,6 +24,10 @@ const KEPT: f64 = 0.525;
 const ENOUGH: f64 = 60.0;
 /// Rounds of the robust fit.
 const ROUNDS: usize = 3;
+/// How the mean of a contact's pictures is taken, seconds; at first over as many as there are.
+const HELD_S: f64 = 0.5;
+/// Bands move where two pictures one after the other have less than this share of their gains' square in common.
+const MOVES: f64 = 0.97;
 /// Larger gains are no bands.
 const MOST: f32 = 0.04;
 
@@ -39,9 +46,18 @@ pub(super) struct Mains {
     /// Variance of the gain along rows and columns, as shares.
     variance: [f64; 2],
     frames: f64,
-    thirds: [Lines; 2],
+    /// Outer thirds of the last picture that was measured, along rows and columns, and the first one's gains in the picture before.
+    thirds: [[Lines; 2]; 2],
+    before: [Vec<f32>; 2],
+    /// Means of what the thirds' gains have in common, now and with those before.
+    common: [[f64; 2]; 2],
     lines: Lines,
     trust: Vec<f32>,
+    /// Mean of a contact's pictures, how many they are, the last two, and what the last one differs by, noise units.
+    held: Field,
+    pictures: f64,
+    last: [Field; 2],
+    moved: Field,
 }
 
 /// Weighted sums of a line of cells each, and the gain that they make.
@@ -101,6 +117,12 @@ impl Mains {
         self.frames += 1.0;
         let share = (dt_s / (LEARN_S + dt_s)).max(1.0 / self.frames);
         self.variance.iter_mut().zip(variances).for_each(|(of, now)| *of += share * (now - *of));
+        for (([one, other], before), common) in self.thirds.iter().zip(&mut self.before).zip(&mut self.common)
+        {
+            let now = [&one.gain, &*before].map(|gain| f64::from(dot(gain, &other.gain)));
+            common.iter_mut().zip(now).for_each(|(of, now)| *of += share * (now - *of));
+            before.clone_from(&one.gain);
+        }
     }
 
     /// The bands that are taken out, if any.
@@ -116,11 +138,57 @@ impl Mains {
         self.known().map_or(0.0, |(_, variance)| (2.0 * variance).sqrt())
     }
 
-    /// Takes known bands out of a change whose light was taken out; whether there were any.
-    pub fn correct(&mut self, white: &mut Field, gel: &Field, noise: [f32; 3], grid: &Grid) -> bool {
+    /// Takes known bands out of a change; whether there were any. `held_s` is the time since the last picture where both show a contact.
+    pub fn correct(
+        &mut self,
+        white: &mut Field,
+        gel: &Field,
+        noise: [f32; 3],
+        grid: &Grid,
+        held_s: Option<f64>,
+    ) -> bool {
         let Some((along, variance)) = self.known() else { return false };
-        self.fit(white, gel, noise, grid, along, variance);
+        let [now, before] = self.common[along as usize];
+        if let Some(held_s) = held_s.filter(|_| before < MOVES * now) {
+            let mut moved = std::mem::take(&mut self.moved);
+            self.hold(white, held_s, (before / now).clamp(-1.0, MOVES), &mut moved);
+            self.fit(&moved, gel, noise, grid, along, variance);
+            self.moved = moved;
+        } else {
+            self.pictures = 0.0;
+            self.fit(white, gel, noise, grid, along, variance);
+        }
+        self.take_out(white, gel, noise, grid, along);
         true
+    }
+
+    /// Takes a change into the mean of a contact's, `dt_s` after the one before; `moved` is what it differs by.
+    ///
+    /// Of three pictures a sum is taken that a wave has no part in which turns by the arc cosine of `turn` from one to the next.
+    fn hold(&mut self, white: &Field, dt_s: f64, turn: f64, moved: &mut Field) {
+        self.pictures += 1.0;
+        let still = self.pictures - 2.0;
+        if still == 1.0 {
+            self.held.clone_from(white);
+        }
+        moved.clone_from(white);
+        // Slow waves are told from a contact after some more pictures.
+        let told = still * (2.0 - 2.0 * turn) >= 1.0;
+        if still > 0.0 {
+            let share = (dt_s / (HELD_S + dt_s)).max(1.0 / still);
+            let outer = (share / (2.0 - 2.0 * turn)) as f32;
+            let [inner, kept] = [-2.0 * turn as f32 * outer, (1.0 - share) as f32];
+            let [second, first] = &self.last;
+            for (c, (moved, held)) in moved.iter_mut().zip(&mut self.held).enumerate() {
+                let pictures = first[c].iter().zip(&second[c]).zip(&white[c]);
+                for (((first, second), third), (moved, held)) in pictures.zip(moved.iter_mut().zip(held)) {
+                    *held = kept * *held + (outer * (first + third) + inner * second);
+                    *moved -= if told { *held } else { 0.0 };
+                }
+            }
+        }
+        self.last.swap(0, 1);
+        self.last[0].clone_from(white);
     }
 
     /// Takes bands of any strength out of a change along one way, where none were known; whether it did.
@@ -134,6 +202,7 @@ impl Mains {
     ) -> bool {
         if self.known().is_none() {
             self.fit(white, gel, noise, grid, along, TRIED * TRIED);
+            self.take_out(white, gel, noise, grid, along);
         }
         self.known().is_none()
     }
@@ -143,15 +212,8 @@ impl Mains {
         self.frames >= ENOUGH
     }
 
-    fn fit(
-        &mut self,
-        white: &mut Field,
-        gel: &Field,
-        noise: [f32; 3],
-        grid: &Grid,
-        along: Along,
-        variance: f64,
-    ) {
+    /// Fits the gain of each line to a change.
+    fn fit(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along, variance: f64) {
         let n = grid.cells();
         let held = (1.0 / variance) as f32;
         // A cell whose colours differ by no more than bands do is trusted.
@@ -182,6 +244,10 @@ impl Mains {
             self.lines.spread();
             self.lines.solve(held);
         }
+    }
+
+    /// Takes the gains that were fitted last out of a change.
+    fn take_out(&self, white: &mut Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along) {
         for ((white, gel), noise) in white.iter_mut().zip(gel).zip(noise) {
             for (k, (white, gel)) in white.iter_mut().zip(gel).enumerate() {
                 *white -= self.lines.gain[line(k, grid, along)] * gel / noise;
@@ -197,7 +263,7 @@ impl Mains {
         if third == 0 || lines < 4 {
             return 0.0;
         }
-        for (part, lines_of) in self.thirds.iter_mut().enumerate() {
+        for (part, lines_of) in self.thirds[along as usize].iter_mut().enumerate() {
             lines_of.clear(lines);
             let first = if part == 0 { 0 } else { across - third };
             for at in 0..lines {
@@ -213,7 +279,7 @@ impl Mains {
             lines_of.solve(1.0);
             lines_of.level();
         }
-        let [one, other] = &self.thirds;
+        let [one, other] = &self.thirds[along as usize];
         self.trust.clear();
         self.trust.extend(one.gain.iter().zip(&other.gain).map(|(a, b)| a * b));
         // Bands lie over all of the picture: without the quarter of the lines that have most, a bar across it adds nothing.
@@ -228,6 +294,11 @@ impl Mains {
 /// The line of a cell.
 fn line(k: usize, grid: &Grid, along: Along) -> usize {
     if along == Along::Rows { k / grid.cols } else { k % grid.cols }
+}
+
+/// Sum of products.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// What a cell adds to its line: its change times its light, and its light squared, noise units; blue or red first alike.

@@ -64,23 +64,19 @@ impl SensorNoise {
             return Err(TactileError::TooFewFrames { frames: frames.len(), wanted: 2 });
         };
         let grid = grid_of(first)?;
-        let (mut strip, mut sorted) = (Strip::default(), Vec::with_capacity(grid.cells()));
+        let mut strip = Strip::default();
         let mut changes: Vec<Planes> = Vec::with_capacity(frames.len());
-        let mut middles = Vec::with_capacity(frames.len());
         for frame in frames {
             same_size(&grid, frame)?;
             let mut now = Planes::default();
             average(frame.view(), &grid, &mut strip, &mut now);
-            middles.push([0, 1, 2].map(|c| {
-                sorted.clear();
-                sorted.extend_from_slice(&now[c]);
-                *sorted.select_nth_unstable(grid.cells() / 2).1
-            }));
             changes.push(now);
         }
+        let middles = medians(&changes);
         let banded = Self { bgr: spread(&changes, &middles, order) };
+        // Bands move the medians too.
         Ok(without_bands(&mut changes, &middles, banded.arranged(order), &grid)
-            .map_or(banded, |()| Self { bgr: spread(&changes, &middles, order) }))
+            .map_or(banded, |()| Self { bgr: spread(&changes, &medians(&changes), order) }))
     }
 
     /// The noise as the bytes of a pixel lie.
@@ -88,6 +84,16 @@ impl SensorNoise {
         let [b, g, r] = self.bgr;
         order.arrange([r, g, b])
     }
+}
+
+/// Medians of the cells of each frame.
+fn medians(frames: &[Planes]) -> Vec<[i16; 3]> {
+    let mut sorted = Vec::new();
+    let mut median = |plane: &Vec<i16>| {
+        sorted.clone_from(plane);
+        *sorted.select_nth_unstable(plane.len() / 2).1
+    };
+    frames.iter().map(|planes| planes.each_ref().map(&mut median)).collect()
 }
 
 /// Standard deviation of cells about their own means, counts: blue, green, red; `middles` are the frames' medians, which are taken out.
@@ -150,9 +156,16 @@ fn without_bands(frames: &mut [Planes], middles: &[[i16; 3]], noise: [f32; 3], g
         let variances = mains.measure(change, &gel, noise, grid);
         mains.learn(variances, 0.0);
     }
-    for (planes, change) in frames.iter_mut().zip(&mut changes) {
+    for ((planes, change), middle) in frames.iter_mut().zip(&mut changes).zip(middles) {
+        // The median moves with the bands: it is not taken out before they are.
+        for (c, change) in change.iter_mut().enumerate() {
+            let shift = (f32::from(middle[c]) / UNITS_PER_COUNT - rest[c]) / noise[c];
+            for value in change {
+                *value += shift;
+            }
+        }
         let before = change.clone();
-        if !mains.correct(change, &gel, noise, grid) {
+        if !mains.correct(change, &gel, noise, grid, None) {
             return None;
         }
         for c in 0..3 {

@@ -203,7 +203,7 @@ impl TouchTracker {
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
         let still = self.state == State::Quiet;
         let banded = self.mains.amplitude() > 0.0 && self.cells.colour.tells();
-        let bands = if banded { self.without_bands(still) } else { None };
+        let bands = if banded { self.without_bands(still, dt_s) } else { None };
         if banded {
             now = f64::from(glance_again(&mut self.cells));
         }
@@ -233,11 +233,12 @@ impl TouchTracker {
 
     /// Takes known bands of mains light out of the last change, before the fit of the light takes a share of them for light;
     /// returns their variances where nothing touched before.
-    fn without_bands(&mut self, still: bool) -> Option<[f64; 2]> {
+    fn without_bands(&mut self, still: bool, dt_s: f64) -> Option<[f64; 2]> {
         let (cells, gel) = (&mut self.cells, &self.gel);
         let noise = cells.noise.arranged(cells.order);
         let bands = still.then(|| self.mains.measure(&cells.white, gel, noise, &cells.grid));
-        self.mains.correct(&mut cells.white, gel, noise, &cells.grid);
+        let held_s = matches!(self.state, State::Contact(_)).then_some(dt_s);
+        self.mains.correct(&mut cells.white, gel, noise, &cells.grid, held_s);
         bands
     }
 

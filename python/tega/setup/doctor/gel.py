@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 LEAST_PICTURES = 10
 """Fewer pictures say too little about a sensor's noise."""
 MOST_BANDING = 0.005
-"""Bands of mains light from which areas are off by more than 5 %, as a share of the light."""
+"""Bands of mains light, as a share of the light, from which areas are off by more than 5 % where they hardly move."""
 
 
 def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
@@ -90,7 +90,7 @@ def _has_bands(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8
             label,
             "warning",
             f"{case.driver} {label}: bands of {100 * tracker.banding:.1f} % of the light move over the picture",
-            why="a lamp on mains flickers at 100 or 120 Hz: the area of a faint touch reads too large or too small",
+            why="a lamp on mains flickers at 100 or 120 Hz: if its bands hardly move, areas are wrong",
             todo=("keep lamps on mains away from the gel, or cover its sides",),
             measured={"banding_percent": round(100 * tracker.banding, 2)},
         )

@@ -1,0 +1,28 @@
+"""Area of a steady hold under a lamp on mains, on simulated dents over recorded pictures of an untouched gel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("cv2", reason="needs the extra tega[lab]")
+
+from tega_figures.touch_jitter import Case, measure
+
+# Wide dents pull the gain of most lines; the edge lies on a picture whose medians move with the bands.
+HOLDS = (
+    Case("face", 0.3, "lamps", "D20641", 5135174947018068958),
+    Case("large ball", 0.3, "slopes", "vocdex", 6492855054770293862),
+    Case("edge", 0.8, "slopes", "tacto", 6191578288683992749),
+)
+
+
+@pytest.mark.parametrize("hold", HOLDS, ids=lambda hold: hold.shape)
+def test_bands_of_mains_light_leave_the_area_of_a_hold(recordings: Path, hold: Case) -> None:
+    assert recordings.is_dir()
+    still = measure(hold)
+    banded = measure(hold._replace(mains=0.02))
+    assert banded.reported == 1.0
+    assert banded.area_px == pytest.approx(still.area_px, rel=0.05)
+    assert banded.area_scatter < 0.05
