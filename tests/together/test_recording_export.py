@@ -56,10 +56,8 @@ def test_parquet_has_the_same_columns(lossless: Path, tmp_path: Path) -> None:
 
 def test_a_column_that_comes_late_is_empty_before(tmp_path: Path) -> None:
     table = GrowingCsv(tmp_path / "late.csv")
-    for k in range(5000):
-        table.add({"k": k, "said": 'a "b",\nc'})
-    for k in range(5000, 5003):
-        table.add({"k": k, "said": "", "late": 0.1})
+    table.add({"k": list(range(5000)), "said": ['a "b",\nc'] * 5000})
+    table.add({"k": [5000, 5001, 5002], "late": [0.1] * 3, "said": [""] * 3})
     with table.close().open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["k"]) for row in rows] == list(range(5003))

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, partial
+from itertools import groupby
+from operator import attrgetter, methodcaller
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
-from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError
 from tega.recording.column_names import channel_columns, emg_source, list_columns, time_column
+from tega.recording.compute_ahead import PICTURES
 from tega.recording.copies import note_copy
-from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
+from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
 from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.origin import LEAD_IN
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
+
+# Pictures' cells, seven kilobytes each, wait with the messages that they are in.
+_MESSAGES_KEPT: Final = 1024
 
 
 @reports_damage
@@ -59,89 +64,178 @@ def export_file(
     note_copy(path, folder)
     reader = McapReader(path)
     reader.progress = progress or reader.progress
-    tables: dict[str, GrowingTable] = {}
+    tables: dict[str, _TopicTable] = {}
     growing = GrowingCsv if kind == "csv" else GrowingParquet
     waiting: dict[str, Message] = {}
     epoch_ns = 0
-    info: DeviceInfo | None = None
+    channels: Sequence[str] = ()
     for message in reader.messages(lambda topic: pictures or not topic.endswith("/image")):
-        epoch_ns = epoch_ns or int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
-        if message.topic.endswith("/image"):
-            waiting[message.topic] = message
+        topic, schema, log_ns, _, value = message
+        if schema in PICTURES:
+            waiting[topic] = message
             continue
-        if message.schema == "tega.Frame" and pictures:
-            image = waiting.pop(f"{message.topic.removesuffix('/frame')}/image", None)
+        if schema == "tega.Frame" and pictures:
+            image = waiting.pop(f"{topic.removesuffix('/frame')}/image", None)
             if image is not None:
-                finger = plain_name(
-                    message.topic.split("/")[2], subject=f"{message.topic}: finger", source=path.name
-                )
-                _picture(image, folder / finger, message.value.seq)
-        name = message.topic.strip("/").replace("/", ".")
-        if name not in tables:
-            plain_name(name, subject="topic", source=path.name)
-            tables[name] = growing(folder / f"{name}.{kind}")
-        if info is None and message.topic.startswith("/emg/"):
-            info = emg_source(reader)
-        for row in _rows(message, (message.log_ns - epoch_ns) / 1e9, () if info is None else info.channels):
-            tables[name].add(row)
+                finger = plain_name(topic.split("/")[2], subject=f"{topic}: finger", source=path.name)
+                _picture(image, folder / finger, value.seq)
+        table = tables.get(topic)
+        if table is None:
+            if not tables:
+                epoch_ns, info = int(reader.metadata.get("tega", {}).get("epoch_ns", "0")), emg_source(reader)
+                channels = () if info is None else info.channels
+            name = plain_name(topic.strip("/").replace("/", "."), subject="topic", source=path.name)
+            to = growing(folder / f"{name}.{kind}")
+            table = tables[topic] = _TopicTable(to, schema, epoch_ns, channels)
+        table.log_ns.append(log_ns)
+        table.values.append(value)
+        if len(table.values) >= _MESSAGES_KEPT:
+            table.flush()
     attached = [
         plain_name(name, subject="attachment", source=path.name) for name in reader.files if name != LEAD_IN
     ]
     for name in attached:
         (folder / name).write_bytes(reader.files[name])
-    return [table.close() for _, table in sorted(tables.items()) if table.n_rows]
+    for table in tables.values():
+        table.flush()
+    return sorted(table.to.close() for table in tables.values() if table.to.n_rows)
 
 
-def _rows(message: Message, log_s: float, channels: Sequence[str]) -> Iterator[Row]:
-    value = message.value
-    if message.schema == "tega.EmgSamples":
-        n = value.n_channels
-        names = channel_columns(channels, n, ("log_s", "chunk_t_s", "index"))
-        for k in range(len(value.samples) // n):
-            samples = value.samples[k * n : (k + 1) * n]
-            row: Row = {"log_s": log_s, "chunk_t_s": value.t_ns / 1e9, "index": value.first_index + k}
-            yield row | dict(zip(names, samples, strict=True))
-        return
-    if message.schema == "foxglove.JointStates":
-        yield {"log_s": log_s} | {joint.name: joint.position for joint in value.joints}
-        return
-    if message.schema == "foxglove.PoseInFrame":
-        place, turn = value.pose.position, value.pose.orientation
-        row = {"log_s": log_s, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
-        yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
-        return
-    yield {"log_s": log_s} | message_columns(value, channels)
-
-
-def message_columns(value: Any, channels: Sequence[str] = ()) -> Row:
-    """Return the cells of a message by their columns, named as :mod:`tega.recording.column_names` says.
+class _TopicTable:
+    """Turns the messages of a topic into the rows of its table, many at a time.
 
     Args:
-        value: The decoded message.
+        to: The table.
+        schema: Name of the messages' schema.
+        epoch_ns: Log time at the start of the session.
+        channels: Names of the EMG channels.
+
+    Attributes:
+        log_ns: Log times of the messages that wait.
+        values: What they hold.
+    """
+
+    def __init__(self, to: GrowingTable, schema: str, epoch_ns: int, channels: Sequence[str]) -> None:
+        self.to, self._schema, self._epoch_ns, self._channels = to, schema, epoch_ns, channels
+        self.log_ns: list[int] = []
+        self.values: list[Any] = []
+
+    def flush(self) -> None:
+        """Write the rows of all messages that wait."""
+        at = 0
+        for n in _runs(self.values):
+            log_s = [(log_ns - self._epoch_ns) / 1e9 for log_ns in self.log_ns[at : at + n]]
+            self.to.add(_columns(self._schema, log_s, self.values[at : at + n], self._channels))
+            at += n
+        self.log_ns.clear()
+        self.values.clear()
+
+
+def _columns(schema: str, log_s: Sequence[float], values: Sequence[Any], channels: Sequence[str]) -> Columns:
+    """Return the columns of messages alike that were received at these times."""
+    columns: dict[str, Sequence[Any]] = {"log_s": log_s}
+    match schema:
+        case "tega.EmgSamples":
+            return _sample_columns(log_s, values, channels)
+        case "foxglove.JointStates":
+            names = [joint.name for joint in values[0].joints]
+            angles = zip(*[[joint.position for joint in value.joints] for value in values], strict=True)
+            return columns | dict(zip(names, angles, strict=True))
+        case "foxglove.PoseInFrame":
+            columns["frame_id"] = [value.frame_id for value in values]
+            places, turns = [value.pose.position for value in values], [v.pose.orientation for v in values]
+            columns |= {axis: list(map(attrgetter(axis), places)) for axis in "xyz"}
+            return columns | {f"q{axis}": list(map(attrgetter(axis), turns)) for axis in "xyzw"}
+        case _:
+            return columns | message_columns(values, channels)
+
+
+def _sample_columns(log_s: Sequence[float], values: Sequence[Any], channels: Sequence[str]) -> Columns:
+    """Return the columns of chunks of EMG samples, a row a sample."""
+    n = values[0].n_channels
+    chunks = [(t_s, value, len(value.samples) // n) for t_s, value in zip(log_s, values, strict=True)]
+    columns: dict[str, Sequence[Any]] = {
+        "log_s": [t_s for t_s, _, n_rows in chunks for _ in range(n_rows)],
+        "chunk_t_s": [value.t_ns / 1e9 for _, value, n_rows in chunks for _ in range(n_rows)],
+        "index": [value.first_index + k for _, value, n_rows in chunks for k in range(n_rows)],
+    }
+    samples = [x for _, value, n_rows in chunks for x in value.samples[: n_rows * n]]
+    return columns | {name: samples[k::n] for k, name in enumerate(channel_columns(channels, n, columns))}
+
+
+def message_columns(values: Sequence[Any], channels: Sequence[str] = ()) -> dict[str, Sequence[Any]]:
+    """Return the columns of messages alike, named as :mod:`tega.recording.column_names` says.
+
+    Args:
+        values: The decoded messages, all with the same fields present and lists of the same length.
         channels: Names of the EMG channels.
     """
-    row: Row = {}
-    for name, optional, cells in _fields(value.DESCRIPTOR):
-        if optional and not value.HasField(name):
+    columns: dict[str, Sequence[Any]] = {}
+    first = values[0]
+    own = _own(first.DESCRIPTOR)
+    for field in first.DESCRIPTOR.fields:
+        name, part = field.name, None if field.message_type is None else field.message_type.name
+        if field.type == field.TYPE_BYTES or (_optional(field) and not first.HasField(name)):
             continue
-        content = getattr(value, name)
-        if cells is None:
-            row.update(
-                zip(
-                    list_columns(
-                        name,
-                        len(content),
-                        layout=row.get("layout", ""),
-                        channels=channels,
-                        taken=_own(value.DESCRIPTOR),
-                    ),
-                    content,
-                    strict=True,
-                )
-            )
+        cells = list(map(attrgetter(name), values))
+        if part == "NamedValue":
+            # A named value that is named as a column of the record is not that column.
+            columns |= {
+                f"more.{one.name}" if one.name in own else one.name: [more[k].value for more in cells]
+                for k, one in enumerate(cells[0])
+            }
+        elif not field.is_repeated:
+            if name.endswith("_ns"):
+                columns[time_column(name)] = [t_ns / 1e9 for t_ns in cells]
+            else:
+                columns[name] = cells if part is None else list(map(str, cells))
+        elif part is not None:
+            columns[name] = list(map(_poses_text if part == "ArmPose" else _frames_text, cells))
+        elif field.type == field.TYPE_STRING:
+            columns[name] = list(map(" ".join, cells))
         else:
-            cells(row, name, content)
-    return row
+            layout = getattr(first, "layout", "")
+            names = list_columns(name, len(cells[0]), layout=layout, channels=channels, taken=own)
+            columns |= dict(zip(names, zip(*cells, strict=True), strict=True))
+    return columns
+
+
+def _runs(values: Sequence[Any]) -> list[int]:
+    """Return how many messages in a row have columns of the same names, over and over."""
+    parts = _shape_parts(values[0].DESCRIPTOR) if values else []
+    if not parts:
+        return [len(values)]
+    return [
+        len(list(alike)) for _, alike in groupby(zip(*[map(part, values) for part in parts], strict=True))
+    ]
+
+
+@cache
+def _shape_parts(descriptor: Any) -> list[Callable[[Any], Any]]:
+    parts: list[Callable[[Any], Any]] = []
+    for field in descriptor.fields:
+        part = None if field.message_type is None else field.message_type.name
+        if _optional(field):
+            parts.append(methodcaller("HasField", field.name))
+        elif part in {"NamedValue", "JointState"}:
+            parts.append(partial(_names, field.name))
+        elif field.is_repeated and part is None and descriptor.full_name != "tega.EmgSamples":
+            parts.append(partial(_count, field.name))
+        elif field.name in {"layout", "n_channels"}:
+            parts.append(attrgetter(field.name))
+    return parts
+
+
+def _names(field: str, value: Any) -> tuple[str, ...]:
+    return tuple([one.name for one in getattr(value, field)])
+
+
+def _count(field: str, value: Any) -> int:
+    return len(getattr(value, field))
+
+
+def _optional(field: Any) -> bool:
+    return field.containing_oneof is not None
 
 
 @cache
@@ -151,49 +245,8 @@ def _own(descriptor: Any) -> frozenset[str]:
     return frozenset({"log_s", *names, *(time_column(name) for name in names if name.endswith("_ns"))})
 
 
-@cache
-def _fields(descriptor: Any) -> list[tuple[str, bool, Callable[[Row, str, Any], None] | None]]:
-    """Return of each field its name, whether it is optional, and the maker of its cells; a list of numbers has none.
-
-    Bytes are no column.
-    """
-    return [
-        (field.name, field.containing_oneof is not None, _cells(field, _own(descriptor)))
-        for field in descriptor.fields
-        if field.type != field.TYPE_BYTES
-    ]
-
-
-def _named_cells(row: Row, _name: str, content: Any, *, own: frozenset[str]) -> None:
-    for one in content:
-        row[f"more.{one.name}" if one.name in own else one.name] = one.value
-
-
-def _cells(field: Any, own: frozenset[str]) -> Callable[[Row, str, Any], None] | None:
-    """Return what puts the content of a field into a row; ``None`` for a list of numbers."""
-    part = None if field.message_type is None else field.message_type.name
-    if part == "NamedValue":
-        # A named value that is named as a column of the record is not that column.
-        return partial(_named_cells, own=own)
-    if not field.is_repeated:
-        if field.name.endswith("_ns"):
-            return partial(_one_cell, column=time_column(field.name), made=_seconds)
-        return partial(_one_cell, column=field.name, made=None if part is None else str)
-    if part is not None:
-        return partial(_one_cell, column=field.name, made=_poses_text if part == "ArmPose" else _frames_text)
-    return partial(_one_cell, column=field.name, made=" ".join) if field.type == field.TYPE_STRING else None
-
-
-def _one_cell(row: Row, _name: str, content: Any, *, column: str, made: Callable[[Any], Any] | None) -> None:
-    row[column] = content if made is None else made(content)
-
-
-def _seconds(t_ns: int) -> float:
-    return t_ns / 1e9
-
-
 def _frames_text(frames: Any) -> str:
-    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)
+    return " ".join([f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames])
 
 
 def _poses_text(poses: Any) -> str:

@@ -1,105 +1,148 @@
 """Write tables with columns that become known as the rows arrive.
 
-A CSV needs memory for some thousand rows, a Parquet file for its columns of numbers.
+Neither kind of table keeps more than some thousand rows in memory, however many it has.
 """
 
 from __future__ import annotations
 
 import csv
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import repeat
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
-from tega.runtime.files.csv_writer import CsvWriter, cell_text
+from tega.runtime.files.csv_writer import cell_text
 from tega.runtime.lifecycle import require
 
-Row = dict[str, Any]
-_ROWS_KEPT: Final = 4096
+Columns = Mapping[str, Sequence[Any]]
+"""Cells of some rows, by column; all of one length."""
+_ROWS_PER_GROUP: Final = 1 << 16
 
 
 class GrowingTable(ABC):
-    """Takes rows and writes them some thousand at a time; a column that a later row brings goes to the end.
+    """Takes some rows at a time; a column that later rows bring goes to the end, empty in the earlier ones.
 
     Args:
         path: The file.
+
+    Attributes:
+        n_rows: How many rows it has.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.n_rows = 0
-        self._names: Row = {}
-        self._rows: list[Row] = []
 
-    def add(self, row: Row) -> None:
-        """Add a row: its cells by their columns."""
-        self._rows.append(row)
-        self.n_rows += 1
-        if len(self._rows) >= _ROWS_KEPT:
-            self._flush()
+    def add(self, columns: Columns) -> None:
+        """Add rows."""
+        if n_rows := len(next(iter(columns.values()), ())):
+            self.n_rows += n_rows
+            self._write(columns)
 
+    @abstractmethod
     def close(self) -> Path:
         """Write all that is left and return the file."""
-        self._flush()
-        self._end()
-        return self.path
-
-    def _flush(self) -> None:
-        n_names = len(self._names)
-        for row in self._rows:
-            if row.keys() != self._names.keys():
-                self._names |= dict.fromkeys(row)
-        self._write(self._rows, list(self._names), grown=n_names < len(self._names))
-        self._rows.clear()
 
     @abstractmethod
-    def _write(self, rows: list[Row], names: list[str], *, grown: bool) -> None:
-        """Write rows; ``grown`` if some of the names are new."""
+    def _write(self, columns: Columns) -> None:
+        """Write rows."""
 
-    @abstractmethod
-    def _end(self) -> None:
-        """Finish the file."""
+    def _set_aside(self) -> Path:
+        """Give the file another name, to be written anew with further columns."""
+        return self.path.replace(self.path.with_name(f"{self.path.name}.part"))
 
 
 class GrowingCsv(GrowingTable):
-    """A CSV table; a column that appears late is added to the earlier rows, empty."""
+    """A CSV table."""
 
-    _file: CsvWriter | None = None
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._names: dict[str, None] = {}
+        self._file: IO[str] | None = None
 
-    def _write(self, rows: list[Row], names: list[str], *, grown: bool) -> None:
-        if grown and self._file is not None:
-            self._widen(names)
-        elif self._file is None:
-            self._file = CsvWriter(self.path, names)
+    def close(self) -> Path:
+        """Write all that is left and return the file."""
+        if self._file is not None:
+            self._file.close()
+        return self.path
+
+    def _write(self, columns: Columns) -> None:
+        if not columns.keys() <= self._names.keys():
+            self._names |= dict.fromkeys(columns)
+            self._begin()
         assert self._file is not None
-        self._file.write(*[",".join([cell_text(row.get(name)) for name in names]) + "\n" for row in rows])
+        texts = [_texts(columns[name]) if name in columns else repeat("") for name in self._names]
+        self._file.write("\n".join(map(",".join, zip(*texts, strict=False))) + "\n")
 
-    def _widen(self, names: list[str]) -> None:
-        self._end()
-        old = self.path.replace(self.path.with_name(f"{self.path.name}.part"))
-        self._file = CsvWriter(self.path, names)
+    def _begin(self) -> None:
+        """Begin the file, or write it anew with further columns."""
+        old = None
+        if self._file is not None:
+            self._file.close()
+            old = self._set_aside()
+        self._file = self.path.open("w", encoding="utf-8", newline="\n")
+        self._file.write(",".join(map(cell_text, self._names)) + "\n")
+        if old is None:
+            return
         with old.open(encoding="utf-8", newline="") as file:
             lines = csv.reader(file)
             next(lines)
             for cells in lines:
-                self._file.write(",".join(map(cell_text, [*cells, *[""] * (len(names) - len(cells))])) + "\n")
+                more = [""] * (len(self._names) - len(cells))
+                self._file.write(",".join(map(cell_text, [*cells, *more])) + "\n")
         old.unlink()
 
-    def _end(self) -> None:
-        if self._file is not None:
-            self._file.close()
+
+def _texts(cells: Sequence[Any]) -> Iterable[str]:
+    """Return cells as text; those of nearly all columns are numbers."""
+    return map(repr if {float, int}.issuperset(map(type, cells)) else cell_text, cells)
 
 
 class GrowingParquet(GrowingTable):
-    """A table as Parquet, kept as columns of numbers until it is written."""
+    """A table as Parquet."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._arrow = require("pyarrow", driver="export", extra="parquet")
+        self._parquet = require("pyarrow.parquet", driver="export", extra="parquet")
         self._parts: list[Any] = []
+        self._n_waiting = 0
+        self._file: Any = None
 
-    def _write(self, rows: list[Row], names: list[str], *, grown: bool) -> None:  # noqa: ARG002
-        self._parts.append(self._arrow.table({name: [row.get(name) for row in rows] for name in names}))
+    def close(self) -> Path:
+        """Write all that is left and return the file."""
+        self._write_group()
+        self._file.close()
+        return self.path
 
-    def _end(self) -> None:
-        parquet = require("pyarrow.parquet", driver="export", extra="parquet")
-        parquet.write_table(self._arrow.concat_tables(self._parts, promote_options="permissive"), self.path)
+    def _write(self, columns: Columns) -> None:
+        self._parts.append(self._arrow.table(dict(columns)))
+        self._n_waiting += self._parts[-1].num_rows
+        if self._n_waiting >= _ROWS_PER_GROUP:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        group = self._joined(self._parts)
+        self._parts, self._n_waiting = [], 0
+        if self._file is not None:
+            group = self._joined([self._file.schema.empty_table(), group])
+        if self._file is None or group.schema != self._file.schema:
+            self._begin(group.schema)
+        self._file.write_table(group)
+
+    def _joined(self, tables: list[Any]) -> Any:
+        return self._arrow.concat_tables(tables, promote_options="permissive")
+
+    def _begin(self, schema: Any) -> None:
+        """Begin the file, or write it anew with further columns or wider types."""
+        if self._file is None:
+            self._file = self._parquet.ParquetWriter(self.path, schema)
+            return
+        self._file.close()
+        old = self._set_aside()
+        self._file = self._parquet.ParquetWriter(self.path, schema)
+        with self._parquet.ParquetFile(old) as source:
+            for k in range(source.num_row_groups):
+                self._file.write_table(self._joined([schema.empty_table(), source.read_row_group(k)]))
+        old.unlink()

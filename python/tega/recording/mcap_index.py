@@ -9,8 +9,9 @@ import math
 from array import array
 from bisect import bisect_left
 from collections import defaultdict
+from contextlib import closing
 from itertools import accumulate
-from operator import attrgetter
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,11 +23,12 @@ from tega.recording.mcap_reader import (
     MOST_RECORD,
     McapReader,
     Message,
+    Plan,
+    RawMessage,
     chunk_records,
-    decoded_message,
     open_recording,
+    read_ahead,
 )
-from tega.recording.mcap_schemas import decoder
 from tega.runtime.files.foreign_file import MIB, reports_damage
 from tega.runtime.lifecycle import require
 
@@ -48,15 +50,7 @@ class _Chunk(NamedTuple):
     lists: Mapping[int, int]
 
 
-class _Plan(NamedTuple):
-    """How the messages of a channel are read: its topic, its schema's name, and what decodes them, if anything."""
-
-    topic: str
-    schema: str
-    decode: Callable[[bytes], Any] | None
-
-
-_log_time = attrgetter("log_time")
+_log_ns = itemgetter(1)
 
 
 @reports_damage
@@ -128,9 +122,7 @@ class IndexedReader(McapReader):
             if self._newest[0] != begins:
                 self._newest = begins, self._read_chunk(begins)
             record = self._newest[1][topic][place["number"]]
-            return decoded_message(
-                record, self._channels[record.channel_id], self._schemas, lambda _topic: True
-            )
+            return self.plan_of(self._channels[record.channel_id], decode=True).message(record)
         except Exception as error:  # whatever damage makes the reader say
             raise self._damaged(error) from error
 
@@ -149,43 +141,39 @@ class IndexedReader(McapReader):
         # A message is next once no later part of the file begins before it.
         chunks = [chunk for chunk in self._chunks if chunk.until_ns >= since_ns]
         earliest_ns = [*accumulate((chunk.from_ns for chunk in reversed(chunks)), min)]
-        waiting: list[Any] = []
-        plans: dict[int, _Plan] = {}
+        waiting: list[RawMessage] = []
+        plans: dict[int, Plan] = {}
         mib = self.path.stat().st_size // MIB
-        for chunk, next_ns in zip(chunks, [*earliest_ns[-2::-1], math.inf], strict=False):
-            self.progress(self.path.name, chunk.begins // MIB, mib)
-            safe_ns: float = next_ns
-            try:
-                waiting += self._records_of(chunk.begins)
-            except TegaError:
-                raise
-            except Exception as error:  # whatever damage makes the reader say: all before it is good
-                self.cut, safe_ns = type(error).__name__, math.inf
-            waiting.sort(key=_log_time)
-            n_safe = bisect_left(waiting, safe_ns, key=_log_time)
-            for record in waiting[:n_safe]:
+        with closing(read_ahead(map(self._records_of, [chunk.begins for chunk in chunks]))) as parts:
+            for chunk, next_ns in zip(chunks, [*earliest_ns[-2::-1], math.inf], strict=False):
+                self.progress(self.path.name, chunk.begins // MIB, mib)
+                safe_ns: float = next_ns
                 try:
-                    plan = plans.get(record.channel_id)
-                    if plan is None:
-                        plan = plans[record.channel_id] = self._plan_of(record.channel_id, wanted)
-                    value = None if plan.decode is None else plan.decode(record.data)
-                except Exception as error:  # of a damaged schema or message, or one of an unknown channel
-                    self.cut = type(error).__name__
+                    waiting += next(parts)
+                except TegaError:
+                    raise
+                except Exception as error:  # whatever damage makes the reader say: all before it is good
+                    self.cut, safe_ns = type(error).__name__, math.inf
+                waiting.sort(key=_log_ns)
+                n_safe = bisect_left(waiting, safe_ns, key=_log_ns)
+                for raw in waiting[:n_safe]:
+                    try:
+                        plan = plans.get(raw.channel_id)
+                        if plan is None:
+                            channel = self._channels[raw.channel_id]
+                            schema = self._schemas.get(channel.schema_id)
+                            name = "" if schema is None else schema.name
+                            plan = self.plan_of(channel, decode=wanted(name, channel.topic))
+                            plans[raw.channel_id] = plan
+                        message = plan.message(raw)
+                    except Exception as error:  # of a damaged schema or message, or one of an unknown channel
+                        self.cut = type(error).__name__
+                        return
+                    yield message
+                if self.cut:
                     return
-                yield Message(plan.topic, plan.schema, record.log_time, len(record.data), value)
-            if self.cut:
-                return
-            del waiting[:n_safe]
+                del waiting[:n_safe]
         self.progress(self.path.name, mib, mib)
-
-    def _plan_of(self, number: int, wanted: Callable[[str, str], bool]) -> _Plan:
-        """Return how the messages of a channel are read."""
-        channel = self._channels[number]
-        schema, decode = self._schemas.get(channel.schema_id), None
-        name = "" if schema is None else schema.name
-        if schema is not None and schema.encoding == "protobuf" and wanted(name, channel.topic):
-            decode = decoder(name, schema.data).FromString
-        return _Plan(channel.topic, name, decode)
 
     def _damaged(self, error: Exception) -> RecordingError:
         return RecordingError(
@@ -272,22 +260,15 @@ class IndexedReader(McapReader):
             found[self._channels[one.channel_id].topic].append(one)
         return found
 
-    def _records_of(self, begins: int) -> list[Any]:
+    def _records_of(self, begins: int) -> list[RawMessage]:
         """Return the messages of a part of the file, in its order."""
-        records = require("mcap.records", driver="recording", extra="record")
         with open_recording(self.path) as file:
             chunk = self._record_at(file, begins)
-        inside = [chunk] if isinstance(chunk, records.Message) else chunk_records(chunk)
-        return [one for one in inside if isinstance(one, records.Message)]
+        return [one for one in chunk_records(chunk) if type(one) is RawMessage]
 
     @staticmethod
     def _record_at(file: Any, begins: int) -> Any:
         reading = require("mcap.stream_reader", driver="recording", extra="record")
         file.seek(begins)
-        return next(
-            iter(
-                reading.StreamReader(
-                    file, skip_magic=True, emit_chunks=True, record_size_limit=MOST_RECORD
-                ).records
-            )
-        )
+        reader = reading.StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=MOST_RECORD)
+        return next(iter(reader.records))

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from functools import cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from tega.errors import RecordingError
 from tega.recording.foreign import no_session
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+Item = TypeVar("Item")
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how many units of it are done, and how many there are."""
 
@@ -69,6 +73,28 @@ def open_recording(path: Path) -> IO[bytes]:
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror}") from error
 
 
+class RawMessage(NamedTuple):
+    """A message as it stands in the file."""
+
+    channel_id: int
+    log_ns: int
+    data: bytes
+
+
+class Plan(NamedTuple):
+    """How the messages of a channel are read: its topic, its schema's name, and what decodes them, if anything."""
+
+    topic: str
+    schema: str
+    decode: Callable[[bytes], Any] | None
+
+    def message(self, raw: RawMessage) -> Message:
+        """Return a message, decoded where it is to be."""
+        _, log_ns, data = raw
+        value = None if self.decode is None else self.decode(data)
+        return Message(self.topic, self.schema, log_ns, len(data), value)
+
+
 class McapReader:
     """Passes over a file. Needs no index, so that a cut file is read as far as it goes.
 
@@ -113,30 +139,19 @@ class McapReader:
             RecordingError: The file cannot be opened, is no MCAP, or was not recorded by TEGA.
             MissingExtraError: A package of the extra ``record`` is not installed.
         """
-        reading = require("mcap.stream_reader", driver="replay", extra="record")
-        records = require("mcap.records", driver="replay", extra="record")
         faults = require("mcap.exceptions", driver="replay", extra="record")
         if self._data is None and self.path.is_file() and not self.path.stat().st_size:
             raise no_session(self.path, ())
-        with open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file:
-            source = iter(
-                reading.StreamReader(
-                    file,
-                    emit_chunks=True,
-                    validate_crcs=self._check_sums,
-                    record_size_limit=MOST_RECORD,
-                ).records
-            )
+        plans: dict[int, Plan] = {}
+        with (
+            open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file,
+            closing(read_ahead(self._parts(file))) as parts,
+        ):
             mib = file.seek(0, io.SEEK_END) // MIB
             file.seek(0)
             while True:
-                begins = file.tell()
-                self.progress(self.path.name, begins // MIB, mib)
                 try:
-                    record = next(source, None)
-                    inside = [record]
-                    if isinstance(record, records.Chunk):
-                        inside = chunk_records(record, check_sum=self._check_sums)
+                    part = next(parts, None)
                 except faults.InvalidMagic:
                     if not self._channels and not self.metadata:
                         raise RecordingError(
@@ -147,23 +162,51 @@ class McapReader:
                 except Exception as error:  # whatever damage makes the reader say: all before it is good
                     self.cut = type(error).__name__
                     return
-                if record is None:
+                if part is None:
                     self._check_own()
+                    self.progress(self.path.name, mib, mib)
                     return
-                self.part_begins = begins
+                self.part_begins, inside = part
+                self.progress(self.path.name, self.part_begins // MIB, mib)
                 for one in inside:
-                    if not isinstance(one, records.Message):
-                        self._keep(one, records)
+                    if type(one) is not RawMessage:
+                        self._keep(one)
                         continue
                     self._check_own()
                     try:
-                        message = decoded_message(one, self._channels[one.channel_id], self._schemas, wanted)
+                        plan = plans.get(one.channel_id)
+                        if plan is None:
+                            channel = self._channels[one.channel_id]
+                            plan = plans[one.channel_id] = self.plan_of(channel, decode=wanted(channel.topic))
+                        message = plan.message(one)
                     except Exception as error:  # of a damaged schema or message, or one of an unknown channel
                         self.cut = type(error).__name__
                         return
                     yield message
 
-    def _keep(self, record: Any, records: Any) -> None:
+    def plan_of(self, channel: Any, *, decode: bool) -> Plan:
+        """Return how the messages of a channel are read."""
+        schema = self._schemas.get(channel.schema_id)
+        if schema is None:
+            return Plan(channel.topic, "", None)
+        decode = decode and schema.encoding == "protobuf"
+        return Plan(
+            channel.topic, schema.name, decoder(schema.name, schema.data).FromString if decode else None
+        )
+
+    def _parts(self, file: IO[bytes]) -> Iterator[tuple[int, list[Any]]]:
+        """Read the file's parts: where each begins, and the records in it."""
+        reader = _pass_reader()(
+            file, emit_chunks=True, validate_crcs=self._check_sums, record_size_limit=MOST_RECORD
+        )
+        begins = file.tell()
+        for record in reader.records:
+            if type(record).__name__ != "MessageIndex":
+                yield begins, chunk_records(record, check_sum=self._check_sums)
+            begins = file.tell()
+
+    def _keep(self, record: Any) -> None:
+        records = require("mcap.records", driver="replay", extra="record")
         if isinstance(record, records.Schema):
             self._schemas[record.id] = record
         elif isinstance(record, records.Channel):
@@ -185,15 +228,49 @@ class McapReader:
         self._own = True
 
 
-def chunk_records(chunk: Any, *, check_sum: bool = False) -> list[Any]:
+@cache
+def _pass_reader() -> Any:
+    """Return the public reader, which here passes over the lists of messages that follow each part."""
+    reading: Any = require("mcap.stream_reader", driver="replay", extra="record")
+
+    class PassReader(reading.StreamReader):  # type: ignore[misc]  # the package may be missing
+        def _read_record(self, opcode: int, length: int) -> Any:
+            passed = opcode == reading.Opcode.MESSAGE_INDEX
+            return reading.MessageIndex(0, []) if passed else super()._read_record(opcode, length)
+
+    return PassReader
+
+
+def read_ahead(items: Iterator[Item]) -> Generator[Item]:
+    """Return the items, each made by another thread while the one before it is used: unpacking needs no interpreter."""
+    nothing: Any = object()
+    with ThreadPoolExecutor(1, "tega-read") as pool:
+        following = pool.submit(next, items, nothing)
+        while (item := following.result()) is not nothing:
+            following = pool.submit(next, items, nothing)
+            yield item
+
+
+def chunk_records(record: Any, *, check_sum: bool = False) -> list[Any]:
     """Return the records of a part of the file, as the package ``mcap`` does in seven times the time.
+
+    Args:
+        record: The part; of any other record a list of it alone.
+        check_sum: Whether a wrong checksum is damage.
+
+    Returns:
+        Messages as :class:`RawMessage`, and schemas and channels.
 
     Raises:
         Exception: Of many types where the part is damaged.
     """
     reading = require("mcap.stream_reader", driver="replay", extra="record")
     records = require("mcap.records", driver="replay", extra="record")
-    stream, n_bytes = reading.get_chunk_data_stream(chunk, validate_crc=check_sum)
+    if isinstance(record, records.Message):
+        return [RawMessage(record.channel_id, record.log_time, record.data)]
+    if not isinstance(record, records.Chunk):
+        return [record]
+    stream, n_bytes = reading.get_chunk_data_stream(record, validate_crc=check_sum)
     data: bytes = stream.read(n_bytes)
     made, at = list[Any](), 0
     while at < n_bytes:
@@ -202,24 +279,12 @@ def chunk_records(chunk: Any, *, check_sum: bool = False) -> list[Any]:
         if at > n_bytes:
             raise EOFError("a record ends behind its part of the file")
         if kind == reading.Opcode.MESSAGE:
-            channel, number, log_ns, published_ns = _MESSAGE.unpack_from(data, begins)
-            content = data[begins + _MESSAGE.size : at]
-            made.append(records.Message(channel, log_ns, content, published_ns, number))
+            channel, _, log_ns, _ = _MESSAGE.unpack_from(data, begins)
+            made.append(RawMessage(channel, log_ns, data[begins + _MESSAGE.size : at]))
         elif kind in {reading.Opcode.CHANNEL, reading.Opcode.SCHEMA}:
             read = records.Channel.read if kind == reading.Opcode.CHANNEL else records.Schema.read
             made.append(read(reading.ReadDataStream(io.BytesIO(data[begins:at]))))
     return made
-
-
-def decoded_message(
-    record: Any, channel: Any, schemas: dict[int, Any], wanted: Callable[[str], bool]
-) -> Message:
-    """Return a message of the file, its value decoded where its topic is wanted."""
-    schema, value = schemas.get(channel.schema_id), None
-    if schema is not None and schema.encoding == "protobuf" and wanted(channel.topic):
-        value = decoder(schema.name, schema.data).FromString(record.data)
-    name = "" if schema is None else schema.name
-    return Message(channel.topic, name, record.log_time, len(record.data), value)
 
 
 def table_ns(table: Mapping[str, str], name: str) -> int | None:

@@ -175,7 +175,7 @@ class Topic(Sequence[Any]):
 
     def _row(self, number: int, file: RecordedFile, message: Message) -> dict[str, Any]:
         if self.kind is None:
-            row = message_columns(message.value)
+            row = {name: cells[0] for name, cells in message_columns([message.value]).items()}
         else:
             shift_ns = file.shift_ns - (file.start_ns if machine_clock(self.kind) else 0)
             row = row_of(self._read(file, message), shift_ns=shift_ns, channels=file.channels)

@@ -21,6 +21,7 @@ from tega.recording import mcap_index, mcap_reader, topics
 from tega.recording.column_names import channel_columns
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_reader import Plan, RawMessage
 from tega.recording.mcap_schemas import decoder
 from tega.recording.opened import PictureTopic
 from tega.recording.record_columns import find_kind
@@ -105,13 +106,13 @@ def test_samples_have_a_row_each_at_the_source_s_rate(
 
 def test_pictures_are_decoded_one_by_one(lossless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     decoded: list[str] = []
-    read = mcap_reader.decoded_message
+    read = Plan.message
 
-    def counted(record: Any, channel: Any, *rest: Any) -> Any:
-        decoded.append(channel.topic)
-        return read(record, channel, *rest)
+    def counted(plan: Plan, raw: RawMessage) -> Any:
+        decoded.extend([plan.topic] if plan.decode else [])
+        return read(plan, raw)
 
-    monkeypatch.setattr(mcap_index, "decoded_message", counted)
+    monkeypatch.setattr(Plan, "message", counted)
     topic = "/tactile/thumb/image"
     pictures = tega.open_recording(lossless)[topic]
     assert (len(pictures), decoded) == (90, [])
