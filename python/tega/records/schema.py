@@ -5,7 +5,6 @@ from __future__ import annotations
 import types
 from collections.abc import Callable, Mapping
 from functools import cache
-from operator import attrgetter
 from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -173,44 +172,38 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
         message: The protobuf message, of this version or an older one.
         unwritten: The fields that the message does not hold, such as the finger that the topic names.
     """
-    attributes, plain, others = _reading(kind, message.__class__)
-    by_name: dict[str, Any] = dict(zip(attributes, plain(message), strict=True))
-    by_name.update(unwritten)
-    for field in others:
-        if field.optional and not message.HasField(field.name):
-            continue
-        value = getattr(message, field.name)
-        if field.of_pair is not None:
-            by_name[field.attribute] = (*by_name.get(field.attribute, ()), value)
-        elif field.part is not None:
-            by_name[field.attribute] = _parts_read(field.part, value) if value else ()
-        elif field.repeated:
-            by_name[field.attribute] = np.array(value) if field.array else tuple(value)
-        else:
-            by_name[field.attribute] = value
-    record = kind(**by_name)
-    return record.current() if isinstance(record, Record) else record
-
-
-def _parts_read(kind: type[_Struct], messages: Any) -> tuple[_Struct, ...]:
-    """Return the structs of messages that are parts of another; most of them have plain fields only."""
-    attributes, plain, others = _reading(kind, messages[0].__class__)
-    if others:
-        return tuple([read(kind, one) for one in messages])
-    return tuple([kind(**dict(zip(attributes, plain(one), strict=True))) for one in messages])
+    record: _Struct = _reader(kind, message.__class__)(message, unwritten)
+    return record
 
 
 @cache
-def _reading(
-    kind: type[msgspec.Struct], message: Any
-) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]], tuple[MessageField, ...]]:
-    """Return the attributes that are as they are in a file's message, a function that reads them, and other fields."""
+def _reader(kind: type[msgspec.Struct], message: Any) -> Callable[[Any, Mapping[str, Any]], Any]:
+    """Return the function that makes a record out of a message: one expression, since a file holds millions.
+
+    For a contact it is ``kind(t_ns=m.t_ns, centroid_xy=(m.centroid_x, m.centroid_y), ..., **unwritten)``.
+    """
+    from google.protobuf.message_factory import GetMessageClass
+
+    names: dict[str, Any] = {"kind": kind, "array": np.array}
     there = [field for field in fields(kind) if field.name in message.DESCRIPTOR.fields_by_name]
-    others = [f for f in there if f.optional or f.repeated or f.part is not None or f.of_pair is not None]
-    plain = [field for field in there if field not in others]
-    names = [field.name for field in plain]
-    # Of fewer than two names, an attrgetter returns no tuple.
-    several = (
-        attrgetter(*names) if len(names) > 1 else lambda one: tuple(getattr(one, name) for name in names)
+    made: dict[str, str] = {}
+    for field in there:
+        value = f"m.{field.name}"
+        if field.of_pair is not None:
+            pair = ", ".join(f"m.{one.name}" for one in there if one.attribute == field.attribute)
+            value = f"({pair},)"
+        elif field.part is not None:
+            part = message.DESCRIPTOR.fields_by_name[field.name].message_type
+            names[f"read_{field.name}"] = _reader(field.part, GetMessageClass(part))
+            value = f"tuple([read_{field.name}(one, {{}}) for one in {value}])"
+        elif field.repeated:
+            value = f"array(list({value}))" if field.array else f"tuple({value})"
+        elif field.optional:
+            value = f"{value} if m.HasField({field.name!r}) else None"
+        made[field.attribute] = value
+    given = ", ".join(f"{name}={value}" for name, value in made.items())
+    current = ".current()" if getattr(kind, "current", Record.current) is not Record.current else ""
+    reader: Callable[[Any, Mapping[str, Any]], Any] = eval(
+        f"lambda m, unwritten: kind({given}, **unwritten){current}", names
     )
-    return tuple(field.attribute for field in plain), several, tuple(others)
+    return reader
