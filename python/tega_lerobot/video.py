@@ -31,7 +31,8 @@ _OPTIONS = {
     "g": "2",
     "crf": "30",
     "preset": "13",
-    "svtav1-params": "enable-tf=0:enable-cdef=0:enable-dlf=0:enable-restoration=0:hierarchical-levels=2:lookahead=0:lp=1",
+    "svtav1-params": "enable-tf=0:enable-cdef=0:enable-dlf=0:enable-restoration=0:hierarchical-levels=2:lookahead=0:"
+    "lp=1",
 }
 
 

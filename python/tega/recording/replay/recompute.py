@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,9 +38,13 @@ from tega.recording.replay.measured import Measured, PictureError
 from tega.records import ArmTurn, HandExchange, HandLook, Imposed, bus_frames
 from tega.records.bus import Bus
 from tega.runtime.files.foreign_file import reports_damage
+from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame
+
+# A shorter recording is measured sooner than a program starts.
+_LONG_NS = 20_000_000_000
 
 
 class Replay(msgspec.Struct, frozen=True):
@@ -100,13 +105,20 @@ def replay_file(
     bus = Bus() if bus is None else bus
     feed = RecordFeed(path, progress=progress)
     head = feed.head = with_changes(feed.head, config, sets)
-    comparing, measured = Comparing(feed, bus), Measured(feed, bus)
+    # The loop needs nothing of compressed pictures; a display may, at the time of each.
+    long = feed.reader.until_ns - feed.reader.from_ns > _LONG_NS
+    beside = long and not head.lossless and not bus.wants(MeasuredPicture)
+    comparing, measured = Comparing(feed, bus), Measured(feed, bus, compressed=not beside)
     if feed.holds(HandExchange):
         repeat_exchanges(feed.bus, head, bus)
     if feed.holds(ArmTurn):
         repeat_turns(feed.bus, head.arm, bus)
-    end_ns = _run(feed, RecordedRun(feed, measured, comparing.settle), bus)
-    streams = list(comparing.results())
+    from tega.recording.replay.errors_program import errors_beside  # which is a program of its own, too
+
+    with errors_beside(path, config, sets) if beside else nullcontext() as errors:
+        end_ns = _run(feed, RecordedRun(feed, measured, comparing.settle), bus)
+        streams = list(comparing.results())
+        pictures = list(measured.errors.values()) if errors is None else errors()
     return Replay(
         file=path.name,
         lossless=head.lossless,
@@ -115,7 +127,7 @@ def replay_file(
         from_s=head.from_ns / 1e9,
         duration_s=(end_ns - head.from_ns) / 1e9,
         streams=streams,
-        pictures=[] if measured.again else list(measured.errors.values()),
+        pictures=[] if measured.again else pictures,
         dropped=feed.lost,
         same=not any(stream.differ for stream in streams),
         pose_base=head.config.session.pose_base,
