@@ -44,6 +44,7 @@ FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"
 EPISODES = f"meta/episodes/{PLACE}.parquet"
 _DATA_MB = 100
+_ROWS_PER_GROUP = 1 << 14
 UNLABELLED = "grasp"
 """Task of a recording without a label."""
 # Columns that every dataset has.
@@ -271,13 +272,16 @@ class _Dataset:
         if self._writer is None:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = self._parquet.ParquetWriter(path, table.schema)
-        self._writer.write_table(table)
+        self._writer.write_table(table, row_group_size=_ROWS_PER_GROUP)
         for name, values in rows.items():
             self._rows.setdefault(name, []).append(values)
         return self._place.numbers()
 
     def _column(self, values: NDArray[Any]) -> Any:
-        column = self._arrow.array(values.ravel())
+        numbers = np.ascontiguousarray(values).ravel()
+        kind = self._arrow.from_numpy_dtype(numbers.dtype)
+        # The general way, from any object, loads pandas to ask whether it is one of its own.
+        column = self._arrow.Array.from_buffers(kind, len(numbers), [None, self._arrow.py_buffer(numbers)])
         if values.shape[1:] == (1,):
             return column
         for n in reversed(values.shape[1:]):

@@ -18,6 +18,7 @@ from tega.runtime.files.foreign_file import reports_damage
 from tega_lerobot.streams import (
     ARM_MEASURED,
     ARM_TARGET,
+    Chunks,
     Column,
     Samples,
     Stream,
@@ -128,11 +129,13 @@ def read_episode(path: Path, *, fps: int) -> Episode:
     shapes: dict[str, tuple[int, int]] = {}
     markers: list[EpisodeMarker] = []
     epoch_ns = layout = None
-    for message in reader.messages(lambda topic: not topic.endswith("/image") or topic not in streams):
+    for message in reader.messages():
         if epoch_ns is None:
             epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
             layout = reader.metadata.get("sources", {})
-        stream = streams.setdefault(message.topic, Stream())
+        stream = streams.get(message.topic)
+        if stream is None:
+            stream = streams[message.topic] = Chunks() if message.schema == "tega.EmgSamples" else Stream()
         t_ns = message.log_ns - epoch_ns
         if finger := _finger(message, "/image"):
             if finger not in shapes:
@@ -144,18 +147,19 @@ def read_episode(path: Path, *, fps: int) -> Episode:
             _keep(stream, message, t_ns)
     if not layout:
         raise RecordingError(f"{path.name}: no recording of a session", "name a file made with --record")
-    used = {topic: stream for topic, stream in streams.items() if stream.values}
+    used = {topic: stream for topic, stream in streams.items() if stream.times}
     if not used:
         raise RecordingError(f"{path.name}: holds no stream", "the run had not begun")
     for topic, stream in used.items():
-        if not any(value is None or np.size(value) for value in stream.values):  # None: a picture
+        if not (stream.rows.size or topic.endswith(("/image", "/video"))):
             raise RecordingError(
                 f"{path.name}: the records of {topic} hold no numbers", "inspect says how far it can be read"
             )
     # Before somebody has taken hold of the arm it has no target.
     begun = [stream.times[0] for topic, stream in used.items() if topic != ARM_TARGET]
     begin_ns = max(*begun, span(reader.metadata).from_ns)
-    samples = Samples(used.get("/emg/samples"), fps)
+    emg = used.get("/emg/samples")
+    samples = Samples(emg if isinstance(emg, Chunks) else None, fps)
     begin_ns = max(begin_ns, samples.begin_ns)
     led = ("/vest/", "/hand/", "/tactile/", "/arm/")
     end_ns = max((s.times[-1] for topic, s in used.items() if topic.startswith(led)), default=begin_ns)
@@ -193,7 +197,8 @@ def _keep(stream: Stream, message: Message, t_ns: int) -> None:
             contact = read(Contact, value, finger="")
             stream.add(t_ns, touch_numbers(contact))
         case "tega.EmgSamples":
-            stream.add(t_ns, np.array(value.samples, np.float32).reshape(-1, value.n_channels))
+            assert isinstance(stream, Chunks)
+            stream.add_samples(t_ns, value.samples, value.n_channels)
         case "tega.Levels":
             stream.add(t_ns, (*value.channels, value.fused))
         case "tega.VestFrame" if topic == "/vest/frame":

@@ -23,17 +23,19 @@ def figures(values: NDArray[Any]) -> Figures:
     Args:
         values: Shape (frames, ...).
     """
-    rows = np.asarray(values, np.float64)
-    rows = rows[:, None] if rows.ndim == 1 else rows
-    known: Figures = {
-        "min": rows.min(0),
-        "max": rows.max(0),
-        "mean": rows.mean(0),
-        "std": rows.std(0),
-        "count": np.array([len(rows)]),
+    shape = values.shape[1:] or (1,)
+    rows = values.reshape(len(values), -1)
+    # One column after the other: all of a long recording as double precision would be its largest array by far.
+    known = [_known(rows[:, k].astype(np.float64)) for k in range(rows.shape[1])]
+    found = {name: np.reshape([one[name] for one in known], shape).tolist() for name in known[0]}
+    return found | {"count": [len(rows)]}
+
+
+def _known(column: NDArray[np.float64]) -> dict[str, float]:
+    quantiles = np.quantile(column, QUANTILES)
+    return {"min": column.min(), "max": column.max(), "mean": column.mean(), "std": column.std()} | {
+        _key(q): value for q, value in zip(QUANTILES, quantiles, strict=True)
     }
-    known |= {_key(q): row for q, row in zip(QUANTILES, np.quantile(rows, QUANTILES, axis=0), strict=True)}
-    return {name: value.tolist() for name, value in known.items()}
 
 
 def _key(quantile: float) -> str:

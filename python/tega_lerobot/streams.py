@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from array import array
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -42,15 +43,42 @@ class Column(NamedTuple):
 
 
 class Stream:
-    """Times, nanoseconds, and values of one topic; a picture's value is ``None``."""
+    """Times, nanoseconds, and numbers of one topic, at a few bytes a number; a picture has none.
 
-    def __init__(self, times: Sequence[int] = (), values: Sequence[Any] = ()) -> None:
-        self.times, self.values = list(times), list(values)
+    Args:
+        times: Times of the first items.
+        rows: Their numbers; ``None`` for a picture.
 
-    def add(self, t_ns: int, value: Any) -> None:
-        """Add an item."""
+    Attributes:
+        times: Time of each item.
+        width: Numbers of an item; ``None`` before the first.
+    """
+
+    def __init__(self, times: Iterable[int] = (), rows: Iterable[Sequence[float] | None] = ()) -> None:
+        self.times = array("q")
+        self.width: int | None = None
+        self._numbers = array("f")
+        for t_ns, row in zip(times, rows, strict=True):
+            self.add(t_ns, row)
+
+    def add(self, t_ns: int, row: Sequence[float] | None) -> None:
+        """Add an item.
+
+        Raises:
+            ValueError: It has another number of numbers than those before it.
+        """
+        numbers = row or ()
+        if self.width is None:
+            self.width = len(numbers)
+        elif self.width != len(numbers):
+            raise ValueError(f"{len(numbers)} numbers after {self.width}")
         self.times.append(t_ns)
-        self.values.append(value)
+        self._numbers.extend(numbers)
+
+    @property
+    def rows(self) -> NDArray[np.float32]:
+        """Numbers of the items, float32 (items, numbers); no item is added while it is in use."""
+        return np.frombuffer(self._numbers, np.float32).reshape(len(self.times), self.width or 0)
 
     def newest(self, grid_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return for each time which item was the newest."""
@@ -59,34 +87,60 @@ class Stream:
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return the newest value at each time; NaN and values outside float32 become 0."""
-        rows = np.array(self.values, np.float64)[self.newest(grid_ns)]
-        with np.errstate(over="ignore"):
-            stored = rows.astype(np.float32)
-        return np.nan_to_num(stored, posinf=0.0, neginf=0.0)
+        return np.nan_to_num(self.rows[self.newest(grid_ns)], posinf=0.0, neginf=0.0)
+
+
+class Chunks(Stream):
+    """Times and samples of the chunks of EMG.
+
+    Attributes:
+        ends: Number of samples up to the end of each chunk.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ends = array("q")
+
+    def add_samples(self, t_ns: int, samples: Sequence[float], n_channels: int) -> None:
+        """Add a chunk: its samples one after the other, the channels of each together.
+
+        Raises:
+            ValueError: It has other channels than those before it, or a part of a sample.
+        """
+        if self.width not in {None, n_channels} or len(samples) % n_channels:
+            raise ValueError(f"{len(samples)} numbers of {n_channels} channels after {self.width} channels")
+        self.width = n_channels
+        self.times.append(t_ns)
+        self._numbers.extend(samples)
+        self.ends.append(len(self._numbers) // n_channels)
+
+    @property
+    def rows(self) -> NDArray[np.float32]:
+        """The samples, float32 (samples, channels)."""
+        return np.frombuffer(self._numbers, np.float32).reshape(-1, self.width or 1)
 
 
 class Samples:
     """The newest EMG samples at each frame: as many as come in one, rounded up."""
 
-    def __init__(self, stream: Stream | None, fps: int) -> None:
+    def __init__(self, chunks: Chunks | None, fps: int) -> None:
         self.begin_ns = 0
-        self._stream = stream
-        if stream is None:
+        self._chunks = chunks
+        if chunks is None:
             return
-        self._rows = np.concatenate(stream.values)
-        self._ends = np.cumsum([len(chunk) for chunk in stream.values])
-        spent_s = (stream.times[-1] - stream.times[0]) / _S
+        self._ends = np.array(chunks.ends)
+        spent_s = (chunks.times[-1] - chunks.times[0]) / _S
         rate_hz = (self._ends[-1] - self._ends[0]) / spent_s if spent_s > 0 else float(fps)
         self._n = max(1, int(np.ceil(round(rate_hz / fps, 3))))
         enough = int(np.searchsorted(self._ends, self._n))
-        self.begin_ns = stream.times[min(enough, len(stream.times) - 1)]
+        self.begin_ns = chunks.times[min(enough, len(chunks.times) - 1)]
 
     def column(self, grid_ns: NDArray[np.int64]) -> Column | None:
         """Return the windows at these times; ``None`` without EMG."""
-        if self._stream is None:
+        if self._chunks is None:
             return None
-        ends = self._ends[self._stream.newest(grid_ns)]
-        windows = self._rows[np.maximum(ends[:, None] - self._n + np.arange(self._n), 0)]
+        ends = self._ends[self._chunks.newest(grid_ns)]
+        windows = self._chunks.rows[np.maximum(ends[:, None] - self._n + np.arange(self._n), 0)]
         return Column(np.nan_to_num(windows), ["sample", "channel"])
 
 
@@ -123,7 +177,7 @@ def columns_of(
         ):
             values = np.concatenate([rows[:, part] for rows in by_finger], axis=1)
             names = [f"{topic.split('/')[2]}.{name}" for topic in contacts for name in subject]
-            if part.start == 0 or any(np.isfinite(_all(streams[topic])[:, part]).any() for topic in contacts):
+            if part.start == 0 or any(np.isfinite(streams[topic].rows[:, part]).any() for topic in contacts):
                 columns[feature] = Column(values, names)
     images = [
         topic for topic in sorted(streams) if topic.startswith("/tactile/") and topic.endswith("/image")
@@ -164,10 +218,6 @@ def _targets(target: Stream | None, arm: Stream, grid_ns: NDArray[np.int64]) -> 
     known = target.newest(grid_ns) >= 0
     where[known] = target.at(grid_ns[known])
     return where
-
-
-def _all(stream: Stream) -> NDArray[np.float64]:
-    return np.array(stream.values, np.float64)
 
 
 def _age_s(stream: Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
