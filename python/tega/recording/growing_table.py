@@ -17,7 +17,7 @@ from tega.runtime.lifecycle import require
 
 Columns = Mapping[str, Sequence[Any]]
 """Cells of some rows, by column; all of one length."""
-_ROWS_PER_GROUP: Final = 1 << 16
+_ROWS_PER_GROUP: Final = 1 << 14
 
 
 class GrowingTable(ABC):
