@@ -18,6 +18,7 @@ import numpy as np
 from tega.errors import ConfigError, RecordingError
 from tega.recording.copies import note_copy
 from tega.recording.mcap_folder import recorded_task
+from tega.recording.mcap_reader import Progress
 from tega.recording.origin import origins, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
@@ -64,6 +65,7 @@ def export_lerobot(
     fps: int = 30,
     task: str | None = None,
     scenes: Mapping[str, Path] = {},
+    progress: Progress | None = None,
 ) -> Path:
     """Write recordings as a LeRobot dataset, one episode each.
 
@@ -74,6 +76,7 @@ def export_lerobot(
         task: Task in words, for recordings of which their session's index says none; ``None`` for ``grasp``.
         scenes: Videos of scene cameras with their time codes, by the cameras' names; none for the films in the
             recordings.
+        progress: Called as a file is read: once for its numbers, then for its pictures.
 
     Returns:
         The folder.
@@ -101,16 +104,17 @@ def export_lerobot(
             with tempfile.TemporaryDirectory() as beside:
                 mine = scenes or own_scenes(path, Path(beside))
                 sizes = shapes or {name: check_scene(video) for name, video in mine.items()}
-                _add(path, dataset.filmed(mine, sizes), fps, recorded_task(path) or task or UNLABELLED)
+                named = recorded_task(path) or task or UNLABELLED
+                _add(path, dataset.filmed(mine, sizes), fps, named, progress)
     finally:
         dataset.close()
     return folder
 
 
 @reports_damage
-def _add(path: Path, dataset: _Dataset, fps: int, task: str) -> None:
+def _add(path: Path, dataset: _Dataset, fps: int, task: str, progress: Progress | None) -> None:
     """Read a recording and add it; whatever its content leads to on the way is damage of that file."""
-    dataset.add(read_episode(path, fps=fps), task)
+    dataset.add(read_episode(path, fps=fps, progress=progress), task)
 
 
 class _Dataset:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.errors import RecordingError
 from tega.recording.compute_ahead import PICTURES, compute_ahead
-from tega.recording.mcap_reader import McapReader, Message, read_picture
+from tega.recording.mcap_reader import McapReader, Message, Progress, read_picture
 from tega.recording.origin import span
 from tega.records import Contact, HandCommand
 from tega.records.schema import read
@@ -64,6 +64,7 @@ class Episode(NamedTuple):
         displayed: By finger, how many frames show each of its pictures, in the order of the file.
         markers: Marked moments, in the order of their times.
         tables: The recording's metadata.
+        progress: Called as the pictures are read.
     """
 
     path: Path
@@ -75,10 +76,13 @@ class Episode(NamedTuple):
     displayed: dict[str, NDArray[np.int64]]
     markers: list[EpisodeMarker]
     tables: dict[str, dict[str, str]]
+    progress: Progress | None = None
 
     def pictures(self) -> Iterator[tuple[str, NDArray[np.uint8], int]]:
         """Read the pictures: finger, picture as uint8 (H, W, 3) in BGR, and how many frames in a row show it."""
-        messages = McapReader(self.path).messages(lambda topic: topic.endswith("/image"))
+        reader = McapReader(self.path)
+        reader.progress = self.progress or reader.progress
+        messages = reader.messages(lambda topic: topic.endswith("/image"))
         decoded = compute_ahead(
             self._shown(messages), lambda one: one.finger, lambda one: read_picture(one.message)
         )
@@ -112,7 +116,7 @@ class _Shown(NamedTuple):
 
 
 @reports_damage
-def read_episode(path: Path, *, fps: int) -> Episode:
+def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> Episode:
     """Read a recording, pictures left out, and lay its streams on frames of a fixed rate.
 
     The first frame is when every stream has begun, the last one when the loop ended. A frame has the newest item of
@@ -121,11 +125,13 @@ def read_episode(path: Path, *, fps: int) -> Episode:
     Args:
         path: The recording.
         fps: Frames per second.
+        progress: Called as the file is read.
 
     Raises:
         RecordingError: It cannot be read, or is shorter than a frame or longer than 24 h.
     """
     reader, streams = McapReader(path), dict[str, Stream]()
+    reader.progress = progress or reader.progress
     shapes: dict[str, tuple[int, int]] = {}
     markers: list[EpisodeMarker] = []
     epoch_ns = layout = None
@@ -170,7 +176,9 @@ def read_episode(path: Path, *, fps: int) -> Episode:
         newest = used[f"/tactile/{finger}/image"].newest(grid_ns)
         displayed[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))
     markers.sort()
-    return Episode(path, fps, begin_ns, int(n_frames), columns, shapes, displayed, markers, reader.metadata)
+    return Episode(
+        path, fps, begin_ns, int(n_frames), columns, shapes, displayed, markers, reader.metadata, progress
+    )
 
 
 def _count_frames(name: str, length_ns: int, fps: int) -> int:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.export_format import ExportFormat
+from tega.ui.cli.options import progress_bar
 from tega_lerobot.dataset import export_lerobot
 
 
@@ -19,7 +20,8 @@ def _export(
     if not all(named.values()) or len(named) < len(scenes):
         raise click.BadParameter("name each camera once, as NAME=VIDEO.mp4", param_hint="--scene")
     videos = {name: Path(video) for name, video in named.items()}
-    return [export_lerobot(recordings, out, fps=fps, task=task, scenes=videos)]
+    with progress_bar() as progress:
+        return [export_lerobot(recordings, out, fps=fps, task=task, scenes=videos, progress=progress)]
 
 
 FORMAT = ExportFormat(

@@ -23,6 +23,7 @@ from tega.recording.trim import trim_session
 from tega.records import Contact
 from tega.ui.cli.main import main
 from tega_lerobot.dataset import export_lerobot
+from tega_lerobot.streams import Stream
 from tega_lerobot.video import EpisodeCamera, Video
 from tega_scene.pictures import times_path
 
@@ -476,3 +477,14 @@ def test_a_time_a_year_ahead_is_refused_before_there_are_frames_up_to_it(
         RecordingError, match=r"odd\.mcap: its streams reach over 8760 h, at most 24 h are read"
     ):
         export_lerobot([odd], tmp_path / "dataset", fps=FPS)
+
+
+def test_numbers_of_a_long_episode_take_four_bytes_each() -> None:
+    stream, n = Stream(), 10_000
+    for k in range(n):
+        stream.add(k, (0.5,) * 6)
+    assert stream.rows.shape == (n, 6)
+    held = [one for one in vars(stream).values() if hasattr(one, "__len__")]
+    assert sum(map(sys.getsizeof, held)) < 1.2 * n * (8 + 6 * 4)
+    with pytest.raises(ValueError, match="5 numbers after 6"):
+        stream.add(n, (0.5,) * 5)

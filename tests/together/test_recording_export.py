@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,8 +14,10 @@ import pytest
 from reference.sessions import SECONDS
 from tega.config.choose import preset_metric
 from tega.errors import ConfigError
+from tega.recording import export, growing_table
 from tega.recording.export import export_file
-from tega.recording.growing_table import GrowingCsv
+from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet
+from tega.recording.mcap_reader import read_ahead
 from tega.ui.cli.main import main
 
 
@@ -64,3 +68,65 @@ def test_a_column_that_comes_late_is_empty_before(tmp_path: Path) -> None:
     assert {row["said"] for row in rows[:5000]} == {'a "b",\nc'}
     assert [row["late"] for row in rows[4998:]] == ["", "", "0.1", "0.1", "0.1"]
     assert [path.name for path in tmp_path.iterdir()] == ["late.csv"]
+
+
+def test_a_parquet_column_that_comes_late_is_missing_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[parquet]")
+    monkeypatch.setattr(growing_table, "_ROWS_PER_GROUP", 2)
+    table = GrowingParquet(tmp_path / "late.parquet")
+    table.add({"k": [0, 1], "x": [1, 2]})
+    table.add({"late": ["a", "b"], "k": [2, 3], "x": [0.5, 1.5]})
+    table.add({"k": [4]})
+    found = parquet.read_table(table.close())
+    assert found.to_pydict() == {
+        "k": [0, 1, 2, 3, 4],
+        "x": [1.0, 2.0, 0.5, 1.5, None],
+        "late": [None, None, "a", "b", None],
+    }
+    assert [path.name for path in tmp_path.iterdir()] == ["late.parquet"]
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_an_export_keeps_some_messages_and_rows_however_long_the_recording(
+    kind: Any, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = export_file(lossless, tmp_path / "whole", kind=kind)
+    n_kept, most = 8, 0
+
+    def counted(table: Any, columns: Columns) -> None:
+        nonlocal most
+        if "chunk_t_s" not in columns:  # a chunk of EMG is many rows
+            most = max(most, *(len(cells) for cells in columns.values()))
+        write(table, columns)
+        assert getattr(table, "_n_waiting", 0) < 16
+
+    write = GrowingCsv._write if kind == "csv" else GrowingParquet._write
+    monkeypatch.setattr(GrowingCsv if kind == "csv" else GrowingParquet, "_write", counted)
+    monkeypatch.setattr(export, "_MESSAGES_KEPT", n_kept)
+    monkeypatch.setattr(growing_table, "_ROWS_PER_GROUP", 16)
+    parts = export_file(lossless, tmp_path / "parts", kind=kind)
+    assert most == n_kept
+    assert [path.name for path in parts] == [path.name for path in whole]
+    for one, other in zip(parts, whole, strict=True):
+        if kind == "csv":
+            assert one.read_bytes() == other.read_bytes()
+        else:
+            parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[parquet]")
+            found, wanted = (parquet.read_table(path) for path in (one, other))
+            assert (found.schema, str(found.to_pydict())) == (wanted.schema, str(wanted.to_pydict()))
+
+
+def test_a_file_is_read_one_part_ahead() -> None:
+    n_made = 0
+
+    def parts() -> Iterator[int]:
+        nonlocal n_made
+        for k in range(20):
+            n_made += 1
+            yield k
+
+    for k in read_ahead(parts()):
+        assert n_made <= k + 2
+    assert n_made == 20

@@ -112,7 +112,8 @@ class GrowingParquet(GrowingTable):
 
     def close(self) -> Path:
         """Write all that is left and return the file."""
-        self._write_group()
+        if self._parts:
+            self._write_group()
         self._file.close()
         return self.path
 

@@ -20,10 +20,10 @@ from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
 from tega.recording.inspection import inspect_file
-from tega.recording.replay import replay_file
+from tega.recording.replay import recompute, replay_file
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.inbox import RecordedRun, recorded_arc
-from tega.recording.replay.measured import Measured
+from tega.recording.replay.measured import Measured, PictureError
 from tega.records import HandCommand
 from tega.records.bus import Bus
 from tega.safety.guard import Guard
@@ -129,7 +129,7 @@ def test_other_settings_say_what_differs(
 
 @pytest.mark.parametrize("preset", ["live", "paper"])
 def test_jpeg_replays_what_was_computed_and_gives_the_error_of_the_pictures(
-    tmp_path: Path, preset: str
+    tmp_path: Path, preset: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = tree(tmp_path / "jpeg", lossless=False)
     session["session"]["preset"] = preset
@@ -144,6 +144,9 @@ def test_jpeg_replays_what_was_computed_and_gives_the_error_of_the_pictures(
         assert all((one.contact_changed, one.eda_max_px, one.cci_max) == (0, 0, 0) for one in replay.pictures)
     else:
         assert 0 < thumb.eda_max_px < 0.02 * 320 * 240
+    monkeypatch.setattr(recompute, "_LONG_NS", 0)  # of a long recording another process measures the pictures
+    monkeypatch.setattr(PictureError, "note", lambda *_: pytest.fail("measured in this process"))
+    assert replay_file(path) == replay
     with path.open("rb") as file:
         names = {s.name for s, _, _ in make_reader(file).iter_messages(["/tactile/thumb/image"]) if s}
     assert names == {"foxglove.CompressedImage"}
