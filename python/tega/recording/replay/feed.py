@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache, partial
-from itertools import chain
+from itertools import chain, repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -95,10 +95,7 @@ class RecordFeed:
         self._early = lead_in(self.reader, self.head.from_ns)
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
-        paired = _paired(chain(self._early, self.reader.in_order(self._wanted)))
-        self._messages = compute_ahead(
-            paired, _finger_of, self._compute
-        )  # it begins with what is first asked for
+        self._messages = self._read()
         self._next: tuple[_Paired, list[Callable[[], object]] | None] | None = None
         self._end = next(reversed(self.beforehand(records.End)), None)
         ticked: tuple[type[Record], ...] = (Contact, Intent, VestFrame, HandCommand)
@@ -164,7 +161,19 @@ class RecordFeed:
 
     def _wanted(self, schema: str, topic: str) -> bool:
         kind, _ = _kind_of(schema, topic)
-        return kind is not None and (self.bus.wants(kind) or (kind is Picture and bool(self.ahead)))
+        return self._wants_pictures if kind is Picture else kind is not None and self.bus.wants(kind)
+
+    @property
+    def _wants_pictures(self) -> bool:
+        return bool(self.ahead) or self.bus.wants(Picture)
+
+    def _read(self) -> Iterator[tuple[_Paired, list[Callable[[], object]] | None]]:
+        """Yield the messages with what was made of them; it begins when the first is asked for."""
+        paired = _paired(chain(self._early, self.reader.in_order(self._wanted)))
+        if self._wants_pictures:
+            yield from compute_ahead(paired, _finger_of, self._compute)
+        else:
+            yield from zip(paired, repeat(None), strict=False)
 
     def _compute(self, one: _Paired) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, in another thread; return those to call in its turn."""
