@@ -96,10 +96,13 @@ class EqualStepsMapping(SlipRowMapping):
         if options.weber is None and step is not None and bool((step != 1.0).any()):
             # 1 is the step of nobody in particular.
             weber = step / ((threshold + full) / 2 + self._offset)
-        self._log_weber = np.log1p(weber)
+        log_weber = np.log1p(weber)
         self._lowest = threshold + self._offset
-        self._n_steps = float((np.log((full + self._offset) / self._lowest) / self._log_weber).min())
-        self._first = min(options.first_steps, self._n_steps)
+        self._n_steps = float((np.log((full + self._offset) / self._lowest) / log_weber).min())
+        first = min(options.first_steps, self._n_steps)
+        # Of ln((I + a) / (T + a)): at the lowest share, and what each percent adds; arrays cost less than numbers.
+        self._begin, self._per_percent = first * log_weber, (self._n_steps - first) * log_weber / 100
+        self._most = np.full(len(numbers), 100.0)
 
     @property
     def n_steps(self) -> float:
@@ -110,15 +113,16 @@ class EqualStepsMapping(SlipRowMapping):
         self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]
     ) -> NDArray[np.float64]:
         """Return every motor's level."""
-        shares = super().levels(t_ns, contacts, events)
-        if not shares.any():  # this runs for every picture, and most motors rest most of the time
-            return shares
-        shares /= 100
-        np.minimum(shares, 1, out=shares)
-        n = shares * (self._n_steps - self._first)
-        n += self._first
-        n *= self._log_weber
-        displayed = np.exp(n, out=n)
-        displayed *= self._lowest
-        displayed -= self._offset
-        return np.where(shares > 0, displayed, 0.0)
+        levels = super().levels(t_ns, contacts, events)
+        if not np.count_nonzero(levels):  # this runs for every picture, and most motors rest most of the time
+            return levels
+        resting = ~(levels > 0)  # and what is no number
+        np.minimum(levels, self._most, out=levels)
+        levels *= self._per_percent
+        levels += self._begin
+        np.exp(levels, out=levels)
+        levels *= self._lowest
+        if self._offset:
+            levels -= self._offset
+        np.putmask(levels, resting, 0.0)
+        return levels
