@@ -37,7 +37,7 @@ letting-go: ## every signal to each process of a program and to several at once,
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
-	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/*/property
+	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest tests/*/property
 
 stress: ## the properties at the ends of the number range, into docs/evidence/installing.md
 	PYTHONPATH=tests $(BIN)/python tests/tega/property/stress_page.py docs/evidence/installing.md
@@ -95,7 +95,7 @@ arm64: ## the crates' tests on an emulated arm64 processor, NEON kernels include
 
 wheels: ## Linux wheels for x86-64 and arm64, each tried in an environment of its own; then the examples with the first
 	PYTHON=$(PYTHON) .ci/wheels
-	TEGA_WHEEL=$$(echo dist/tega-*x86_64.whl) $(BIN)/python -m pytest -n0 -q -m "not slow" tests/docs/test_own_stage.py
+	TEGA_WHEEL=$$(echo dist/tega-*x86_64.whl) $(BIN)/python -m pytest -n0 -q -k contract tests/docs/test_own_stage.py
 
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
 	PYTHONPATH=$(TOOLS) \
@@ -135,7 +135,8 @@ mutants: ## change the hot paths in one place at a time; count the changes that 
 	PYTHONPATH=$(TOOLS) $(BIN)/python -m tega_campaigns.mutants rust --n 100 --seed 1
 	PYTHONPATH=$(TOOLS) $(BIN)/python -m tega_campaigns.mutants table
 
-words: ## words of user pages, help, messages and docstrings, counted per 10,000 by the rules of plain English
+words: ## what pages name and show is there; words of pages, help, messages and docstrings per 10,000, by plain English
+	$(BIN)/python -m pytest -m words
 	$(BIN)/python tools/words.py
 
 clean: ## remove build output

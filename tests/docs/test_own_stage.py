@@ -1,8 +1,7 @@
-"""Stages of one's own: four example packages, installed as anybody's, put through the contract and used in a run."""
+"""Stages and drivers of one's own: example packages, installed as anybody's, through the contract and in a run."""
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import re
@@ -11,7 +10,7 @@ import sys
 import venv
 from importlib.metadata import distributions
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 
@@ -108,7 +107,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     site = Path(
         run("-c", "import sysconfig; print(sysconfig.get_path('purelib'))", python=python).stdout.strip()
     )
-    copies = [_copied(name, tmp_path_factory.mktemp("copy")) for name in EXAMPLES]
+    copies = [_copied(name, tmp_path_factory.mktemp("copy")) for name in (*EXAMPLES, "own_device")]
     if wheel:
         words = ("-m", "pip", "install", "--quiet", f"{Path(wheel).resolve()}[record]", *map(str, copies))
         done = run(*words, python=python)
@@ -151,12 +150,8 @@ def _shared() -> list[str]:
     return [*builders, *(folder for folder in folders if folder not in builders)]
 
 
-def run(
-    *words: str, python: Path | None = None, cwd: Path | None = None, path: Path | None = None
-) -> subprocess.CompletedProcess[str]:
+def run(*words: str, python: Path | None = None, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    if path is not None:
-        environment["PYTHONPATH"] = str(path)
     return subprocess.run(
         [str(python or sys.executable), *words],
         check=False,
@@ -182,6 +177,19 @@ def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> 
 
 
 @pytest.mark.slow
+def test_the_driver_s_template_passes_the_contract_and_is_listed(installed: Installed) -> None:
+    done = run("-m", "tega.setup.contract", "own-emg", "own-vest", python=installed.python)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", "own-emg"], ["ok", "own-vest"]]
+    listed = run("-m", "tega.ui.cli", "devices", python=installed.python)
+    assert "own-emg" in listed.stdout
+    assert "template of a vest" in listed.stdout
+    done = run("-m", "tega.setup.contract", "own-emg", "--set", "port=broken", python=installed.python)
+    assert done.returncode == 2
+    assert "is it switched on?" in done.stdout
+
+
+@pytest.mark.slow
 def test_the_examples_run_in_a_session_and_are_recorded(installed: Installed, tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     (tmp_path / "lab.toml").write_text(LAB)
@@ -199,52 +207,6 @@ def test_the_examples_run_in_a_session_and_are_recorded(installed: Installed, tm
     assert any(lit for _, _, lit, _ in reported["vest"])
     assert 'name = "embedding"' in reported["toml"]
     assert reported["same"]
-
-
-DEMO = """
-[vest]
-layout = "sleeve16"
-[stages.metric]
-name = "embedding"
-options = { components = 2 }
-[stages.decoder]
-name = "proportional"
-options = { channel = 2 }
-[stages.mapping]
-name = "bars"
-[[stages.beside]]
-group = "decoder"
-name = "proportional"
-options = { channel = 1 }
-"""
-
-
-def rows(file: Path) -> list[dict[str, Any]]:
-    with file.open(newline="") as text:
-        return list(csv.DictReader(text))
-
-
-@pytest.mark.slow
-def test_the_examples_run_in_the_demo_and_are_in_its_tables(installed: Installed, tmp_path: Path) -> None:
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    (tmp_path / "lab.toml").write_text(DEMO)
-    words = (
-        "demo --fast --objects bottle --operator scripted --preset paper --config lab.toml --out demo --json"
-    )
-    done = run("-m", "tega.ui.cli", *words.split(), python=installed.python, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    folder = tmp_path / "demo" / "1-bottle"
-    values = rows(folder / "values.csv")
-    assert {(row["name"], row["unit"]) for row in values} == {("pc1", "grey"), ("pc2", "grey")}
-    assert len({row["value"] for row in values}) > 50
-    closures = [float(row["closure"]) for row in rows(folder / "levels.csv")]
-    assert len({closure for closure in closures if 0 < closure < 1}) > 20
-    vest = rows(folder / "vest.csv")
-    assert len(vest[0]) == 1 + 16
-    assert any(float(level) > 0 for row in vest for name, level in row.items() if name != "t_s")
-    assert {row["stage"] for row in rows(folder / "beside-levels.csv")} == {"proportional"}
-    settings = json.loads((tmp_path / "demo" / "summary.json").read_text())["trials"][0]["settings"]
-    assert 'stages.metric.name="embedding"' in settings
 
 
 EMULATED = """
@@ -296,33 +258,6 @@ def test_without_its_package_a_recording_says_what_is_missing(tmp_path: Path) ->
     assert "stages.metric.name: no metric is called 'embedding'" in done.stderr
 
 
-BREAKING = [
-    ("own_metric", "finger=self._setup.finger", 'finger="thumb"', "finger is the one it was made for"),
-    ("own_metric", 'return {f"pc{number}"', 'return {f"p{number}"', "more holds every value of units"),
-    ("own_decoder", "self._n += len(samples)", "pass", "however the samples are cut"),
-    ("own_decoder", "closure=closure", "closure=2 * closure", "closure is 0 to 1"),
-    ("own_mapping", "return levels", "return levels + 1", "every motor rests"),
-    ("own_layout", "SPACING_MM * row)", "SPACING_MM * row) if row else None", "are known, or none"),
-]
-
-
-@pytest.mark.parametrize(("package", "right", "wrong", "rule"), BREAKING)
-def test_the_contract_finds_what_is_wrong(
-    installed: Installed, tmp_path: Path, package: str, right: str, wrong: str, rule: str
-) -> None:
-    for file in installed.site.glob("own_*/**/*"):
-        if file.is_file() and "__pycache__" not in file.parts:
-            (tmp_path / file.relative_to(installed.site)).parent.mkdir(parents=True, exist_ok=True)
-            (tmp_path / file.relative_to(installed.site)).write_bytes(file.read_bytes())
-    source = tmp_path / package / "__init__.py"
-    before = source.read_text()
-    assert right in before
-    source.write_text(before.replace(right, wrong))
-    done = run("-m", "tega.setup.contract", EXAMPLES[package], path=tmp_path)
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert rule in done.stdout
-
-
 def test_the_examples_import_nothing_private() -> None:
     for name in EXAMPLES:
         for file in (PROJECT / "examples" / name).rglob("*.py"):
@@ -330,10 +265,3 @@ def test_the_examples_import_nothing_private() -> None:
             for module, names in imported:
                 assert module in {"tega.stages", "tega.tactile", "tega.emg", "tega.errors"}, module
                 assert not re.search(r"\b_", names), names
-
-
-def test_the_page_names_files_that_are_there() -> None:
-    page = (PROJECT / "docs" / "own-stage.md").read_text(encoding="utf-8")
-    for file in re.findall(r"examples/own_(?:metric|decoder|mapping|layout)[\w/.-]*", page):
-        assert (PROJECT / file).exists(), file
-    assert all(name in page and stage in page for name, stage in EXAMPLES.items())

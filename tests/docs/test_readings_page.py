@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from tega.config import check_tree, load_config
-from tega.errors import ConfigError
 from tega.loop import run_session
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
@@ -39,6 +38,7 @@ stop_free_mib = 0.0
 CHOICES = [(place, item) for place in PLACES for item in place.sets]
 
 
+@pytest.mark.words
 @pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 def test_the_table_is_the_generated_one() -> None:
     assert places_table() in PAGE.read_text(encoding="utf-8"), (
@@ -162,31 +162,6 @@ def test_every_verb_refuses_an_unknown_option_with_its_place_and_the_nearest_nam
     assert "stages.metric.options.factr: unknown key" in message
     assert ("lab.toml:4" if how == "FILE" else "--set") in message
     assert "did you mean 'factor'" in message
-
-
-GROUPS = [
-    ("[stages.metric.options]\noutlin = 'dent'", "lab.toml:2", "outline"),
-    ("[stages.decoder.options]\n\ntau = 0.1", "lab.toml:3", "tau_s"),
-    ("[stages.mapping.options]\nlaww = 'linear'", "lab.toml:2", "law"),
-    ("[vest]\nlayuot = 'x16'", "lab.toml:2", "layout"),
-    ("[vest]\nlayout = 'x61'", "lab.toml:2", "x16"),
-    ("[[stages.beside]]\ngroup = 'metric'\nname = 'live'\n[[stages.beside]]\ngroup = 'decoder'\nname = 'rules'\n"
-     "[stages.beside.options]\nfusin = 'floor'", "lab.toml:8", "fusion"),
-    ("[[stages.beside]]\ngroup = 'metric'\nname = 'live'\n[[stages.beside]]\ngroup = 'metric'\nname = 'lve'",
-     "lab.toml:6", "live"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("text", "line", "near"), GROUPS)
-def test_every_group_tells_the_line_and_the_nearest_name(
-    tmp_path: Path, text: str, line: str, near: str
-) -> None:
-    file = tmp_path / "lab.toml"
-    file.write_text(text)
-    with pytest.raises(ConfigError) as found:
-        load_config(file, environ={})
-    assert str(found.value).startswith(f"{line}: ")
-    assert repr(near) in str(found.value) or f"{near}" in found.value.hint
 
 
 def test_options_of_stages_beside_show_their_own_lines(tmp_path: Path, capsys: Any) -> None:

@@ -313,7 +313,7 @@ GUARDS: Final = (
         "any machine may be the Player's",
         "    if not (o.allow_remote or _is_here(o.host)):",
         "    if False:",
-        f"{_VESTS}another_machine_is_asked_only_where_the_settings_say_so",
+        "tests/tega_bench/test_vest_player.py::test_another_machine_is_asked_only_where_the_settings_say_so",
     ),
     Guard(
         "the working folder comes first for programs that are started",

@@ -23,7 +23,7 @@ from tega.errors import TegaError
 from tega.runtime.files.foreign_file import MIB
 
 FEW = settings(
-    max_examples=60,
+    max_examples=settings().max_examples // 2,  # of each kind; `make slow` reads 10,000
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -3,87 +3,31 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
-import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
-from reference.parts import observed
-from tega.config import check_tree
+from reference.vest_bench import OTHER, SILENT, TOUCH, Bench, bench, make
 from tega.devices import driver_class
-from tega.devices.vest.player_link import PlayerLink
-from tega.devices.vest.vest_player import PlayerVest
-from tega.devices.vest.vest_stream import StreamedVest
-from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels, vest_frame
-from tega.loop import LoopView, run_session
 from tega.setup.contract import check_driver
-from tega.ui.view.browser.state_html import status_html
-from tega.ui.view.state import ViewState
-from tega.wire import vest_levels
 from tega_bench.acceptance.outputs import accept_vest
-from tega_emulators.hid_port import HidPort
-from tega_emulators.process import Emulator
-from tega_emulators.vest_bench import LIVE_VESTS, vest_bench
+from tega_emulators.vest_bench import LIVE_VESTS
 from tega_emulators.vests import seen_by
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux"),
 ]
-
-TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
-OTHER = vest_frame([7, 20, 33, 47], [60, 67, 73, 87], layout="x40")
-SILENT = [0] * 40
-
-
-class Bench(NamedTuple):
-    """A vest driver and the emulator at its other end."""
-
-    vest: StreamedVest
-    peer: Emulator
-    port: HidPort | None = None
-
-    def shows(self, frame: MotorLevels) -> bool:
-        """Tell whether the motors do what a frame says, to the level."""
-        return bool(np.array_equal(vest_levels(seen_by(self.peer).motors), vest_levels(frame.x40())))
-
-    def feed(self, condition: Callable[[], bool], frame: MotorLevels = TOUCH) -> None:
-        """Write a frame again and again, as the loop does, until something holds."""
-        self.wait(lambda: bool(self.vest.write(0, frame)) and condition())
-
-    def wait(self, condition: Callable[[], bool]) -> None:
-        """Wait until something holds."""
-        for _ in range(3000):
-            if condition():
-                return
-            time.sleep(0.02)
-        pytest.fail(f"never came true; {self.vest.counters}; {self.vest.info.notes}")
-
-
-def make(name: str, **options: Any) -> StreamedVest:
-    driver: Any = driver_class(name, "vest")
-    vest: StreamedVest = driver(driver.options_type(**options))
-    return vest
-
-
-@contextmanager
-def bench(name: str, **options: Any) -> Iterator[Bench]:
-    if name == "bhaptics-ble" and shutil.which("dbus-daemon") is None:
-        pytest.skip("dbus-daemon is not installed")
-    with vest_bench(name, **options) as made:
-        yield Bench(made.vest, made.peer, made.port)
 
 
 BENCHES: list[tuple[str, dict[str, Any]]] = [
@@ -156,13 +100,6 @@ def test_a_touch_reaches_the_right_motors_and_an_open_vest_begins_silent(any_ben
     report = seen_by(any_bench.peer)
     assert report.errors == []
     assert report.motors == SILENT
-
-
-def test_an_equal_frame_is_sent_again_so_that_no_radio_lets_it_lapse(any_bench: Bench) -> None:
-    with any_bench.vest as vest:
-        any_bench.feed(lambda: any_bench.shows(TOUCH))
-        before = vest.counters.sent
-        any_bench.feed(lambda: vest.counters.sent >= before + 3)
 
 
 def test_a_frame_that_is_not_renewed_is_silenced_by_the_watchdog(any_bench: Bench) -> None:
@@ -355,185 +292,6 @@ def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyP
         make("bhaptics-ble").open()
 
 
-def test_a_host_that_is_no_address_is_told() -> None:
-    with pytest.raises(DeviceUnavailableError, match=r"host '\[::1' is no address.*set vest\.options host"):
-        make("bhaptics-player", host="[::1").open()
-
-
-@pytest.mark.parametrize("host", ["", "#"])
-def test_an_address_that_cannot_be_read_does_not_tell_the_key(host: str, tmp_path: Path) -> None:
-    (tmp_path / "key").write_text("s3cr3t-key")
-    options = {"version": "3", "app_id": "a", "api_key_file": tmp_path / "key"}
-    with pytest.raises(DeviceUnavailableError, match=f"host '{host}' is no address") as found:
-        make("bhaptics-player", host=host, allow_remote=True, **options).open()
-    message = "".join(traceback.format_exception(found.value))
-    assert "s3cr3t-key" not in message
-    assert "wss:" not in message
-
-
-@pytest.mark.parametrize("host", ["192.0.2.7", "player.example", "0.0.0.0", "", "127.0.0.1@192.0.2.7", "::2"])
-def test_another_machine_is_asked_only_where_the_settings_say_so(host: str, tmp_path: Path) -> None:
-    key = tmp_path / "not-there"
-    for options in ({}, {"version": "3", "app_id": "a", "api_key_file": key}):
-        with pytest.raises(DeviceUnavailableError, match=r"is not this machine.*allow_remote = true"):
-            make("bhaptics-player", host=host, **options).open()
-    with pytest.raises(DeviceUnavailableError, match="key in not-there cannot be read"):
-        make("bhaptics-player", host=host, allow_remote=True, **options).open()
-
-
-def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
-    with bench("bhaptics-player") as made, made.vest as vest:
-        made.peer.say("garbage")
-        made.feed(lambda: any("could not be read and were ignored" in n for n in vest.info.notes))
-        made.feed(lambda: made.shows(OTHER), OTHER)
-        assert vest.counters.lost == 0
-
-
-def test_a_vest_that_leaves_the_player_is_not_reported_as_felt() -> None:
-    with bench("bhaptics-player") as made, made.vest as vest:
-        made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
-        made.peer.say("no-vest")
-        made.feed(lambda: not vest.write(0, TOUCH).intensities.any())
-        assert "has no vest connected" in vest.info.notes[0]
-        made.peer.say("clear")
-        made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
-
-
-V3 = {"version": "3", "open_timeout_s": 4.0}
-OPENING_V3 = [
-    ("refuse", "answers HTTP 503 instead of serving /v3/feedback"),
-    ("wrong-version", "answers HTTP 404 instead of serving /v3/feedback.*developer portal"),
-    ("no-vest", "has no vest connected"),
-    ("no-entry", "has not let this program in within 2 s; are app_id and the key"),
-    ("freeze", "cannot be reached: timed out"),
-]
-
-
-@pytest.mark.parametrize(("fault", "message"), OPENING_V3)
-def test_opening_version_3_says_what_is_wrong_and_never_the_key(fault: str, message: str) -> None:
-    with bench("bhaptics-player", **V3) as made:
-        made.peer.say(fault)
-        with pytest.raises(DeviceUnavailableError, match=message) as reported:
-            made.vest.open()
-        assert "not-a-real-key" not in str(reported.value)
-
-
-def test_version_3_tells_name_link_and_battery_of_the_vest() -> None:
-    with bench("bhaptics-player", **V3) as made, made.vest as vest:
-        assert vest.condition == "TactSuitX40 connected, Player version 3, battery 98 %, fit unknown"
-        assert not vest.info.notes
-        made.peer.say("flat")
-        made.feed(lambda: vest.battery_percent == 9)
-        assert vest.info.notes == ("the vest's battery is at 9 %",)
-        made.peer.say("no-vest")
-        made.feed(lambda: not vest.write(0, TOUCH).intensities.any())
-        assert vest.battery_percent is None
-        assert vest.condition == "TactSuitX40 not connected, Player version 3"
-    assert vest.condition == ""
-
-
-def test_a_frame_of_version_3_takes_the_place_of_the_one_before_and_is_not_mixed_with_it() -> None:
-    with bench("bhaptics-player", **V3) as made, made.vest:
-        made.feed(lambda: made.shows(TOUCH))
-        made.feed(lambda: made.shows(OTHER), OTHER)
-        report = seen_by(made.peer)
-    lit = [values for _, values in report.history if any(values)]
-    # The emulated Player gives a motor the larger value of two requests; that lasts no longer than the second message.
-    assert lit[-1] == OTHER.x40().tolist()
-    assert report.errors == []
-
-
-@pytest.mark.parametrize("fault", ["no-entry", "clear"])
-def test_auto_asks_for_version_3_first_and_takes_what_answers(fault: str) -> None:
-    with bench("bhaptics-player", version="auto") as made:
-        made.peer.say(fault)
-        with made.vest as vest:
-            made.feed(lambda: made.shows(TOUCH))
-            newer = fault == "clear"
-            assert vest.condition.startswith(
-                "TactSuitX40 connected, Player version 3, battery 98 %"
-                if newer
-                else "vest connected, Player version 2, battery unknown"
-            )
-            assert [n for n in vest.info.notes if "version 3 did not answer" in n] == (
-                [] if newer else [vest.info.notes[0]]
-            )
-        assert seen_by(made.peer).motors == SILENT
-
-
-def test_auto_without_a_player_says_what_both_versions_said(tmp_path: Path) -> None:
-    (tmp_path / "key").write_text("k")
-    vest = make("bhaptics-player", port=9, port_v3=9, app_id="a", api_key_file=tmp_path / "key")
-    with pytest.raises(
-        DeviceUnavailableError, match=r"cannot be reached: .*; version 3: .*cannot be reached"
-    ):
-        vest.open()
-
-
-KEYS = [
-    ({}, "needs app_id"),
-    ({"app_id": "a"}, "needs api_key_file"),
-    ({"app_id": "a", "api_key_file": Path("/nowhere/key")}, "key in key cannot be read: FileNotFoundError"),
-    ({"app_id": "a", "api_key_file": "two\nlines"}, "does not hold one key"),
-    ({"app_id": "a", "api_key_file": "k" * 600}, "does not hold one key"),
-    ({"app_id": "a", "api_key_file": ""}, "does not hold one key"),
-    ({"app_id": "a", "api_key_file": "schlüssel"}, "cannot be read: UnicodeDecodeError"),
-]
-
-
-@pytest.mark.parametrize(("options", "message"), KEYS)
-def test_version_3_without_id_and_key_asks_nobody(
-    options: dict[str, Any], message: str, tmp_path: Path
-) -> None:
-    if isinstance(text := options.get("api_key_file"), str):
-        (tmp_path / "key").write_text(text, encoding="utf-8")
-        options = options | {"api_key_file": tmp_path / "key"}
-    with pytest.raises(DeviceUnavailableError, match=message):
-        make("bhaptics-player", version="3", **options).open()
-
-
-def test_thirty_two_values_reach_the_rows_of_a_pro_and_a_fifth_row_is_refused() -> None:
-    four_rows = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="paper32")
-    with bench("bhaptics-player", **V3, motor_values=32) as made, made.vest as vest:
-        made.feed(lambda: made.shows(four_rows), four_rows)
-        with pytest.raises(
-            InvalidValueError, match="motor_values is 32, and the layout 'x40' has a fifth row"
-        ):
-            vest.write(0, TOUCH)
-
-
-def test_a_player_that_answers_no_pings_is_fed_all_the_same() -> None:
-    with bench("bhaptics-player") as made:
-        made.peer.say("no-pong")
-        with made.vest as vest:
-            made.feed(lambda: made.shows(TOUCH))
-            assert any("answers no pings" in n for n in vest.info.notes)
-
-
-def test_a_player_that_reads_nothing_gets_few_frames_and_no_queue() -> None:
-    with bench("bhaptics-player") as made, made.vest as vest:
-        made.feed(lambda: made.shows(TOUCH))
-        made.peer.say("freeze")
-        before = vest.counters.sent
-        for k in range(30):
-            vest.write(0, vest_frame([50 + 7 * k % 50, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
-            time.sleep(0.005)
-        # What came together goes out together, what comes later waits and is replaced.
-        assert 2 <= vest.counters.sent - before <= 8
-        assert vest.counters.superseded >= 10
-        made.peer.say("clear")
-        made.feed(lambda: made.shows(OTHER), OTHER)
-        assert vest.counters.lost == 0
-
-
-def test_the_limit_holds_and_is_reported(any_bench: Bench) -> None:
-    vest: Any = any_bench.vest
-    limited = any_bench._replace(vest=type(vest)(msgspec.structs.replace(vest._options, limit=40)))
-    with limited.vest as vest:
-        limited.feed(lambda: vest.write(0, TOUCH).intensities.max() == 40)
-        limited.feed(lambda: max(seen_by(limited.peer).motors) == 40)
-
-
 PROGRAM = """
 import sys, time
 from tega.config import check_tree
@@ -589,79 +347,3 @@ def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how
     assert program.returncode == codes[how], message
     made.wait(lambda: seen_by(made.peer).motors == SILENT)
     seen_by(made.peer)
-
-
-class _Careless(PlayerVest):
-    """A driver whose link has a bug."""
-
-    def _new_link(self) -> Any:
-        link: Any = super()._new_link()
-        link.ready = lambda _timeout_s: 1 // self.divisor
-        return link
-
-    divisor = 0
-
-
-def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
-    with bench("bhaptics-player") as made:
-        options: Any = made.vest
-        careless = made._replace(vest=_Careless(options._options))
-        with careless.vest as vest:
-            careless.feed(lambda: vest.counters.lost == 1)
-            assert "unexpected ZeroDivisionError" in vest.info.notes[-1]
-            careless.vest.divisor = 1  # type: ignore[attr-defined]
-            careless.feed(lambda: careless.shows(TOUCH))
-        assert seen_by(careless.peer).motors == SILENT
-
-
-def test_a_session_in_real_time_is_felt_and_ends_silent(tmp_path: Path) -> None:
-    with bench("bhaptics-player") as made:
-        settings = {
-            "session": {"duration_s": 1.2},
-            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 1.2}}},
-            "vest": {
-                "driver": "bhaptics-player",
-                "options": {"port": made.peer.address["port"]},
-                "threshold": 20,
-            },
-        }
-        summary = run_session(check_tree(settings, {}, base=tmp_path).config)
-        report = seen_by(made.peer)
-    assert summary["ended"] == "complete" or summary["ended"] == "duration"
-    assert report.errors == []
-    assert report.motors == SILENT
-    felt = {values[0] for _, values in report.history}
-    assert len(felt) > 3
-    assert min(felt - {0}) >= 20
-
-
-@pytest.mark.slow
-def test_an_encrypted_player_answers_every_opening() -> None:
-    """Where one thread reads a TLS connection and another writes it, two in a hundred are never answered."""
-    with bench("bhaptics-player", **V3) as made:
-        for _ in range(300):
-            link = PlayerLink(made.vest._options)  # type: ignore[arg-type]
-            try:
-                link.connect()
-                assert link.present
-            finally:
-                link.close()
-
-
-def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
-    displayed: list[LoopView] = []
-    with bench("bhaptics-player", **V3) as made:
-        vest: Any = made.vest
-        options = {
-            k: getattr(vest._options, k) for k in ("port", "port_v3", "version", "app_id", "api_key_file")
-        }
-        settings = {
-            "session": {"duration_s": 0.6},
-            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 0.6}}},
-            "vest": {"driver": "bhaptics-player", "options": options},
-        }
-        run_session(check_tree(settings, {}, base=tmp_path).config, bus=observed(displayed.append))
-    message = "TactSuitX40 connected, Player version 3, battery 98 %, fit unknown"
-    assert message in {view.vest_condition for view in displayed}
-    state = ViewState(0, next(view for view in displayed if view.vest_condition == message))
-    assert f"<b>{message}</b>" in status_html(state)

@@ -160,6 +160,7 @@ def test_what_a_mapping_does_not_show_is_not_asked(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_somebody_who_guesses_is_at_chance_and_the_staircase_says_so(tmp_path: Path) -> None:
     config = settings(tmp_path)
     clock = ManualClock()

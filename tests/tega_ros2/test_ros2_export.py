@@ -179,7 +179,7 @@ def _extra(topic: str) -> bool:
     return topic.endswith(EXTRA)
 
 
-@settings(max_examples=8)
+@settings(max_examples=settings().max_examples // 8)
 @given(records=_each)
 def test_a_record_of_every_kind_is_in_the_bag_with_every_value(records: tuple[Record, ...]) -> None:
     with tempfile.TemporaryDirectory() as name:

@@ -57,6 +57,7 @@ def scored(trial: TrueTrial, mark_m: NDArray[np.float64], *, end_s: float | None
     return score_scene(noisy_track(trial), bench_layout(trial), end_s=end_s, mark_m=(x, y))
 
 
+@pytest.mark.slow
 def test_what_is_carried_to_the_second_mark_is_placed_as_far_from_it_as_in_truth(
     carried: TrueTrial, reported: TrialResult, mark_m: NDArray[np.float64]
 ) -> None:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from mcap.reader import NonSeekingReader
-from mcap.writer import Writer
 
 from reference.command import call
 from tega.config import load_config
@@ -24,7 +20,6 @@ from tega_figures.audit import (
     AuditRequest,
     Mark,
     audit_recording,
-    mean_difference,
     parse_sweep,
     read_forces,
     read_marks,
@@ -165,19 +160,6 @@ def test_forces_are_of_pictures_or_over_time(tmp_path: Path) -> None:
     table.write_text("img_name,force_n\nset/a.png,1\n3,2\n")
     forces = read_forces(table)
     assert [forces.of_picture("a.png", 0, 0), forces.of_picture("x", 3, 0), forces.at(0)] == [1.0, 2.0, None]
-
-
-def test_the_mean_difference_rises_with_the_press() -> None:
-    press = mean_difference([BASELINE, *FRAMES], BASELINE)
-    assert press[0] == 0
-    assert list(press) == sorted(press)
-
-
-@pytest.mark.slow
-def test_the_verb_prints_and_draws(presses: Path, capsys: Any) -> None:
-    out = presses.parent / "out.png"
-    assert "live" in call(capsys, "audit", presses, "--picture", out)[0]
-    assert out.stat().st_size > 10_000
 
 
 def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(tmp_path: Path, capsys: Any) -> None:
@@ -407,43 +389,6 @@ def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None
 
 
 @pytest.mark.slow
-def test_a_session_whose_numbers_are_lists_is_told_to_be_damaged(session: Path, tmp_path: Path) -> None:
-    (source,) = session.glob("*.mcap")
-    changed = tmp_path / "odd.mcap"
-    reader = NonSeekingReader(io.BytesIO(source.read_bytes()))
-    with changed.open("wb") as file:
-        writer: Any = Writer(file)
-        writer.start()
-        for attachment in NonSeekingReader(io.BytesIO(source.read_bytes())).iter_attachments():
-            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
-        for table in NonSeekingReader(io.BytesIO(source.read_bytes())).iter_metadata():
-            writer.add_metadata(table.name, table.metadata)
-        ids: dict[int, int] = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            assert schema is not None
-            if channel.id not in ids:
-                data = listed(schema.data) if schema.name == "tega.Contact" else schema.data
-                ids[channel.id] = writer.register_channel(
-                    channel.topic, "protobuf", writer.register_schema(schema.name, schema.encoding, data)
-                )
-            writer.add_message(ids[channel.id], message.log_time, message.data, message.publish_time)
-        writer.finish()
-    with pytest.raises(RecordingError, match=r"odd\.mcap: damaged, or not written by TEGA"):
-        audit_recording(changed)
-
-
-def listed(schema: bytes) -> bytes:
-    """Return a contact's schema in which its area is a list."""
-    files: Any = FileDescriptorSet.FromString(schema)
-    (contact,) = (m for file in files.file for m in file.message_type if m.name == "Contact")
-    (eda,) = (field for field in contact.field if field.name == "eda")
-    eda.label = eda.LABEL_REPEATED
-    eda.ClearField("proto3_optional")
-    described: bytes = files.SerializeToString()
-    return described
-
-
-@pytest.mark.slow
 def test_the_vest_of_a_session_is_compared_and_swept(session: Path, tmp_path: Path, capsys: Any) -> None:
     (report,) = reported(session, "--of", "vest", "--picture", tmp_path / "vest.png", capsys=capsys)
     scores = {score["reading"]: score for score in report["vest"]}
@@ -470,14 +415,3 @@ def test_loose_pictures_can_be_shown_on_a_vest(presses: Path, capsys: Any) -> No
     assert score["lit_share"] > 0
     assert score["maxima_of"] == "recording"
     assert "reading 'prnt' is not known" in refused(presses, "--reading", "prnt", capsys=capsys)
-
-
-def test_live_finds_the_marked_circles_of_real_presses(recordings: Path, capsys: Any) -> None:
-    pytest.importorskip("cv2", reason="needs the extra tega[lab]")
-    folder = recordings / "digit" / "digit_ball_D20641"
-    words = (folder, "--baseline", folder / "background.png", "--marks", folder / "annotate.csv")
-    (live,) = reported(*words, "--reading", "live", capsys=capsys)[0]["touch"]
-    assert live["n_found"] == live["n_frames"] == 30
-    assert live["iou"] >= 0.78
-    assert live["iou_low"] >= 0.60
-    assert 0.9 <= live["area_ratio"] <= 1.1

@@ -24,7 +24,7 @@ from tega.ui.cli.main import main
 from tega.ui.view.terminal import TerminalView, render
 from tega_sim import demo as demo_module
 from tega_sim.cli.demo import _print
-from tega_sim.demo import DemoReport, demo_heading, demo_outputs
+from tega_sim.demo import DemoReport, demo_outputs
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.score import TrialEvent
 from tega_sim.synthetic import (
@@ -103,25 +103,6 @@ def test_the_demo_prints_one_page_and_no_keyboard_in_a_hurry(
     with pytest.raises(SystemExit) as done:
         main(["demo", "--fast", "--operator", "keyboard", "--out", str(tmp_path)])
     assert done.value.code == 2
-
-
-@pytest.mark.parametrize(
-    ("operator", "condition", "words"),
-    [
-        ("simulated", "haptic", "the person feels the vest and steers"),
-        ("simulated", "non-haptic", "the person wears no vest"),
-        ("simulated", "permuted", "sham vest (permuted)"),
-        ("simulated", "unfelt", "does not feel it"),
-        ("simulated", "oracle", "wears a vest (oracle)"),
-        ("scripted", "haptic", "a fixed course, whatever the vest does"),
-        ("keyboard", "haptic", "at the keyboard"),
-    ],
-)
-def test_the_heading_of_the_picture_is_true(operator: Any, condition: Any, words: str) -> None:
-    plan = TrialPlan(object="bag", operator=operator, condition=condition)
-    heading = demo_heading([plan, plan])
-    assert heading.startswith("TEGA demo, simulated: ")
-    assert heading.count(words) == 1
 
 
 def dropped() -> TrialResult:

@@ -1,4 +1,4 @@
-"""By default the vest is felt: equal steps above the wearer's thresholds, and recordings keep the mapping they had."""
+"""What is felt with the shipped settings, and with other mappings."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from reference.recorded import read_recorded
+from tega_figures.felt.information import Discriminant
 from tega_figures.felt.shown import score_lifts
+from tega_figures.felt.skin import BatchSkin
 from tega_sim.lab import lab_of
+from tega_sim.operator.person import typical_person
 from tega_sim.plan import TrialPlan, loop_settings
 from tega_sim.true_touch import touch_of
 
@@ -56,3 +59,15 @@ def test_a_recording_of_the_earlier_default_keeps_its_mapping(tmp_path: Path) ->
     recorded = read_recorded(path)
     assert recorded.head.config.session.preset == "live"
     assert recorded.head.config.stages.mapping.name == "columns"
+
+
+def test_a_vest_that_is_off_is_not_felt_and_motors_are_named_by_their_place() -> None:
+    rng = np.random.default_rng(6)
+    skin = BatchSkin(typical_person().vest)
+    off = np.zeros((50, 40), np.uint8)
+    assert np.ptp(skin.percepts(off, 50, rng), axis=0).max() == 0
+    places = [np.eye(40, dtype=np.uint8)[[motor] * 50] * np.uint8(15) for motor in (0, 3)]
+    percepts = np.concatenate([skin.percepts(levels, 100, rng) for levels in places])
+    stimuli = np.repeat([0, 1], 100)
+    named = Discriminant(percepts[::2], stimuli[::2]).named(percepts[1::2])
+    assert (named == stimuli[1::2]).mean() > 0.9

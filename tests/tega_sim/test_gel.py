@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import threading
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -243,27 +240,3 @@ def test_a_gel_with_memory_left_alone_drifts_as_a_recorded_one() -> None:
     # The recorded one went 11 counts from its first moment and 7 from when it was warm.
     assert 4 < np.median(drifts) < 11
     assert np.median(drifts) > 1.5 * np.median([most(Gel(seed)) for seed in range(8)])
-
-
-def test_a_unit_is_made_while_other_threads_go_on() -> None:
-    counted, done = [0], threading.Event()
-
-    def count() -> None:
-        while not done.is_set():
-            counted[0] += 1
-            time.sleep(0)
-
-    switching_s = sys.getswitchinterval()
-    thread = threading.Thread(target=count)
-    thread.start()
-    try:
-        # From here on a thread runs only when another lets it.
-        sys.setswitchinterval(100.0)
-        before = counted[0]
-        Gel(123)
-        during = counted[0] - before
-    finally:
-        sys.setswitchinterval(switching_s)
-        done.set()
-        thread.join()
-    assert during > 0

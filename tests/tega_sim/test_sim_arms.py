@@ -110,6 +110,7 @@ def test_black_cameras_change_nothing_in_a_true_vest_and_all_in_a_real_one(
     assert unseen["haptic"].rows["vest"] != seen["haptic"].rows["vest"]
 
 
+@pytest.mark.slow
 def test_the_oracle_tells_a_slip_within_a_tick_of_its_onset_and_nothing_before(lab: Lab) -> None:
     _, streams = lift(lab, "oracle", LET_FALL)
     looks_s, speed = streams.array("truth", "t_s"), streams.array("truth", "slip_m_s")

@@ -219,6 +219,7 @@ def test_weakening_is_noticed_as_often_as_the_rule_says(fall: float, chance: flo
     assert share_weaker(15, fall, 0.5, 300) == pytest.approx(chance, abs=0.08)
 
 
+@pytest.mark.slow
 def test_a_constant_vest_gives_less_than_one_false_alarm_a_minute() -> None:
     felt, displayed, alarms = skin(UNADAPTED), frame(8), 0
     for tick in range(30 * 60 * 20):

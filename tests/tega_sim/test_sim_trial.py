@@ -35,6 +35,7 @@ def lift() -> tuple[TrialResult, Streams]:
     return run_trial(SCRIPTED, streams=streams), streams
 
 
+@pytest.mark.slow
 def test_a_script_lifts_the_container_through_the_whole_loop(lift) -> None:
     result, streams = lift
     assert result.success

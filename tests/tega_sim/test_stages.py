@@ -16,8 +16,8 @@ from tega.config import SessionConfig, StageConfig, StagesSection, load_config
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import Chosen
 from tega.errors import ConfigError, InvalidValueError
-from tega.haptics import FeltMap, MotorLevels, intensity, vest_frame
-from tega.haptics.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
+from tega.haptics import FeltMap, MotorLevels, intensity
+from tega.haptics.motor_layout import PAPER32, X16, Motor, MotorLayout, find_layout
 from tega.loop.touch import TouchLoop
 from tega.records import Contact
 from tega.setup.contract import check_stage
@@ -261,16 +261,6 @@ def test_law_routing_fingers_and_mirror_are_options() -> None:
         displayed(own, front="pc2", front_max=6.0)
     with pytest.raises(ConfigError, match="named twice"):
         displayed(contact(), fingers=("ring", "ring", "thumb", "index"))
-
-
-@pytest.mark.parametrize("layout", list(SHIPPED))
-@pytest.mark.parametrize("mirror", ["none", "back", "all"])
-def test_the_tables_of_the_layouts_say_what_the_kernel_does(layout: str, mirror: Any) -> None:
-    front, back = [80.4, 60.5, 40.0, 20.0], [10.0, 0.0, 100.0, 55.5]
-    table, frame = SHIPPED[layout].mirrored(mirror), vest_frame(front, back, layout=layout, mirror=mirror)
-    want = [(front if m.face == "front" else back)[m.column] for m in table.motors]
-    assert frame.intensities.tolist() == np.rint(want).astype(int).tolist()
-    assert frame.motors.tolist() == table.numbers.tolist() == [m.number for m in table.motors]
 
 
 def test_a_layout_that_cannot_be_is_refused() -> None:

@@ -134,15 +134,6 @@ def test_a_run_that_stands_still_is_told_to_be_until_it_ends(moments):
         assert "tega-badge" not in view.page.run_state.content
 
 
-def test_a_pause_by_the_button_is_told_as_one(moments):
-    controls = Controls(can_pause=True)
-    with BrowserView(port=0, controls=controls) as view:
-        view.offer(moments.at(1.0, images=False))
-        controls.paused = True
-        until(lambda: "paused by the page" in view.page.run_state.content)
-        assert "no news" not in view.page.run_state.content
-
-
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::", "example.org"])
 def test_refuses_to_serve_others(host):
     with pytest.raises(InvalidValueError, match="served to this machine only"):
@@ -271,28 +262,6 @@ def test_what_a_run_cannot_do_is_not_offered():
         controls.choose("cup")
 
 
-def test_prints_nothing_and_cannot_be_shared(capfd):
-    with BrowserView(port=0) as view, websocket(view) as socket:
-        check(socket)
-        notify(socket, "ShareUrlRequest")
-        press(socket, view.page.inputs["stop"], True)
-        until(lambda: view.controls.stopped)
-        assert view.url.startswith("http://127.0.0.1:")
-    assert view.url == ""
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_capsule_is_a_tube_with_a_ball_at_either_end():
-    with BrowserView(port=0) as view:
-        scene = view.page.scene
-        half = np.sqrt(0.5)
-        lying = np.array([[1.0, 2.0, 3.0, half, half, 0.0, 0.0]])  # its z turned to the world's -y
-        scene.draw([("finger", "capsule", (0.01, 0.2, 0.0), (1, 0, 0, 1))], lying, None)
-        placed = {handle.name: handle.batched_positions for handle, _ in scene.solids.batches}
-        np.testing.assert_allclose(placed["/world/tube"], [[1, 2, 3]])
-        np.testing.assert_allclose(placed["/world/ball"], [[1, 2.2, 3], [1, 1.8, 3]], atol=1e-6)
-
-
 def test_a_new_set_of_shapes_takes_the_place_of_the_old(moments):
     with BrowserView(port=0) as view:
         scene: Scene = view.page.scene
@@ -329,13 +298,6 @@ def test_the_touch_map_has_its_marks_where_the_contact_is(moments):
         assert np.median(distance) == pytest.approx(radius, abs=2.0)
     grey = (tile[..., 0] == tile[..., 1]) & (tile[..., 1] == tile[..., 2])
     assert grey.mean() > 0.8
-
-
-def test_an_untouched_gel_stays_dark_and_unmarked(moments):
-    finger = moments.at(0.0).images["index"]
-    tile = TouchSheet().draw({"index": finger})[TILE_HEIGHT + GAP :, TILE_WIDTH + GAP : 2 * TILE_WIDTH + GAP]
-    assert tile.max() < 60
-    assert (np.ptp(tile.astype(int), axis=2) == 0).all()
 
 
 @pytest.mark.parametrize(("layout", "motors"), [("paper32", 32), ("x40", 40), ("x16", 16)])

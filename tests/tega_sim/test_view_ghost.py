@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,7 @@ from reference.parts import observed
 
 pytest.importorskip("viser", reason="needs the extra view")
 
-from PIL import Image
 
-from reference.chromium import launched, opened
-from reference.waiting import until
 from tega.config import check_tree
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import run_session
@@ -24,7 +20,7 @@ from tega.loop.hand import CommandedHand, ModelledAllegro
 from tega.records.bus import Bus
 from tega.ui.view.browser import BrowserView
 from tega.ui.view.browser.feed import SessionFeed
-from tega.ui.view.browser.hand_figure import EYE_M, LOOK_AT_M, STANDING, HandFigure
+from tega.ui.view.browser.hand_figure import STANDING, HandFigure
 from tega.ui.view.state import ViewState
 
 PALM = np.array([0.3, -0.2, 0.5, np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
@@ -104,30 +100,3 @@ def test_the_page_draws_it_while_there_is_a_command(tmp_path: Path) -> None:
             state._replace(loop=state.loop._replace(target_rad=None)), turn=0, rates_hz={}, latency_ms={}
         )
         assert view.page.scene.ghost.solids.batches == []
-
-
-@pytest.mark.slow
-def test_it_is_seen_blue_in_the_browser(tmp_path: Path) -> None:
-    opened_hand, closed_hand = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
-    state: Any = next(s for s in completed(tmp_path) if s.loop.target_rad is not None)
-    figure = HandFigure()
-    apart = state._replace(
-        poses=figure.poses(opened_hand),
-        loop=state.loop._replace(angles_rad=opened_hand.tolist(), target_rad=closed_hand.tolist()),
-    )
-    alone = apart._replace(loop=apart.loop._replace(target_rad=None))
-    with (
-        launched() as browser,
-        BrowserView(port=0, eye_m=EYE_M, at_m=LOOK_AT_M) as view,
-        opened(browser, view.url) as page,
-    ):
-
-        def blue() -> float:
-            displayed = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
-            scene = displayed[:, 430:1030]
-            return float(((scene[..., 2] - scene[..., 0]) > 40).mean())
-
-        view.offer(apart)
-        until(lambda: blue() > 0.004)
-        view.offer(alone)
-        until(lambda: blue() < 0.0005)

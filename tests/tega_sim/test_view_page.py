@@ -20,12 +20,8 @@ from PIL import Image
 from reference.chromium import launched, opened
 from reference.moments import Moments
 from reference.waiting import until
+from tega.loop.motor_tests import MotorAnswer
 from tega.ui.view.browser import BrowserView, Controls
-from tega.ui.view.state import ViewState
-from tega_figures.chromium import HEIGHT_PX, WIDTH_PX
-
-# As the page's light shows them.
-OBJECT_COLOURS = {"bottle": (120, 160, 180), "bag": (190, 165, 130)}
 
 # Of the state's badge: of a run that steers, and of one that nothing is heard of.
 GREEN, GREY = "rgb(43, 138, 62)", "rgb(134, 142, 150)"
@@ -156,37 +152,6 @@ def within(inner: dict[str, float], outer: dict[str, float]) -> bool:
     )
 
 
-def test_every_chart_lies_whole_in_its_panel(seen):
-    page, _ = seen
-    for side, n_charts in (("left", 1), ("right", 2)):
-        panel = page.locator(f"[data-dock-region={side}]")
-        charts = panel.locator(".uplot").all()
-        assert len(charts) == n_charts
-        for chart in charts:
-            assert within(chart.bounding_box(), panel.bounding_box())
-
-
-def test_in_a_narrow_window_the_panels_stand_below_the_scene(seen):
-    page, _ = seen
-    scene = page.locator("canvas").first
-    page.set_viewport_size({"width": 820, "height": 1180})
-    try:
-        until(lambda: scene.bounding_box()["width"] > 800)
-        displayed = scene.bounding_box()
-        assert displayed["height"] > 500
-        for side in ("left", "right"):
-            panel = page.locator(f"[data-dock-region={side}]").bounding_box()
-            assert panel["y"] >= displayed["y"] + displayed["height"] - 1
-            assert panel["width"] > 400
-            chart = page.locator(f"[data-dock-region={side}] .uplot").first.bounding_box()
-            assert panel["x"] <= chart["x"]
-            assert chart["x"] + chart["width"] <= panel["x"] + panel["width"]
-    finally:
-        page.set_viewport_size({"width": WIDTH_PX, "height": HEIGHT_PX})
-        until(lambda: scene.bounding_box()["width"] < 700)
-    assert scene.bounding_box()["width"] > 600
-
-
 def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
     with (
         BrowserView("TEGA made-up grasp", port=0, controls=Controls()) as view,
@@ -212,25 +177,6 @@ def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
             page.mouse.move(195, 650)
             page.mouse.wheel(0, 2000)
             time.sleep(0.1)
-
-
-def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
-    snapshot = Moments().at(2.0)
-
-    def in_state(state: str, reason: str) -> ViewState:
-        return snapshot._replace(loop=snapshot.loop._replace(state=state, reason=reason))
-
-    with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
-        view.offer(in_state("active", "all devices ready"))
-        page.get_by_text("ACTIVE", exact=True).wait_for(timeout=60_000)
-        assert page.get_by_text("all devices ready").count() == 0
-        view.offer(in_state("hold", "emg: no signal for 0.5 s"))
-        page.get_by_text("HOLD", exact=True).wait_for(timeout=60_000)
-        page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=60_000)
-        view.offer(in_state("stopped", "stopped: Ctrl-C"))
-        view.__exit__(None, None, None)
-        page.get_by_text("STOPPED", exact=True).wait_for(timeout=60_000)
-        assert page.get_by_text("ACTIVE", exact=True).count() == 0
 
 
 def test_a_program_that_is_stopped_leaves_no_page_that_says_active(browser):
@@ -278,36 +224,19 @@ def badge_colour(page) -> str:
     return colour
 
 
-@pytest.mark.parametrize("name", ["bottle", "bag"])
-def test_the_bench_with_an_object_held_up(name, browser):
-    """Show a simulated lift at its height."""
-    pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
-    from tega_sim.trial import TrialPlan, run_trial
+def test_a_click_on_a_motor_asks_for_it_and_says_what_came_of_it(browser):
+    requested: list[int] = []
 
-    course: list[ViewState] = []
-    run_trial(TrialPlan(object=name, condition="haptic", seed=1), observer=course.append)
-    held = [k for k, s in enumerate(course) if (s.rows["phase"], s.rows["lifted"]) == ("hold", "yes")]
-    assert held, f"the {name} was not lifted"
-    last = held[min(10, len(held) - 1)]
-    snapshot = course[last]
-    controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "container", "bag"))
-    with (
-        BrowserView("TEGA demo, simulated", port=0, controls=controls) as view,
-        opened(browser, view.url) as page,
-    ):
-        offered_s = time.monotonic()
-        for k in range(last % 3, last + 1, 3):
-            view.offer(course[k])
-            until(lambda: view.n_painted + view.n_dropped == view.n_offered)
-            if last - k < 75:  # at its own pace in the end, so that the rates shown are true
-                time.sleep(max(0.0, 0.1 - (time.monotonic() - offered_s)))
-            offered_s = time.monotonic()
-        page.get_by_text(f"{snapshot.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=60_000)
-        until(lambda: share_near(picture(page)[:420, 430:1030], OBJECT_COLOURS[name]) > 0.01)
-        page.wait_for_timeout(3_000)
-        displayed = picture(page)
-    over_table = displayed[:420, 430:1030]
-    assert share_near(over_table, OBJECT_COLOURS[name]) > 0.01
-    touch_maps = displayed[260:395, 10:415]
-    touching = [finger for finger, contact in snapshot.loop.contacts.items() if contact.in_contact]
-    assert (share_near(touch_maps, (39, 208, 69), 70) > 0.0003) == bool(touching)  # green circles
+    def ask(motor: int) -> MotorAnswer:
+        requested.append(motor)
+        return MotorAnswer(done=False, words="not tried: the run is active")
+
+    controls = Controls(try_motor=ask, can_go=True)
+    moments = Moments()
+    with BrowserView("armed", port=0, controls=controls) as view, opened(browser, view.url) as page:
+        view.offer(moments.at(2.0))
+        page.get_by_label("try motor 22").first.click(timeout=60_000)
+        page.get_by_text("not tried: the run is active").first.wait_for(timeout=60_000)
+        assert requested == [22]
+        page.get_by_role("button", name="Go").click()
+        until(lambda: controls.may_go)

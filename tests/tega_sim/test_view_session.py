@@ -14,7 +14,6 @@ from reference.command import call
 from reference.parts import observed
 from reference.recordings import write_folder
 from reference.scripted import ScriptedCamera, live_frame, touching
-from reference.waiting import until
 from tega.config import check_tree
 from tega.config.calibration import Calibration
 from tega.errors import MissingExtraError
@@ -28,7 +27,6 @@ from tega.records.bus import Bus
 from tega.runtime.clock import PausableClock
 from tega.ui.view.browser import BrowserView
 from tega.ui.view.browser.feed import SessionFeed
-from tega.ui.view.browser.hand_figure import HandFigure
 from tega.ui.view.state import ViewState
 
 SECONDS = 3.0
@@ -101,14 +99,6 @@ def test_a_muted_vest_rests(tmp_path):
     assert max(received[45:]) == 0
 
 
-def test_the_view_is_an_observer_of_the_loop(tmp_path):
-    with BrowserView(port=0) as view:
-        run_session(settings(tmp_path), bus=observed(view))
-        until(lambda: view.n_painted + view.n_dropped == view.n_offered)
-    assert view.n_offered == round(30 * SECONDS) + 1
-    assert "STOPPED" in view.page.run_state.content
-
-
 def test_a_pausable_clock_leaves_the_pause_out():
     held = threading.Event()
     clock = PausableClock(held.is_set)
@@ -120,22 +110,6 @@ def test_a_pausable_clock_leaves_the_pause_out():
     # Time before the clock noticed and after it went on counts; the pause, 200 ms, does not.
     assert clock.now_ns() - start_ns >= 1_000_000
     assert clock.held_ns > 100_000_000
-
-
-def test_the_figure_is_the_simulated_hand():
-    pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
-    from tega_sim.world import World
-
-    world, figure = World("bottle", seed=1), HandFigure()
-    drawn = {shape.name: pose for shape, pose in zip(world.shapes(), world.poses(), strict=True)}
-    poses = figure.poses(world.angles_rad)
-    names = [name for name, *_ in figure.shapes]
-    for one in names:
-        for other in names:
-            there = np.linalg.norm(drawn[one][:3] - drawn[other][:3])
-            here = np.linalg.norm(poses[names.index(one), :3] - poses[names.index(other), :3])
-            # What the world draws is a step of physics behind its angles.
-            assert here == pytest.approx(there, abs=5e-5)
 
 
 def test_run_with_view_says_where_and_prints_the_summary(tmp_path, capsys):

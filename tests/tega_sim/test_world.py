@@ -1,8 +1,6 @@
 # mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """The simulated world: closed forms, definitions of its events, and that it repeats to the bit."""
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 
 from reference.gel import nearest_touch
 from reference.grip import TICK_S, Grip
-from tega.errors import InvalidValueError, MissingExtraError, ShapeError
+from tega.errors import InvalidValueError, ShapeError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
 from tega_figures.world.lift import lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
@@ -356,12 +354,6 @@ def test_a_motion_that_runs_away_is_an_error(tmp_path, monkeypatch):
     world.data.qvel[:] = 1e9
     with pytest.raises(InvalidValueError, match="shorter steps"):
         world.step(20)
-
-
-def test_without_mujoco_one_line_names_the_extra(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingExtraError, match=r"tega\[sim\]"):
-        World("bag")
 
 
 def test_a_weak_grip_slips_and_a_firm_one_does_not(bottle_lifts):

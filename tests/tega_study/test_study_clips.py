@@ -376,41 +376,32 @@ def test_a_clip_with_an_open_proposal_counts_in_no_comparison(folder: Path, tmp_
     assert not any(saw_whole(events, trial, 1) for trial in (1, 2))
 
 
-BAD = {
-    "strange clip": (
-        lambda t: t["observations"].update({"clip-009": {"events": []}}),
-        "'clip-009' is no clip of r1",
+BAD = [
+    (lambda t: t["observations"].update({"clip-009": {"events": []}}), "'clip-009' is no clip of r1"),
+    (lambda t: t["observations"].pop("clip-002"), "lacks clip-002"),
+    *(
+        (lambda t, event=event: t["observations"]["clip-001"]["events"].append(event), message)
+        for event, message in (
+            ([0.1, "", "sneeze", "", ""], "behaviour 'sneeze' is not known"),
+            ([99, "", "slip", "", ""], "an event at 99 s, outside"),
+            (["NaN", "", "slip", "", ""], "clip-001: 'slip' has the time 'NaN'"),
+            ([0.1], "is no BORIS project"),
+        )
     ),
-    "missing clip": (lambda t: t["observations"].pop("clip-002"), "lacks clip-002"),
-    "strange code": (
-        lambda t: t["observations"]["clip-001"]["events"].append([0.1, "", "sneeze", "", ""]),
-        "behaviour 'sneeze' is not known",
-    ),
-    "beyond its end": (
-        lambda t: t["observations"]["clip-001"]["events"].append([99, "", "slip", "", ""]),
-        "an event at 99 s, outside",
-    ),
-    "no number": (
-        lambda t: t["observations"]["clip-001"]["events"].append(["NaN", "", "slip", "", ""]),
-        "clip-001: 'slip' has the time 'NaN'",
-    ),
-    "short event": (lambda t: t["observations"]["clip-001"]["events"].append([0.1]), "is no BORIS project"),
-}
+]
 
 
-@pytest.mark.parametrize("name", sorted(BAD))
-def test_a_project_that_was_spoilt_is_refused_and_nothing_is_taken(
-    folder: Path, tmp_path: Path, name: str
-) -> None:
+def test_a_project_that_was_spoilt_is_refused_and_nothing_is_taken(folder: Path, tmp_path: Path) -> None:
     make_clips(folder, tmp_path / "out", "r1")
     path = tmp_path / "out" / "r1.boris"
-    tree = json.loads(path.read_text(encoding="utf-8"))
-    change, message = BAD[name]
-    change(tree)
-    path.write_text(json.dumps(tree), encoding="utf-8")
-    with pytest.raises(RecordingError, match=message):
-        take_clips(folder, path, "r1")
-    assert not observer_path(folder, "p01", "r1").exists()
+    whole = path.read_text(encoding="utf-8")
+    for change, message in BAD:
+        tree = json.loads(whole)
+        change(tree)
+        path.write_text(json.dumps(tree), encoding="utf-8")
+        with pytest.raises(RecordingError, match=message):
+            take_clips(folder, path, "r1")
+        assert not observer_path(folder, "p01", "r1").exists()
 
 
 def test_numbers_that_name_no_proposal_are_a_rater_s_own_words(folder: Path, tmp_path: Path) -> None:

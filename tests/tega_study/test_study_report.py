@@ -137,8 +137,8 @@ def test_table_1_is_what_the_events_say_counted_by_hand(study: Path, report: Rep
         assert of[condition, "Success Rate"] == f"{good}/{n}"
 
 
-def test_every_cell_names_its_trials_and_every_trial_its_events(study: Path) -> None:
-    analysis, _ = analyse_study(study)
+def test_every_cell_names_its_trials_and_every_trial_its_events(study: Path, report: Report) -> None:
+    analysis = report.analysis
     trials = {trial.id: trial for trial in analysis.trials}
     assert sorted(one for cell in analysis.cells for one in cell.trials) == sorted(trials)
     for cell in analysis.cells:
@@ -155,8 +155,8 @@ def test_every_cell_names_its_trials_and_every_trial_its_events(study: Path) -> 
         assert kinds.count("slip") == trial.slips
 
 
-def test_the_effect_is_found_at_every_level_and_corrected(study: Path) -> None:
-    analysis, _ = analyse_study(study)
+def test_the_effect_is_found_at_every_level_and_corrected(report: Report) -> None:
+    analysis = report.analysis
     slips = {t.level: t for t in analysis.tests if (t.metric, t.object) == ("slips", "bottle")}
     assert set(slips) == {"as printed", "these trials", "people", "adjusted"}
     people = slips["people"]

@@ -135,20 +135,6 @@ def test_the_page_says_what_came_out_and_of_which_assumptions(study: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_changed_parameter_file_is_called_changed(study: Path, tmp_path: Path) -> None:
-    changed = tmp_path / "changed.toml"
-    changed.write_bytes((study / "parameters.toml").read_bytes() + b"\n")
-    folder = tmp_path / "s"
-    plan, _ = made_study(
-        folder, operators=2, seed=1, objects=OBJECTS, conditions=("haptic", "non-haptic"), trials=1, parameters=changed
-    )  # fmt: skip
-    fill(folder, plan, few_with_touch)
-    done = write_report(folder)
-    assert "<b>changed</b>: not the one that was frozen" in done.page.read_text(encoding="utf-8")
-    assert "parameters,changed" in (done.tables / "provenance.csv").read_text(encoding="utf-8")
-
-
-@pytest.mark.slow
 def test_the_sensitivity_table_says_where_a_direction_turns(study: Path) -> None:
     rows = read_sensitivity(study)
     assert [(row.what, row.setting, row.end) for row in rows] == [

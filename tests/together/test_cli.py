@@ -22,16 +22,6 @@ from tega.ui.cli.main import cli
 DEVICE_KEYS = {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}
 
 
-def _verbs(group: click.Group, name: str) -> list[str]:
-    """Return the names of all verbs below a group, groups included."""
-    context, found = click.Context(group), []
-    for below in group.list_commands(context):
-        command, full = group.get_command(context, below), f"{name} {below}".strip()
-        assert command is not None
-        found += [full, *(_verbs(command, full) if isinstance(command, click.Group) else [])]
-    return found
-
-
 @pytest.fixture
 def session(tmp_path: Path) -> Path:
     write_folder(tmp_path / "thumb", 30)
@@ -71,13 +61,6 @@ def test_help_lists_every_verb_by_life_cycle(capsys: pytest.CaptureFixture[str])
     out, _ = call(capsys, "--help")
     assert out.index("Start:") < out.index("replay") < out.index("Prepare:") < out.index("devices  ")
     assert out.index("Groups:") < out.index("config  ")
-
-
-@pytest.mark.parametrize("verb", _verbs(cli, ""))
-def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str], verb: str) -> None:
-    out, _ = call(capsys, *verb.split(), "--help")
-    assert "Example: tega-teleop" in out
-    assert "\\b" not in out  # click's sign for lines to keep as they are
 
 
 def test_help_and_import_load_nothing_heavy() -> None:

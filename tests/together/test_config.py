@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tega.config import FINGERS, driver_options, load_config
+from tega.config import driver_options, load_config
 from tega.config.lines import leaves, value_lines
 from tega.devices import driver_names
 from tega.devices.fingertip.images import ImageFolderOptions
@@ -77,12 +77,6 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
     ).config
     assert config.emg is not None
     assert (config.emg.options.channels, config.emg.options.rate_hz) == ((1,), 1000.0)
-
-
-def test_fingers_are_those_of_the_vest() -> None:
-    from tega.haptics import vest as haptics
-
-    assert tuple(haptics.FINGERS) == FINGERS
 
 
 @pytest.mark.parametrize(
@@ -191,6 +185,7 @@ def test_the_examples_are_valid(name: str) -> None:
     assert loaded.config.emg is not None
 
 
+@pytest.mark.words
 def test_the_reference_lists_every_key_and_driver(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(PROJECT / "docs")
     from reference_pages import drivers_page, settings_page, stages_page

@@ -1,8 +1,10 @@
-"""The list of guards that ``tests/hazards/without.py`` takes out still names what the program does."""
+"""The guards of the hazard table stand where they can be taken out, and every alert is raised by a test."""
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -29,3 +31,57 @@ def test_every_line_of_the_hazard_table_has_a_guard() -> None:
 def test_the_page_has_every_guard_and_none_that_was_taken_out_unseen(guard: Guard) -> None:
     # What is unproven, on a machine that was busy, stands there as such; what survives is a hole.
     assert "SURVIVES" not in read_page()[guard.what, guard.shown_by][3]
+
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+
+def _is_call(node: ast.AST, name: str) -> bool:
+    """Whether a node calls a function or a method of this name with a text first."""
+    if not (isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant)):
+        return False
+    called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+    return called == name and isinstance(node.args[0].value, str)
+
+
+def _keys(node: ast.AST) -> Iterator[str]:
+    """Return the names under which a part of the code puts something into a table."""
+    for one in ast.walk(node):
+        keys: list[ast.expr | None] = []
+        if isinstance(one, ast.Dict):
+            keys = list(one.keys)
+        elif isinstance(one, ast.Subscript) and isinstance(one.ctx, ast.Store):
+            keys = [one.slice]
+        elif _is_call(one, "Watched"):
+            keys = [one.args[0]]  # type: ignore[attr-defined]  # it is a call
+        for key in keys:
+            assert isinstance(key, ast.Constant), f"line {one.lineno}: {ast.unparse(one)}"  # type: ignore[attr-defined]
+            yield str(key.value)
+
+
+def declared() -> set[str]:
+    """Return the names by which a guard alerts: what it watches, in the core and in the parts of features."""
+    found = {"thumb"}  # of the fingers, which are watched alike
+    for file in (PROJECT / "python").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.FunctionDef) and node.name in {"alerts", "needs", "watch_over"}:
+                found.update(_keys(node))
+            elif _is_call(node, "watch") or _is_call(node, "alert"):
+                found.add(node.args[0].value)  # type: ignore[attr-defined]  # it is a call with a text
+    return found
+
+
+def raised() -> set[str]:
+    """Return the names that tests say to raise."""
+    files = (PROJECT / "tests").rglob("test_*.py")
+    texts = [text for file in files if "mark.raises(" in (text := file.read_text())]
+    return {
+        node.args[0].value  # type: ignore[attr-defined]  # as above
+        for text in texts
+        for node in ast.walk(ast.parse(text))
+        if _is_call(node, "raises") and ast.unparse(node).startswith("pytest.mark.raises(")
+    }
+
+
+def test_every_alert_has_a_test_that_raises_it() -> None:
+    assert declared() == raised()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -56,9 +57,8 @@ def everything(folder: Path) -> set[Path]:
     return {path for path in folder.rglob("*") if "out" not in path.relative_to(folder).parts[:2]}
 
 
-@pytest.mark.parametrize(
-    "name", ["{tmp}/.bashrc", "../../authorized_keys", "..", "a/../../b", "C:\\x", "NUL", "x\0y", ""]
-)
+# Which names are plain is a property of its own, in `test_plain_name.py`.
+@pytest.mark.parametrize("name", ["{tmp}/.bashrc", "../../authorized_keys", ""])
 def test_an_attachment_s_name_never_leaves_the_folder(name: str, lossless: Path, tmp_path: Path) -> None:
     name = name.format(tmp=tmp_path)
     recording = hostile(lossless, tmp_path / "sent" / "x.mcap", attached=name or "empty/")
@@ -70,7 +70,7 @@ def test_an_attachment_s_name_never_leaves_the_folder(name: str, lossless: Path,
     assert not list((tmp_path / "sent" / "out").iterdir())
 
 
-@pytest.mark.parametrize("finger", ["..", ".", "C:", "..\\..\\x", "a b"])
+@pytest.mark.parametrize("finger", ["..", "a b"])
 def test_a_topic_s_finger_never_leaves_the_folder(finger: str, lossless: Path, tmp_path: Path) -> None:
     recording = hostile(lossless, tmp_path / "sent" / "x.mcap", finger=finger)
     before = everything(tmp_path)
@@ -81,14 +81,24 @@ def test_a_topic_s_finger_never_leaves_the_folder(finger: str, lossless: Path, t
     assert everything(tmp_path) == before
 
 
+@pytest.fixture(scope="module")
+def stolen(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return a recording with an attachment that would be written elsewhere, and one with a finger that would."""
+    folder = tmp_path_factory.mktemp("sent")
+    return {
+        "attached": hostile(lossless, folder / "a" / "x.mcap", attached=f"{folder}/stolen"),
+        "finger": hostile(lossless, folder / "b" / "x.mcap", finger=".."),
+    }
+
+
 @pytest.mark.parametrize("verb", VERBS)
 @pytest.mark.parametrize("subject", ["attached", "finger"])
 def test_no_verb_on_a_recording_writes_elsewhere(
-    verb: str, subject: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    verb: str, subject: str, stolen: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     work = tmp_path / "work"
-    given = {"attached": f"{tmp_path}/stolen"} if subject == "attached" else {"finger": ".."}
-    recording = hostile(lossless, work / "x.mcap", **given)
+    work.mkdir()
+    recording = Path(shutil.copy(stolen[subject], work))
     monkeypatch.chdir(work)
     before = everything(tmp_path)
     with pytest.raises(SystemExit) as ended:
@@ -97,6 +107,7 @@ def test_no_verb_on_a_recording_writes_elsewhere(
     if "export" in verb:
         assert (ended.value.code != 0) == (subject == "finger" or verb == "recording export")
     assert {path for path in everything(tmp_path) - before if "out" not in path.parts} == set()
+    assert not (stolen[subject].parents[1] / "stolen").exists()
 
 
 @pytest.mark.parametrize("person", ["../../elsewhere", "*", "..", "/tmp"])

@@ -121,9 +121,8 @@ def _calibration(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("route", ["exception", "break", "interrupt", "return"])
-@pytest.mark.parametrize("pace", ["fast", pytest.param("real", marks=pytest.mark.slow)])
-def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, route: str, pace: str) -> None:
-    config = settings(tmp_path, session={"pace": pace})
+def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, route: str) -> None:
+    config = settings(tmp_path)
 
     def follow(s: ProgramSession) -> None:
         for k, _ in enumerate(s):

@@ -178,7 +178,7 @@ def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(tmp
     """As the lifts of a demo that is computed faster than it lasts."""
     for name in ("one", "two"):
         settings = tree(tmp_path / name) | {"emg": {"driver": "synthetic-emg", "kind": "raw"}}
-        settings["emg"]["options"] = {"duration_s": 60.0}
+        settings["emg"]["options"] = {"duration_s": 20.0}
         del settings["tactile"]
         run_session(check_tree(settings, {}, base=tmp_path).config)
     (one,), (two,) = (list((tmp_path / name).glob("*.mcap")) for name in ("one", "two"))

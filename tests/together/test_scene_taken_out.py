@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 import pytest
 
-import tega
 from reference.played import muscles
 from reference.taken_out import environment_without
 from tega.config import check_tree
@@ -71,15 +70,6 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     summary = run_session(check_tree(tree, {}, base=folder).config)
     assert summary["recording"]["written"]["/scene/front/video"] > 0
     return folder / "session"
-
-
-def test_no_file_of_the_core_names_it(python: Path) -> None:
-    assert (
-        subprocess.run([python, "-c", "import tega_scene"], capture_output=True, check=False).returncode == 1
-    )
-    files = [*Path(tega.__file__).parent.rglob("*.py")]
-    assert len(files) > 300
-    assert [file.name for file in files if "tega_scene" in file.read_text(encoding="utf-8")] == []
 
 
 def test_a_session_on_emulated_devices_runs_and_is_verified(teleop: Teleop, tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from reference.parts import observed
 from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
-from tega.haptics import FINGERS
 from tega.loop import run_session
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
@@ -122,7 +121,3 @@ def test_the_table_of_an_arm_is_made_from_its_turns() -> None:
     (row,) = csv.DictReader([",".join(head), *rows(damaged)])
     assert row["arm_x_m"] == ""
     assert float(row["target_qw"]) == 1.0
-
-
-def test_fingers_of_events_are_those_of_the_vest(session: Session) -> None:
-    assert {event.finger for event in session[2]} <= {*FINGERS, ""}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import threading
 import time
 from contextlib import ExitStack, closing
@@ -40,10 +39,8 @@ from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.metrics import LiveMetric, LiveOptions
 from tega.tactile.tracker import DEPTH_LAW
-from tega.ui.cli.main import main
 from tega.ui.view.labels import ContactLabels
 from tega_sim.gel import PX_PER_MM, Gel, ball, board
-from tega_sim.plan import loop_settings
 from tega_study.touch_picture import recorded_picture
 
 PERIOD_NS = 16_666_667
@@ -503,56 +500,6 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     ]
     full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
     assert full_share == 0.0
-
-
-def write_pictures(folder: Path, images: list[Any]) -> None:
-    """Write pictures as PNG files."""
-    import cv2
-
-    folder.mkdir()
-    for k, image in enumerate(images):
-        cv2.imwrite(str(folder / f"frame_{k:03d}.png"), image)
-
-
-@pytest.mark.slow
-def test_reading_outline_and_rezero_are_settings_of_a_replay_and_of_the_demo(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("cv2", reason="pictures need the extra tactile")
-    frames, baseline = gel_frames(3, held=False)
-    write_pictures(tmp_path / "press", frames[:100:2])
-    write_pictures(tmp_path / "still", [baseline])
-    area: dict[str, float] = {}
-    for name, sets in (
-        ("dent", ()),
-        ("contact", ("stages.metric.options.outline=contact",)),
-        ("paper", ("stages.metric.name=reading", "stages.metric.options.threshold=D3")),
-    ):
-        words = ["replay", "--tactile", f"thumb={tmp_path / 'press'}", "--json"]
-        words += ["--out", str(tmp_path / name)]
-        words += ["--baseline", f"thumb={next((tmp_path / 'still').iterdir())}", "--tactile-rate-hz", "30"]
-        words += ["--picture", str(tmp_path / f"{name}.png")]
-        with pytest.raises(SystemExit) as ended:
-            main([*words, *(word for one in sets for word in ("--set", one))])
-        assert ended.value.code == 0, capsys.readouterr().err
-        capsys.readouterr()
-        with (tmp_path / name / "contacts.csv").open(newline="") as file:
-            rows = [row for row in csv.DictReader(file) if row["in_contact"] == "1"]
-        area[name] = float(np.mean([float(row["eda"]) for row in rows]))
-        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-    assert area["contact"] < 0.8 * area["dent"]
-    assert len({round(one) for one in area.values()}) == 3
-    with pytest.raises(SystemExit) as ended:
-        main([*words, "--set", "stages.metric.options.outlin=contact"])
-    assert ended.value.code == 1
-    assert "outlin" in capsys.readouterr().err
-    options = loop_settings(
-        "live", ["stages.metric.options.rezero=false", "stages.metric.options.mm_per_px=0.06"]
-    )
-    metric = finger_metric(options.stages, "live", "thumb", baseline)
-    for k, frame in enumerate(frames[:40]):
-        contact = metric.update(frame, k * PERIOD_NS)
-    assert contact.area_mm2 == pytest.approx(contact.eda * 0.06**2, rel=1e-6)
 
 
 @pytest.mark.parametrize("lossless", [True, False])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import subprocess
 import sys
 import tomllib
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-import tega
 from tega.errors import MissingToolError
 from tega.runtime.checkout_tools import needs_tools
 from tega.ui.cli.install_line import with_origin
@@ -88,24 +86,3 @@ def test_the_folders_in_the_pip_line_are_those_of_the_checkout(
     assert with_origin(hint, Installed()) == hint  # type: ignore[arg-type]
     (tmp_path / "tools").mkdir()
     assert with_origin(hint, Installed()) == f"pip install '{tmp_path}/tools/emulators'"  # type: ignore[arg-type]
-
-
-def imports_outside_needs_tools(tree: ast.AST, *, guarded: bool = False) -> list[str]:
-    """Return the imports of the packages that do not stand in a block of ``needs_tools``."""
-    found = []
-    for node in ast.iter_child_nodes(tree):
-        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-        if not guarded:
-            found += [name for name in names if name.partition(".")[0] in PACKAGES]
-        within = isinstance(node, ast.With) and "needs_tools(" in ast.unparse(node.items[0])
-        found += imports_outside_needs_tools(node, guarded=guarded or within)
-    return found
-
-
-@pytest.mark.slow
-def test_the_wheel_imports_the_packages_only_where_it_says_how_to_get_them() -> None:
-    for file in Path(tega.__file__).parent.rglob("*.py"):
-        assert imports_outside_needs_tools(ast.parse(file.read_text(encoding="utf-8"))) == [], file
-    wrong = "def f():\n    from tega_emulators.lab import x\n    with needs_tools(''):\n        import tega_figures\n"
-    assert imports_outside_needs_tools(ast.parse(wrong)) == ["tega_emulators.lab"]

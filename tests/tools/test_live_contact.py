@@ -48,16 +48,6 @@ def overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
     return float((a & b).sum() / (a | b).sum())
 
 
-def test_areas_go_with_the_marks_and_the_mask_sums_to_eda(presses: Presses) -> None:
-    areas = []
-    for frame in presses.frames:
-        mask = contact_mask(frame, presses.baseline, reading="live")
-        assert mask.sum() == read_contact(frame, presses.baseline, reading="live").eda
-        areas.append(mask.sum())
-    marked = [(presses.distance(i) <= 1).sum() for i in range(len(areas))]
-    assert np.corrcoef(areas, marked)[0, 1] > 0.5
-
-
 def test_two_presses_at_once_are_both_outlined(presses: Presses) -> None:
     overlaps = []
     centres = [mark.centre_xy for mark in presses.marks]

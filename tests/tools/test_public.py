@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import difflib
-import importlib
 from pathlib import Path
 
 import pytest
 
-from tega_figures.public import PUBLIC, public_text
+from tega_figures.public import public_text
 
 SNAPSHOT = Path(__file__).resolve().parents[2] / "docs" / "public.txt"
 
@@ -23,11 +22,3 @@ def test_the_public_interface_is_the_one_that_is_written_down() -> None:
         f"{changed}\nif that is meant: python tools/figures/tega_figures/public.py docs/public.txt, and a line of "
         "migration in CHANGELOG.md"
     )
-
-
-def test_public_names_are_there_and_not_private() -> None:
-    for name in PUBLIC:
-        module = importlib.import_module(name)
-        assert module.__doc__, name
-        for public in module.__all__:
-            assert not public.startswith("_") or public == "__version__", (name, public)

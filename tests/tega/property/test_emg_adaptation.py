@@ -100,7 +100,7 @@ def recordings(draw: st.DrawFn) -> tuple[InputKind, Samples]:
     return kind, samples
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings().max_examples // 3)
 @given(recordings(), courses(), st.lists(st.integers(0, 8000), max_size=12))
 def test_chunks_do_not_matter_to_the_last_bit(
     recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]], cuts: list[int]
@@ -114,7 +114,7 @@ def test_chunks_do_not_matter_to_the_last_bit(
     assert whole.reported == parts.reported
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings().max_examples // 3)
 @given(recordings(), courses())
 def test_what_was_read_is_what_a_replay_needs(
     recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]]
@@ -127,7 +127,7 @@ def test_what_was_read_is_what_a_replay_needs(
     assert again.reported == run.reported
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings().max_examples // 3)
 @given(recordings(), courses(), st.floats(0, 8), st.floats(0, 2))
 def test_no_minute_changes_more_than_its_limit(
     recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]], gain: float, offset: float
@@ -149,7 +149,7 @@ def test_no_minute_changes_more_than_its_limit(
     assert (moved_offset <= offset / 100 + 1e-9).all()
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings().max_examples // 3)
 @given(recordings(), courses())
 def test_nothing_changes_while_it_is_not_allowed_or_undone(
     recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]]
@@ -165,7 +165,7 @@ def test_nothing_changes_while_it_is_not_allowed_or_undone(
             assert change.offsets == (0.0, 0.0)
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings().max_examples // 3)
 @given(recordings())
 def test_undone_samples_are_as_they_came(recording: tuple[InputKind, Samples]) -> None:
     kind, samples = recording

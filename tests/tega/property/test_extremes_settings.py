@@ -6,16 +6,13 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.config import check_tree
 from tega.config.magnitude import LEAST, MOST, check_magnitudes
-from tega.emg import ButterworthLowpass
-from tega.errors import ConfigError, InvalidValueError
-from tega.tactile import contact_metrics
+from tega.errors import ConfigError
 
 TINY = st.floats(5e-324, 9e-13)
 HUGE = st.floats(1.1e15, 1.7e308)
@@ -53,28 +50,3 @@ def test_a_number_of_no_size_is_refused_by_its_key(key: str, value: float, negat
 @given(st.one_of(st.just(0.0), st.floats(LEAST, MOST), st.floats(-MOST, -LEAST)), st.text(max_size=5))
 def test_every_other_number_passes(value: float, name: str) -> None:
     check_magnitudes({"a": {"b": [1, "x", {name: value}]}, name: True}, {})
-
-
-@given(st.one_of(st.floats(5e-324, 9e-7), st.floats(1.1e12, 1.7e308)), st.floats(0.01, 0.49))
-def test_a_filter_of_no_rate_is_refused(rate_hz: float, share: float) -> None:
-    with pytest.raises(InvalidValueError, match="rate_hz"):
-        ButterworthLowpass(rate_hz, share * rate_hz, 2, channels=1)
-
-
-@given(st.floats(1e-6, 1e12), st.floats(0.01, 0.49))
-def test_a_filter_of_any_rate_gives_numbers(rate_hz: float, share: float) -> None:
-    got = ButterworthLowpass(rate_hz, share * rate_hz, 2, channels=1).process(np.ones((64, 1)))
-    assert np.isfinite(got).all()
-
-
-@given(st.floats(1.1e6, 1.7e308), st.booleans())
-def test_a_threshold_that_is_no_number_is_refused(factor: float, negative: bool) -> None:
-    frame = np.random.default_rng(1).integers(0, 255, (16, 16, 3), np.uint8)
-    with pytest.raises(InvalidValueError, match="factor"):
-        contact_metrics(frame, np.zeros_like(frame), factor=-factor if negative else factor)
-
-
-@given(st.floats(-1e6, 1e6))
-def test_every_other_threshold_is_finite(factor: float) -> None:
-    frame = np.random.default_rng(1).integers(0, 255, (16, 16, 3), np.uint8)
-    assert np.isfinite(contact_metrics(frame, np.zeros_like(frame), factor=factor).threshold)

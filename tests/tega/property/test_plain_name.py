@@ -1,4 +1,4 @@
-"""No text from outside names a file beyond the folder it is meant for."""
+"""Names and numbers of settings: plain names, TOML of one line, sizes that no quantity has."""
 
 from __future__ import annotations
 

@@ -27,7 +27,11 @@ from tega.wire import (
     allegro_angles_rad,
 )
 
-_FEW = settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_FEW = settings(
+    max_examples=settings().max_examples // 8,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 
 
 def states_of(path: Path, **which: Any) -> tuple[Any, list[Any]]:

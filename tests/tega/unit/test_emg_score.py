@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
 import os
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import tega.emg.score
 from tega.emg.score import (
     RecordingScore,
     changes_per_second,
@@ -19,6 +17,7 @@ from tega.emg.score import (
     score_recording,
 )
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
+from tega.ui.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg" / "my_thesis"
@@ -104,5 +103,10 @@ def test_bad_input_is_refused() -> None:
         delay_s([1, 2], [1, 2], np.nan)
 
 
-def test_the_examples_in_the_docstrings_run() -> None:
-    assert doctest.testmod(tega.emg.score).failed == 0
+def test_emg_score_asks_which_columns_are_emg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "squeeze.csv"
+    np.savetxt(file, np.random.default_rng(1).normal(size=(4000, 4)), delimiter=",")
+    with pytest.raises(SystemExit) as left:
+        main(["emg", "score", str(file), "--force", "1", "--rate-hz", "200"])
+    assert left.value.code == 2
+    assert "--force 1 is a column beside the EMG: name that with --channels" in capsys.readouterr().err

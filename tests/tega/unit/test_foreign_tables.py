@@ -146,10 +146,11 @@ def test_names_of_other_things_are_no_channels(name: str, write: Write) -> None:
     # A column without a name is judged by its values alone.
     for first in (T_S * 1000, *([np.random.default_rng(5).normal(size=N)] if name else [])):
         path = write(
-            [[float(f), *map(float, row)] for f, row in zip(first, EMG, strict=True)], f"{name},ch1,ch2,ch3"
+            [[float(f), *map(float, row)] for f, row in zip(first[:500], EMG[:500], strict=True)],
+            f"{name},ch1,ch2,ch3",
         )
         found = read_signals(path)
-        same(found)
+        same(found, EMG[:500])
         assert found.channels == (2, 3, 4)
         assert found.decision.words.startswith("3 channels of 4 columns: ")
 

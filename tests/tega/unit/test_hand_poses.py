@@ -1,9 +1,12 @@
-"""Closure levels as a file, and the verbs of the hand on the emulated one."""
+"""The hand's poses and shape, and the bits of its status."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -11,8 +14,10 @@ from click.testing import CliRunner
 
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD
+from tega.hand.mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M, hand_body
 from tega.hand.poses import POSE_MARGIN_RAD, load_poses, save_poses, taught
 from tega.ui.cli.hand import hand
+from tega.wire.allegro_messages import AllegroInfo
 
 
 def test_poses_come_back_as_they_were_written(tmp_path: Path) -> None:
@@ -79,3 +84,44 @@ def test_show_and_measure_print_json() -> None:
     timing = json.loads(text.stdout)
     assert timing["rate_hz"] > 0
     assert timing["period_ms"] == sorted(timing["period_ms"])
+
+
+def numbers(one: ET.Element, name: str) -> list[float]:
+    """Return the numbers of an attribute."""
+    return [float(word) for word in one.attrib[name].split()]
+
+
+def test_a_link_is_centred_between_its_joint_and_the_next() -> None:
+    n_links = n_pads = 0
+    for body in ET.fromstring(f"<hand>{hand_body()}</hand>").iter("body"):
+        following, geom = body.find("body"), body.find("geom")
+        is_link = "_link" in body.attrib["name"] and geom is not None and "pos" in geom.attrib
+        if is_link and following is not None and geom is not None:
+            length_m = numbers(following, "pos")[2]
+            n_links += 1
+            assert numbers(geom, "pos") == pytest.approx([0, 0, length_m / 2])
+            assert 0 < numbers(geom, "size")[1] <= length_m / 2
+        for pad in body.findall("geom"):
+            if pad.attrib["name"].endswith("_pad"):
+                n_pads += 1
+                (site,) = (one for one in body.findall("site") if one.attrib["name"] == pad.attrib["name"])
+                assert numbers(pad, "size") == [PAD_RADIUS_M, PAD_HALF_LENGTH_M]
+                assert numbers(site, "pos") == [PAD_RADIUS_M, 0, numbers(pad, "pos")[2]]
+    assert n_links >= 8
+    assert n_pads == 4
+
+
+@pytest.mark.parametrize(
+    ("status", "servo_on", "must_stop"),
+    [
+        (0, False, False),
+        (0b00001, True, False),
+        (0b00010, False, True),
+        (0b10000, False, True),
+        (0b10011, True, True),
+    ],
+)
+def test_the_bits_of_a_status(status: int, servo_on: bool, must_stop: bool) -> None:
+    given: dict[str, Any] = dict.fromkeys((field.name for field in fields(AllegroInfo)), 0)
+    info = AllegroInfo(**given | {"status": status})
+    assert (info.servo_on, info.must_stop) == (servo_on, must_stop)

@@ -218,7 +218,7 @@ def test_opening_and_one_picture_read_a_small_part_of_the_file(
     read: dict[int, tuple[int, int]] = {}
     path = record(tmp_path / "session")
     opened = mcap_reader.open_recording
-    for times in (8, 32):
+    for times in (4, 16):
         long = tmp_path / f"{times}.mcap"
         _repeated(path, long, times=times)
         for module in (mcap_reader, mcap_index):
@@ -232,17 +232,17 @@ def test_opening_and_one_picture_read_a_small_part_of_the_file(
         assert at_opening < long.stat().st_size / 4
         for module in (mcap_reader, mcap_index):
             monkeypatch.setattr(module, "open_recording", opened)
-    grown = read[32][1] - read[8][1]
-    assert grown < 0.2 * (long.stat().st_size * 24 / 32)
+    grown = read[16][1] - read[4][1]
+    assert grown < 0.2 * (long.stat().st_size * 12 / 16)
 
 
 def _repeated(source: Path, target: Path, *, times: int) -> None:
     """Write a recording whose messages are those of another one after the other, later each time."""
-    from mcap.writer import Writer
+    from mcap.writer import CompressionType, Writer
 
     with source.open("rb") as old, target.open("wb") as new:
         reader = make_reader(old)
-        writer = Writer(new, chunk_size=256 * 1024)
+        writer = Writer(new, chunk_size=256 * 1024, compression=CompressionType.NONE)
         writer.start(library="tega")
         for table in reader.iter_metadata():
             writer.add_metadata(table.name, table.metadata)

@@ -1,4 +1,4 @@
-"""A recorded run: what its file holds, and what is told of it."""
+"""A recording in its file: schemas, tables, sums of pictures, and a damaged end."""
 
 from __future__ import annotations
 
@@ -6,20 +6,31 @@ import json
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from reference.parts import observed
 from reference.played import finger, muscles
 from reference.sessions import tree
 from tega.config import check_tree
+from tega.config.choose import preset_metric
 from tega.config.text import config_text
+from tega.errors import RecordingError, TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
+from tega.recording.cells import cell_sums, read_sums
 from tega.recording.inspection import inspect_file
+from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
+from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
+from tega.records.table import columns, numbers, rows
+from tega.runtime.files.csv_writer import time_text
 from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
@@ -90,3 +101,80 @@ def test_a_pedal_marks_the_recording_and_a_watched_run_that_is_stopped_replays(t
     assert found.ended == "stopped"
     assert found.states[-1].text == "stopped: asked to"
     assert replay_file(path).same
+
+
+def damaged(path: Path, *, metadata: bool, channel: bool) -> Path:
+    """Write a file of MCAP with these parts, the magic at its end damaged."""
+    with path.open("wb") as file:
+        writer: Any = Writer(file)
+        writer.start()
+        if metadata:
+            writer.add_metadata("tega", {"format": "tega-recording"})
+        if channel:
+            writer.register_channel(
+                "/run/state", "protobuf", writer.register_schema("State", "protobuf", b"")
+            )
+        writer.finish()
+    path.write_bytes(path.read_bytes()[:-8] + b"\x00" * 8)
+    return path
+
+
+@pytest.mark.parametrize(("metadata", "channel"), [(True, False), (False, True), (True, True)])
+def test_a_file_of_mcap_with_a_damaged_end_is_read_and_called_cut(
+    tmp_path: Path, metadata: bool, channel: bool
+) -> None:
+    reader = McapReader(damaged(tmp_path / "trial-001.mcap", metadata=metadata, channel=channel))
+    assert list(reader.messages()) == []
+    assert reader.cut == "InvalidMagic"
+    assert ("tega" in reader.metadata) == metadata
+
+
+def test_a_file_with_nothing_of_mcap_is_refused(tmp_path: Path) -> None:
+    reader = McapReader(damaged(tmp_path / "trial-001.mcap", metadata=False, channel=False))
+    with pytest.raises(RecordingError, match="no MCAP file"):
+        list(reader.messages())
+
+
+def test_a_table_has_the_columns_of_its_record() -> None:
+    assert columns(Contact) == Contact.table
+    assert columns(Intent, channels=("ch3", "ch6")) == ("t_s", "ch3", "ch6", "fused", "closure", "confidence")
+    assert columns(VestFrame, intensities=("m0", "m4")) == ("t_s", "m0", "m4")
+    assert columns(HandCommand) == ("t_s", "id", "data")
+
+
+def test_a_row_has_as_many_cells_as_its_table_has_columns() -> None:
+    contact = Contact(finger="thumb", t_ns=1_500_000, in_contact=True, cci=0.1, eda=3)
+    assert rows(contact) == [f"{time_text(1_500_000)},thumb,0.1,3,0.0,0.0,0.0,1,0.0,0.0,,,,,\n"]
+    assert rows(contact)[0].count(",") == len(columns(Contact)) - 1
+    assert rows(Intent(t_ns=0, channels=(2, 5), level=3))[0].endswith(",2,5,3,,\n")
+    requested = HandCommand(t_ns=0, level=1, frames=(BusFrame(0x180, b"\x01\xff"), BusFrame(0x20, b"", True)))
+    assert [row.split(",", 1)[1] for row in rows(requested)] == ["180,01FF\n", "020,R\n"]
+
+
+def test_numbers_kept_in_memory_are_those_of_the_row_with_the_time_in_seconds() -> None:
+    intent = Intent(t_ns=1_500_000_000, channels=(2, 5), level=3, closure=0.5, confidence=0.25)
+    assert numbers(intent) == (1.5, 2, 5, 3, 0.5, 0.25)
+
+
+def test_the_sums_are_those_of_the_pixels_and_give_the_same_contact() -> None:
+    rng = np.random.default_rng(3)
+    baseline, image = (rng.integers(0, 256, (240, 320, 3), np.uint8) for _ in range(2))
+    sums = read_sums(cell_sums(image, cv2))
+    plain = image.reshape(30, 8, 40, 8, 3).sum(axis=(1, 3)).transpose(2, 0, 1).reshape(3, -1)
+    assert np.array_equal(sums, plain)
+    by_pixels, by_sums = preset_metric("live", baseline), preset_metric("live", baseline)
+    assert by_sums.update_sums(sums, 0) == by_pixels.update(image, 0)
+
+
+@pytest.mark.parametrize("shape", [(480, 640, 3), (244, 320, 3), (120, 160, 3)])
+def test_a_picture_whose_cells_are_no_8_pixels_has_no_sums(shape: tuple[int, int, int]) -> None:
+    assert cell_sums(np.zeros(shape, np.uint8), cv2) == b""
+
+
+def test_damaged_sums_are_refused() -> None:
+    cells = cell_sums(np.zeros((240, 320, 3), np.uint8), cv2)
+    with pytest.raises(RecordingError, match="7199 bytes"):
+        read_sums(cells[:-1])
+    metric = preset_metric("live", np.zeros((240, 320, 3), np.uint8))
+    with pytest.raises(TegaError):
+        metric.update_sums(read_sums(cells[:-6]), 0)

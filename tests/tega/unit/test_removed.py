@@ -1,11 +1,16 @@
-"""Settings, stages and fields that were taken out: one clear sentence, and older files that made no use of them."""
+"""What was taken out or is not installed is named, with what to do."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 
 from tega.config import load_config
-from tega.errors import ConfigError
+from tega.config.removed import CONSTANTS, REMOVED
+from tega.errors import ConfigError, MissingExtraError
+from tega.recording.absent import absent_features
+from tega.runtime.features import Feature, features, load_target
 from tega.runtime.removed import Removed, refuse_removed, without_removed
 from tega.stages.registry import stage_class
 
@@ -31,3 +36,75 @@ def test_fields_that_were_taken_out_pass_where_they_were_unused_and_are_refused_
     assert without_removed({"shear": "off", "view": "direct"}, GONE) == {"view": "direct"}
     with pytest.raises(ConfigError, match=r"^shear was taken out in 0\.3: nothing gives way"):
         without_removed({"shear": "dots", "view": "direct"}, GONE)
+
+
+@pytest.mark.parametrize("name", REMOVED)
+def test_a_removed_setting_names_its_version_and_what_to_set(tmp_path: Path, name: str) -> None:
+    key, _, value = name.partition(" = ")
+    table, _, leaf = key.rpartition(".")
+    file = tmp_path / "lab.toml"
+    file.write_text(f'[{table}]\n{leaf} = "{value or "odd"}"\n', encoding="utf-8")
+    gone = REMOVED[name]
+    with pytest.raises(ConfigError) as refused:
+        load_config(file, environ={})
+    assert refused.value.message == f"lab.toml:2: {name} was taken out in {gone.since}: {gone.reason}"
+    assert refused.value.hint == gone.hint
+    with pytest.raises(ConfigError, match=r"--set: .* was taken out"):
+        load_config(None, environ={}, sets=[f"{key}={value or 'odd'}"])
+
+
+def test_a_value_beside_a_removed_one_is_read() -> None:
+    loaded = load_config(None, environ={}, sets=["arm.driver=simulated-arm"])
+    assert loaded.config.arm is not None
+
+
+BESIDE = {
+    "arm": "arm.driver=simulated-arm",
+    "hand": "hand.driver=python-can",
+    "stages": "stages.mapping.name=changes",
+}
+
+
+@pytest.mark.parametrize("key", CONSTANTS)
+def test_a_setting_that_became_a_constant_is_read_with_its_value_only(key: str) -> None:
+    beside = BESIDE[key.partition(".")[0]]
+    plain = load_config(None, environ={}, sets=[beside]).config
+    assert load_config(None, environ={}, sets=[beside, f"{key}={CONSTANTS[key]!r}"]).config == plain
+    with pytest.raises(ConfigError, match=r"--set: .* was taken out in 0\.3; leave it out: it is always"):
+        load_config(None, environ={}, sets=[beside, f"{key}=0.07"])
+
+
+def test_a_feature_that_is_not_installed_is_named_with_its_package() -> None:
+    here = next(iter(features()))
+    (text,) = absent_features({"features": {"grip": "tega[lab]", here: "tega"}})
+    assert "'grip'" in text
+    assert text.endswith("pip install 'tega[lab]'")
+    assert absent_features({}) == []
+
+
+def test_a_package_that_only_a_recording_names_is_not_recommended() -> None:
+    (text,) = absent_features({"features": {"grip": "own-feature[lab]"}})
+    assert "pip install" not in text
+    assert "'own-feature[lab]'; ask who made it" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "requirement"),
+    [
+        ("grip", "x' && rm -rf '"),
+        ("grip", "--index-url=http://example.org x"),
+        ("grip", "own feature"),
+        ("grip", "x\n"),
+        ("\x1b[2Jgrip", "own-feature"),
+        ("g" * 1000, "own-feature"),
+    ],
+)
+def test_nothing_but_names_is_printed_out_of_a_recording(name: str, requirement: str) -> None:
+    assert absent_features({"features": {name: requirement}}) == []
+
+
+def test_a_feature_of_another_package_is_installed_by_that_package_s_name() -> None:
+    feature = Feature(summary="Grip.", extra="lab", package="own-feature")
+    with pytest.raises(MissingExtraError) as error:
+        load_target("no_such_module:x", feature)
+    assert error.value.hint == "install it with: pip install 'own-feature[lab]'"

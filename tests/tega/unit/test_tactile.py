@@ -9,73 +9,9 @@ import numpy as np
 import pytest
 
 from tega.errors import DtypeError, InvalidValueError, ShapeError, TegaError
-from tega.tactile import ContactMetrics, contact_metrics, contact_metrics_many, read_contact, read_contacts
+from tega.tactile import contact_metrics, contact_metrics_many, read_contact, read_contacts
 
 FLAT = np.full((8, 10, 3), 100, np.uint8)
-
-
-def test_subtraction_does_not_wrap() -> None:
-    darker = np.full_like(FLAT, 90)
-    m = contact_metrics(darker, FLAT)
-    assert m.peak == -10.0
-    assert not m.in_contact
-
-
-def test_one_pixel_has_a_centroid_no_spread_and_no_pixel_above_its_own_value() -> None:
-    m = contact_metrics(np.full((1, 1, 3), 30, np.uint8), np.zeros((1, 1, 3), np.uint8))
-    assert m == ContactMetrics(30.0, (0.0, 0.0), 0.0, 30.0, 0, 0.0, 30.0, (0, 0), in_contact=True)
-
-
-def test_a_uniform_step_has_no_intensity_spread_so_no_area() -> None:
-    m = contact_metrics(FLAT + 20, FLAT, spread="intensity")
-    assert (m.spread, m.threshold, m.eda, m.cci, m.in_contact) == (0.0, 20.0, 0, 0.0, True)
-
-
-def test_no_difference_is_no_contact_with_nan_where_undefined() -> None:
-    m = contact_metrics(FLAT, FLAT)
-    assert (m.mass, m.eda, m.cci, m.in_contact) == (0.0, 0, 0.0, False)
-    assert all(math.isnan(v) for v in (*m.centroid_xy, m.spread, m.threshold))
-
-
-def test_a_centroid_between_two_pixels_takes_the_later_one() -> None:
-    frame = np.zeros((1, 2, 3), np.uint8)
-    frame[0, 0] = frame[0, 1] = 100
-    m = contact_metrics(frame, np.zeros_like(frame), factor=0.0)
-    assert m.centroid_xy == (0.5, 0.0)
-    assert m.threshold == 100.0
-
-
-def test_a_centroid_outside_the_image_takes_the_clamped_pixel() -> None:
-    frame, baseline = np.full((1, 3, 3), 100, np.uint8), np.full((1, 3, 3), 100, np.uint8)
-    frame[0, 2] += 50
-    frame[0, 0] -= 40
-    m = contact_metrics(frame, baseline, factor=0.0, spread="intensity")
-    assert m.centroid_xy == (10.0, 0.0)
-    assert m.threshold == 50.0
-
-
-def test_weights_name_colours_whatever_the_byte_order() -> None:
-    frame, baseline = np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)
-    frame[..., 2] = 100
-    assert contact_metrics(frame, baseline, weights=(1, 0, 0), order="bgr").peak == 100.0
-    assert contact_metrics(frame, baseline, weights=(1, 0, 0), order="rgb").peak == 0.0
-
-
-def test_the_largest_frame_does_not_overflow() -> None:
-    frame = np.full((4096, 4096, 3), 255, np.uint8)
-    m = contact_metrics(frame, np.zeros_like(frame))
-    assert m.centroid_xy == (2047.5, 2047.5)
-    assert m.spread == pytest.approx(math.sqrt((4096**2 - 1) / 6), rel=1e-15)
-    assert m.eda == 4096**2
-    assert read_contact(frame, np.zeros_like(frame), reading="paper").eda == 4096**2
-
-
-def test_frames_are_read_where_they_lie() -> None:
-    frame, baseline = FLAT.copy(), FLAT.copy()
-    view = frame[::2, ::2]
-    before = contact_metrics(view, baseline[::2, ::2]).peak
-    frame[2, 2] += 77
-    assert (before, contact_metrics(view, baseline[::2, ::2]).peak) == (0.0, 77.0)
 
 
 @pytest.mark.parametrize("n_frames", [1, 4, 40])

@@ -1,23 +1,37 @@
-"""What one person feels: the map in the loop, its settings, and the verb that lights one motor."""
+"""The vest on a person: what they feel, one wearer a time, the least pulse."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from reference.scripted import touching
-from tega.config import load_config
+from reference.vests import KeptVest
+from tega.config import VestConfig, load_config
 from tega.config.calibration import TouchMaxima
+from tega.config.options import driver_options, stage_options
+from tega.devices.base import BudgetedVest
 from tega.devices.table_recorder import TableRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder
-from tega.errors import ConfigError, InvalidValueError, ShapeError
+from tega.devices.vest.vest_stream import VestOptions
+from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, vest_frame
+from tega.haptics.motor_layout import find_layout
 from tega.loop.touch import TouchLoop
+from tega.loop.worn_vest import NAMELESS, dose_file, worn_vest
+from tega.records import Contact, Event
 from tega.runtime.clock import ManualClock
+from tega.runtime.files.toml_text import tree_text
 from tega.setup.calibration.identify import light_motor, motor_place
+from tega.stages.base import VestSetup
+from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.ui.cli.main import main
+from tega_emulators.lab import emulated_lab
 
 
 def touched(loop: TouchLoop) -> list[int]:
@@ -111,3 +125,92 @@ def test_the_verb_names_the_place_of_every_motor_it_lights(
         main(["vest", "identify"])
     assert done.value.code == 1
     assert "hint: for example --set vest.driver=bhaptics-player" in capsys.readouterr().err
+
+
+@pytest.fixture
+def _kept_vest(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert isinstance(KeptVest(VestOptions()), BudgetedVest)
+    monkeypatch.setattr(
+        "tega.loop.worn_vest.driver_class", lambda _name, _kind: lambda _o: KeptVest(VestOptions())
+    )
+
+
+def _files(folder: Path) -> tuple[Path, Path, Path]:
+    people = [folder / "people" / person / "vest-dose.json" for person in ("p01", "p02")]
+    return people[0], people[1], folder / NAMELESS
+
+
+@pytest.mark.usefixtures("_kept_vest")
+@pytest.mark.parametrize(
+    ("first", "second", "refused"),
+    [(0, 0, True), (0, 1, False), (0, 2, True), (2, 0, True), (2, 2, True), (1, 0, False)],
+)
+def test_a_wearer_is_one_program_s(first: int, second: int, refused: bool, tmp_path: Path) -> None:
+    """Persons p01 and p02, and one without a name, who may be either."""
+    files = _files(tmp_path)
+    for file in files[:2]:
+        with worn_vest(VestConfig(driver="wire-vest"), file):
+            pass
+    with worn_vest(VestConfig(driver="wire-vest"), files[first]):
+        if not refused:
+            with worn_vest(VestConfig(driver="wire-vest"), files[second]):
+                return
+        with (
+            pytest.raises(DeviceUnavailableError, match="is in use by another program"),
+            worn_vest(VestConfig(driver="wire-vest"), files[second]),
+        ):
+            pass
+    with worn_vest(VestConfig(driver="wire-vest"), files[second]):
+        pass  # free again
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", [("vest", "identify"), ("run",)])
+def test_a_vest_that_is_worn_in_a_run_is_refused_to_other_programs(
+    verb: tuple[str, ...], tmp_path: Path
+) -> None:
+    with emulated_lab(tmp_path, vest=True, fingers=("thumb",)) as lab:
+        config = tmp_path / "lab.toml"
+        config.write_text(tree_text(lab.tree), encoding="utf-8")
+        loaded = load_config(config).config
+        with worn_vest(loaded.vest, dose_file(loaded.calibration)):
+            words = [sys.executable, "-m", "tega.ui.cli", *verb, str(config)]
+            done = subprocess.run(
+                words,
+                capture_output=True,
+                text=True,
+                timeout=120,
+                check=False,
+                env={**os.environ, **lab.environment},
+            )
+    assert done.returncode == 3, done.stderr
+    assert "is in use by another program" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["contact", "release", "slip"])
+def test_no_pulse_of_a_kind_is_asked_for_by_0(name: str) -> None:
+    assert getattr(stage_options("mapping", "pulses", sets=[f"{name}=0"]), name) == 0
+    with pytest.raises(ConfigError, match=name):
+        stage_options("mapping", "pulses", sets=[f"{name}=-0.1"])
+
+
+def test_a_vest_is_limited_to_one_percent_and_not_to_none() -> None:
+    assert driver_options("bhaptics-player", {"limit": 1}).limit == 1  # type: ignore[attr-defined]
+    with pytest.raises(ConfigError, match="limit"):
+        driver_options("bhaptics-player", {"limit": 0})
+
+
+MS = 1_000_000
+TOUCHED = {"index": Contact(finger="index", t_ns=0, in_contact=True)}
+
+
+@pytest.mark.parametrize(("second_ms", "n"), [(100, 1), (490, 1), (500, 2), (900, 2)])
+def test_an_event_is_shown_again_after_pulse_and_gap(second_ms: int, n: int) -> None:
+    setup = VestSetup(find_layout("x40"), ("index",), {"index": {}})
+    mapping = PulsesMapping(setup, PulsesOptions(duration_s=0.2, gap_s=0.3))
+    lit = 0
+    for t_ms in range(0, 1200, 10):
+        events = [Event(t_ns=t_ms * MS, kind="contact", finger="index")] if t_ms in {0, second_ms} else []
+        lit += mapping.levels(t_ms * MS, TOUCHED, events).max() > 0
+    assert mapping.n_told["contact"] == n
+    assert lit == 20 * n

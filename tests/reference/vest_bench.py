@@ -1,0 +1,69 @@
+"""A vest driver and the emulator at its other end."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from tega.devices import driver_class
+from tega.devices.vest.vest_stream import StreamedVest
+from tega.haptics import MotorLevels, vest_frame
+from tega.wire import vest_levels
+from tega_emulators.hid_port import HidPort
+from tega_emulators.process import Emulator
+from tega_emulators.vest_bench import vest_bench
+from tega_emulators.vests import seen_by
+
+__all__ = ["OTHER", "SILENT", "TOUCH", "Bench", "bench", "make"]
+
+TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
+
+
+OTHER = vest_frame([7, 20, 33, 47], [60, 67, 73, 87], layout="x40")
+
+
+SILENT = [0] * 40
+
+
+class Bench(NamedTuple):
+    """A vest driver and the emulator at its other end."""
+
+    vest: StreamedVest
+    peer: Emulator
+    port: HidPort | None = None
+
+    def shows(self, frame: MotorLevels) -> bool:
+        """Tell whether the motors do what a frame says, to the level."""
+        return bool(np.array_equal(vest_levels(seen_by(self.peer).motors), vest_levels(frame.x40())))
+
+    def feed(self, condition: Callable[[], bool], frame: MotorLevels = TOUCH) -> None:
+        """Write a frame again and again, as the loop does, until something holds."""
+        self.wait(lambda: bool(self.vest.write(0, frame)) and condition())
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """Wait until something holds."""
+        for _ in range(3000):
+            if condition():
+                return
+            time.sleep(0.02)
+        pytest.fail(f"never came true; {self.vest.counters}; {self.vest.info.notes}")
+
+
+def make(name: str, **options: Any) -> StreamedVest:
+    driver: Any = driver_class(name, "vest")
+    vest: StreamedVest = driver(driver.options_type(**options))
+    return vest
+
+
+@contextmanager
+def bench(name: str, **options: Any) -> Iterator[Bench]:
+    if name == "bhaptics-ble" and shutil.which("dbus-daemon") is None:
+        pytest.skip("dbus-daemon is not installed")
+    with vest_bench(name, **options) as made:
+        yield Bench(made.vest, made.peer, made.port)
