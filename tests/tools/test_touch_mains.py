@@ -19,8 +19,10 @@ HOLDS = (
 
 
 @pytest.mark.parametrize("hold", HOLDS, ids=lambda hold: hold.shape)
-def test_bands_of_mains_light_leave_the_area_of_a_hold(recordings: Path, hold: Case) -> None:
-    assert recordings.is_dir()
+def test_bands_of_mains_light_leave_the_area_of_a_hold(
+    recordings: Path, monkeypatch: pytest.MonkeyPatch, hold: Case
+) -> None:
+    monkeypatch.setenv("TEGA_DATA", str(recordings))
     still = measure(hold)
     banded = measure(hold._replace(mains=0.02))
     assert banded.reported == 1.0

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from reference.processes import begun_by, hand_guards
+from reference.processes import begun_by, below, hand_guards
 from reference.waiting import until
 from tega.devices import system_log
 from tega.devices.hand import guard_process, hand_guard
@@ -64,6 +64,9 @@ def steering(
             until(pushes)
             yield running
         finally:
+            for pid in below(running.pid):  # none is left behind stopped
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGCONT)
             running.kill()
 
 
