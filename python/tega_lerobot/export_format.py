@@ -9,14 +9,13 @@ import click
 
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.options import progress_bar
+from tega_lerobot.dataset import export_lerobot
 
 
 def _export(
     recordings: Sequence[Path], out: Path, *, fps: int, task: str | None, scenes: Sequence[str]
 ) -> list[Path]:
     """Write one data set."""
-    from tega_lerobot.dataset import export_lerobot  # every export asks for this format's options
-
     named = dict(one.partition("=")[::2] for one in scenes)
     if not all(named.values()) or len(named) < len(scenes):
         raise click.BadParameter("name each camera once, as NAME=VIDEO.mp4", param_hint="--scene")
