@@ -37,6 +37,7 @@ class Extreme:
         bound: Largest error that passes.
         error_of: What the error is a share or a number of.
         found: The errors that were found.
+        notes: What else is told of it.
     """
 
     group: Group
@@ -45,17 +46,20 @@ class Extreme:
     bound: float
     error_of: str
     found: list[float] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Become a line of the table."""
         EXTREMES.append(self)
 
-    def hold(self, error: float) -> None:
-        """Fail where an error is beyond the bound; keep it for the table."""
+    def hold(self, error: float, note: str = "") -> None:
+        """Fail where an error is beyond the bound; keep it for the table, and what is told of it."""
         assert error <= self.bound, (
             f"{self.name}: the error {error:.3g} is beyond {self.bound:.2g} ({self.done})"
         )
         self.found.append(error)
+        if note and note not in self.notes:
+            self.notes.append(note)
 
 
 def relative(got: float, exact: Fraction | Decimal, size: Fraction | Decimal | None = None) -> float:
@@ -83,7 +87,7 @@ def extremes_table() -> str:
     if untried := [one.name for one in EXTREMES if not one.found]:
         raise ValueError(f"not tried: {untried}")
     rows = [
-        (kernel, one.name, short(max(one.found)), f"{one.bound:.2g}", one.error_of)
+        (kernel, one.name, short(max(one.found)), f"{one.bound:.2g}", "; ".join([one.error_of, *one.notes]))
         for group, kernel in GROUPS.items()
         for one in EXTREMES
         if one.group == group
