@@ -145,3 +145,8 @@ def test_a_feature_that_fails_to_load_is_named_and_the_rest_works(tmp_path: Path
     assert "feature 'broken' is left out: ModuleNotFoundError" in message
     assert "pip install --force-reinstall broken-feature" in message
     assert "session.preset" in message
+
+
+def test_no_file_of_tega_names_the_feature() -> None:
+    for file in (PROJECT / "python").rglob("*.py"):
+        assert "own_feature" not in file.read_text(encoding="utf-8"), file

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.devices.fingertip.digit import Digit, DigitOptions
-from tega.errors import StreamContradictionError
+from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.loop import run_session
 from tega.setup.doctor import examine
 from tega_emulators.process import Emulator
@@ -55,18 +56,20 @@ def test_a_daisy_is_taken_off_and_the_board_alone_is_read() -> None:
         ("hidden", "values: packets of even and of odd number show different electrodes"),
     ],
 )
-def test_a_daisy_that_stays_is_refused(daisy: str, message: str) -> None:
+@pytest.mark.parametrize("signal", ["flat", "emg"])
+def test_a_daisy_that_stays_is_refused(daisy: str, message: str, signal: str) -> None:
     with (
-        Emulator("cyton", "--signal", "emg", "--daisy", daisy) as device,
+        Emulator("cyton", "--signal", signal, "--daisy", daisy) as device,
         pytest.raises(StreamContradictionError, match=message),
     ):
         cyton(device).open()
 
 
 @pytest.mark.parametrize("shifted", ["1.0", "0.6"])
-def test_packets_shifted_by_a_byte_are_refused(shifted: str) -> None:
+@pytest.mark.parametrize("signal", ["flat", "emg"])
+def test_packets_shifted_by_a_byte_are_refused(shifted: str, signal: str) -> None:
     with (
-        Emulator("cyton", "--signal", "emg", "--shifted", shifted) as device,
+        Emulator("cyton", "--signal", signal, "--shifted", shifted) as device,
         pytest.raises(StreamContradictionError, match="counter: the counter does not move") as refused,
     ):
         cyton(device).open()
@@ -78,6 +81,15 @@ def test_single_shifted_packets_are_left_out() -> None:
         # Where the true number is the second header's 0x41, nothing in the packet shows the shift.
         assert rows_of(source, 500).any(axis=1).sum() <= 2
         assert any("had a number that cannot be true; not used" in note for note in source.info.notes)
+
+
+def test_doctor_names_the_evidence(tmp_path: Path) -> None:
+    with Emulator("cyton", "--signal", "emg", "--shifted", "1.0") as device:
+        tree = {"emg": {"driver": "cyton", "kind": "raw", "options": {"port": device.port}}}
+        config = check_tree(tree, {}, base=tmp_path).config
+        finding = examine(config, name="lab.toml").findings[0]
+    assert finding.status == "error"
+    assert "counter: the counter does not move" in finding.finding
 
 
 def test_a_column_that_counts_and_a_range_that_is_wrong_are_reported(tmp_path: Path) -> None:
@@ -94,7 +106,7 @@ def test_a_column_that_counts_and_a_range_that_is_wrong_are_reported(tmp_path: P
     assert [one.status for one in report.findings if "values: ch1 changes" in one.finding] == ["error"]
 
 
-pytest.importorskip("pylsl")
+pylsl = pytest.importorskip("pylsl")
 
 
 def lsl(name: str, by: str = "source_id", **options: Any) -> LslEmg:
@@ -109,9 +121,10 @@ def ages_of(source: LslEmg, seconds: float) -> list[float]:
     return ages
 
 
-def test_stamps_of_another_clock_give_way_to_arrivals_and_are_reported() -> None:
+@pytest.mark.parametrize("stamps", ["unix", "device", "ahead"])
+def test_stamps_of_another_clock_give_way_to_arrivals_and_are_reported(stamps: str) -> None:
     with (
-        Emulator("lsl", "--stamps", "unix", "--signal", "emg") as device,
+        Emulator("lsl", "--stamps", stamps, "--signal", "emg") as device,
         lsl(device.port, silence_s=20.0) as source,
     ):
         assert float(np.median(ages_of(source, 1.5))) < 0.2
@@ -136,10 +149,50 @@ def test_a_clock_that_is_set_back_while_it_sends_is_reported_and_no_sample_grows
         assert "the sender's clock was set" in source.faults[0]
 
 
-def test_a_stream_that_declares_itself_as_something_else_is_reported() -> None:
-    with Emulator("lsl", "--type", "Accelerometer") as device, lsl(device.port) as source:
+def test_a_sender_s_drifting_clock_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock that is 1 % slow against ours, as three hours of 30 ppm would make it."""
+    zero_s = pylsl.local_clock()
+
+    def theirs(now_s: float) -> float:
+        return float(zero_s + (now_s - zero_s) * 0.99)
+
+    def correction(_inlet: object, timeout: float = 0.0) -> float:  # noqa: ARG001  # the library's signature
+        now_s = pylsl.local_clock()
+        return float(now_s - theirs(now_s))
+
+    monkeypatch.setattr(pylsl.StreamInlet, "time_correction", correction)
+    outlet = pylsl.StreamOutlet(pylsl.StreamInfo("drifts", "EMG", 3, 500.0, "float32", "tega-drifts"))
+    over = threading.Event()
+
+    def send() -> None:
+        rng, n, begun_s = np.random.default_rng(1), 0, time.monotonic()
+        while not over.wait(0.005):
+            k = int((time.monotonic() - begun_s) * 500) - n
+            n += k
+            if k:
+                outlet.push_chunk(rng.normal(0, 50, (k, 3)).tolist(), theirs(pylsl.local_clock()))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        with lsl("tega-drifts") as source:
+            first = float(np.median(ages_of(source, 1.0)))
+            ages_of(source, 8.0)
+            last = float(np.median(ages_of(source, 1.0)))
+            (words,) = [note for note in source.info.notes if "clock correction" in note]
+    finally:
+        over.set()
+        thread.join()
+    # Asked once, the newest sample would be 0.09 s older by now.
+    assert last - first < 0.03
+    assert "asked" in words
+
+
+@pytest.mark.parametrize("declared", ["Accelerometer", "Markers", "Gaze"])
+def test_a_stream_that_declares_itself_as_something_else_is_reported(declared: str) -> None:
+    with Emulator("lsl", "--type", declared) as device, lsl(device.port) as source:
         assert [one.evidence for one in source.contradictions] == ["banner"]
-        assert "Accelerometer" in source.faults[0]
+        assert declared in source.faults[0]
 
 
 def test_two_streams_of_one_name_are_refused() -> None:
@@ -169,14 +222,15 @@ def test_two_streams_of_markers_of_one_name_are_refused_until_one_is_gone() -> N
     assert {one.text for one in received} == {"there"}
 
 
-def test_a_marker_s_stamp_of_another_clock_is_reported_and_its_arrival_counts() -> None:
+@pytest.mark.parametrize("ago_s", [-1.7e9, -10.0, 500.0])
+def test_a_marker_s_stamp_of_another_clock_is_reported_and_its_arrival_counts(ago_s: float) -> None:
     received: list[ReceivedMarker] = []
     with Emulator("lsl_markers", "--name", "tega-odd") as other:
         listening = LslMarkersIn("tega-odd", received.append)
         until(lambda: listening.problem == "")
         until(lambda: bool(other.say("mark good")["consumers"]) and bool(received))
         assert listening.n_unstamped == 0
-        other.say("mark odd 500.0")
+        other.say(f"mark odd {ago_s}")
         until(lambda: "is of another clock" in listening.problem)
         listening.close()
     odd = next(marker for marker in received if marker.text == "odd")
@@ -221,3 +275,7 @@ def test_the_alert_of_a_contradiction_is_in_the_summary(tmp_path: Path) -> None:
         summary = run_session(check_tree(tree, {}, base=tmp_path).config)
     text = json.dumps(summary)
     assert any("stamp: the stamps lie" in alert for alert in summary["safety"]["alerts"]), text
+
+
+def test_a_stream_that_is_lost_for_its_evidence_is_a_device_that_is_not_there() -> None:
+    assert issubclass(StreamContradictionError, DeviceUnavailableError)

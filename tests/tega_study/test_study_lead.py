@@ -427,6 +427,24 @@ def run_and_kill(folder: Path, when: Callable[[list[JournalEvent], float], bool]
     return False
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+def test_a_session_that_is_killed_in_a_trial_goes_on(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    folder = study(tmp_path)
+    plan_before = (folder / "plan.csv").read_bytes()
+    assert run_and_kill(folder, lambda events, _s: kinds(events)[-1:] == ["trial_start"])
+    before = events_of(folder)
+    assert not run_and_kill(folder, lambda _events, _s: False)
+    events = events_of(folder)
+    assert events[: len(before)] == before
+    assert (folder / "plan.csv").read_bytes() == plan_before
+    ends = [(e.trial, e.attempt, e.status) for e in events if e.kind == "trial_end"]
+    assert ends[0] == (1, 1, "aborted_technical")
+    assert {(trial, attempt) for trial, attempt, _status in ends} == {(1, 1), (1, 2), (2, 1)}
+    assert derive(read_plan(folder).of("p01"), events).next is None
+
+
 @pytest.mark.deep
 def test_a_session_killed_ten_times_loses_nothing(tmp_path: Path) -> None:
     folder = study(tmp_path, trials=6)

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
@@ -285,6 +286,45 @@ def test_what_is_kept_is_on_the_disk_before_the_call_returns(
     with Journal(tmp_path / "events.jsonl") as journal:
         journal.add("note", t_ns=1)
         assert synced[-1] == (tmp_path / "events.jsonl").stat().st_size > 0
+
+
+@pytest.mark.slow
+def test_a_study_killed_ten_times_keeps_its_plan_and_every_event_that_was_acknowledged(folder: Path) -> None:
+    """A program does trials and says each event's number once it is kept; it is killed ten times, anywhere."""
+    code = f"""
+import sys
+from pathlib import Path
+from tega_study.plan import read_plan
+from tega_study.state import derive, resume
+folder = Path({str(folder)!r})
+plan = read_plan(folder)
+journal, state = resume(folder, plan, "p02", t_ns=0)
+def say(event):
+    print(event.n, event.kind, event.trial, flush=True)
+say(journal.events[-1])
+while state.next is not None:
+    trial, attempt = state.next
+    say(journal.add("trial_start", t_ns=0, trial=trial, attempt=attempt))
+    for _ in range(20):
+        say(journal.add("slip", t_ns=1, trial=trial, attempt=attempt))
+    say(journal.add("trial_end", t_ns=2, trial=trial, attempt=attempt, status="done", success=True))
+    state = derive(plan.of("p02"), journal.events)
+"""
+    plan, random = read_plan(folder), np.random.default_rng(4)
+    acknowledged: list[str] = []
+    for _ in range(10):
+        child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        with child, child.stdout as lines:
+            acknowledged += [lines.readline().strip() for _ in range(random.integers(1, 30))]
+            child.kill()
+            acknowledged += [line.strip() for line in lines if line.endswith("\n")]
+        kept = {f"{e.n} {e.kind} {e.trial}" for e in read_events(events_path(folder, "p02"))}
+        assert {line for line in acknowledged if line} <= kept
+        assert read_plan(folder) == plan
+    journal, state = resume(folder, plan, "p02", t_ns=0)
+    with journal:
+        assert state == derive(plan.of("p02"), journal.events)
 
 
 def test_planning_needs_no_extra_package() -> None:

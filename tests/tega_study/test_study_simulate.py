@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -309,6 +310,29 @@ def test_workers_end_with_the_program_that_started_them(tmp_path: Path, how: sig
     finally:
         program.kill()
         program.wait()
+
+
+@pytest.mark.deep
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+def test_a_study_killed_ten_times_is_the_one_that_was_not(tmp_path: Path) -> None:
+    simulate(tmp_path / "whole", operators=2, objects=["bag"], trials=1, jobs=1)
+    rng, cut, plan, cut_short = random.Random(8), tmp_path / "cut", b"", 0
+    for _ in range(10):
+        program = begun(cut)
+        try:
+            wait_until(lambda: (cut / "study.toml").exists() or program.poll() is not None)  # noqa: B023
+            time.sleep(rng.uniform(0.5, 6.0))
+        finally:
+            cut_short += program.poll() is None
+            program.kill()
+            program.wait()
+        plan = plan or (cut / "plan.csv").read_bytes()
+        assert (cut / "plan.csv").read_bytes() == plan
+    assert cut_short > 2
+    simulate(cut, operators=2, objects=["bag"], trials=1, jobs=1)
+    whole, left = content(tmp_path / "whole"), content(cut)
+    assert {name: left[name] for name in whole} == whole
+    assert not any(name.startswith(".running") for name in left)
 
 
 @pytest.mark.slow

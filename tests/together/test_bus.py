@@ -15,7 +15,7 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.loop import LoopView, Snapshot, run_session
 from tega.recording.replay import replay_file
-from tega.records import Alert, Contact, Intent, Record, RunState, VestFrame
+from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
 from tega.records.bus import DROPS_REPORTED_S, Backlog, Bus, report_drops
 
 
@@ -169,6 +169,12 @@ def test_a_recorder_that_fails_is_told_and_ends_no_run(
         file.close()  # a stopped recorder leaves it to the next start
 
 
+def test_markers_of_two_kinds_are_told_apart_by_their_topic() -> None:
+    assert Marker(t_ns=0, text="x").where == "/run/marker"
+    contact = Contact(finger="ring", t_ns=5, taken_ns=7, in_contact=False)
+    assert (contact.where, contact.log_ns) == ("/tactile/ring/contact", 7)
+
+
 def test_a_moment_is_made_only_for_who_asks_for_it() -> None:
     bus, recorded, displayed = Bus(), list[Record](), list[Snapshot]()
     bus.subscribe(Record, recorded.append)
@@ -178,6 +184,28 @@ def test_a_moment_is_made_only_for_who_asks_for_it() -> None:
     bus.publish(Snapshot(t_ns=0, view=view))
     assert [snapshot.view for snapshot in displayed] == [view]
     assert recorded == []
+
+
+def test_a_display_that_stands_still_holds_up_nobody() -> None:
+    bus, displayed, looked, go = Bus(), list[int](), threading.Event(), threading.Event()
+
+    def check(snapshot: Snapshot) -> None:
+        looked.set()
+        go.wait(60)
+        displayed.append(snapshot.t_ns)
+
+    backlog = Backlog("display", most=3)
+    bus.subscribe(Snapshot, check, name="display", backlog=backlog)
+    view = LoopView(0, {}, None, None, None, {})
+    bus.publish(Snapshot(t_ns=0, view=view))
+    assert looked.wait(60)
+    for t_ns in range(1, 100):  # returns every time, though nobody takes them
+        bus.publish(Snapshot(t_ns=t_ns, view=view))
+    assert backlog.n_dropped == 96
+    assert "display" in bus.problem()
+    go.set()
+    backlog.close()
+    assert displayed == [0, 1, 2, 3]
 
 
 def test_a_backlog_for_the_newest_drops_the_oldest_and_tells_how_long_the_rest_waited() -> None:
@@ -199,3 +227,21 @@ def test_a_backlog_for_the_newest_drops_the_oldest_and_tells_how_long_the_rest_w
     backlog.close()
     assert seen == [3, 4, 5]
     assert not backlog.running
+
+
+def test_a_display_that_does_not_keep_up_keeps_no_loop_waiting() -> None:
+    bus, gate, displayed = Bus(), threading.Event(), list[int]()
+    backlog = Backlog("view", most=1, newest=True)
+
+    def draw(change: RunState) -> None:
+        gate.wait(60.0)
+        displayed.append(change.t_ns)
+
+    bus.subscribe(RunState, draw, backlog=backlog)
+    for t_ns in range(1000):  # would take minutes if the publisher waited
+        bus.publish(RunState(t_ns=t_ns, state="active", reason=""))
+    gate.set()
+    backlog.close()
+    assert displayed[-1] == 999
+    assert len(displayed) <= 2
+    assert bus.problem() == ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 import re
+import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,11 +15,18 @@ import pytest
 from rich.console import Console
 
 from hazards.bench import Lab, lab
+from reference.parts import observed
 from reference.recorded import Recorded, read_recorded
+from reference.waiting import until
+from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
+from tega.loop import run_session
 from tega.loop.snapshot import LoopView
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
+from tega.records.bus import Bus
 from tega.records.vest import VestRecord
+from tega.runtime.clock import PausableClock
+from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.browser.vest import vest_svg
 from tega.ui.view.state import ViewState
@@ -175,3 +183,39 @@ def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
     states = compared(moments, tmp_path)
     assert states["stopped"][-1].page["hand"].startswith("command zero torque")
     assert states["stopped"][-1].view.reason
+
+
+def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: Path) -> None:
+    source = {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 4.0}}
+    muscles = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 4.0}}
+    recording = {"dir": str(tmp_path / "recorded"), "stop_free_mib": 0.0}
+    tree = {"session": {"pace": "real"}, "tactile": {"thumb": source}, "emg": muscles, "recording": recording}
+    config = check_tree(tree, {}, base=tmp_path).config
+    controls = Controls(can_pause=True, can_mute=True, can_go=True)
+    moments: list[Shown] = []
+    with BrowserView(port=0, controls=controls) as view:
+        bus = observed(lambda loop: moments.append(displayed(loop)), Bus())
+        view.watch(bus)
+        clock = PausableClock(lambda: controls.paused)
+        beside = threading.Thread(target=lambda: run_session(config, bus=bus, clock=clock))
+        beside.start()
+        until(lambda: len(moments) > 30)
+        assert view.page.inputs["go"].disabled  # the run steers already
+        controls.paused = True
+        until(lambda: "PAUSED" in view.page.run_state.content)
+        time.sleep(0.5)
+        n_displayed, last = len(moments), moments[-1]
+        time.sleep(0.5)
+        assert len(moments) == n_displayed
+        until(lambda: f"<b>{last.page['hand']}</b>" in view.page.status.content)
+        controls.paused = False
+        beside.join(30.0)
+        until(lambda: "STOPPED" in view.page.run_state.content)
+        until(lambda: "tega-ended" in view.page._vest.content)
+        assert view.page.inputs["haptics"].disabled
+        assert view.page.inputs["go"].disabled
+    assert not beside.is_alive()
+    recorded = read_recorded(next((tmp_path / "recorded").rglob("*.mcap")))
+    check(last, recorded)
+    check(moments[-1], recorded)
+    assert last.page["vest"].startswith("computed, no vest connected")

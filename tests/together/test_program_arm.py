@@ -119,6 +119,34 @@ def test_absolute_poses_are_reached_within_box_and_speed_and_lapse(lab: Emulated
     assert replay_file(path).same
 
 
+def test_a_pose_far_from_the_last_one_moves_nothing(lab: EmulatedLab, tmp_path: Path) -> None:
+    config = settings(lab, tmp_path, mapping={"frame": "base", "absolute": True})
+    with session(config) as s:
+        operator = Operator(s, lab)
+        start = operator.step()
+        operator.until(lambda _: operator.words.startswith("following"), start)
+        s.arm.pose(start + np.array([0.2, 0.0, 0.0]), _NO_TURN)
+        operator.until(lambda _: not operator.words.startswith("following"))
+    path = tmp_path / "session" / s.summary["recording"]["file"]
+    assert any("it jumped by 200 mm" in turn.reason for turn in open_recording(path)["/arm/turn"])
+    assert max(np.linalg.norm(place - start) for _, place in targets(path)) < 0.005
+
+
+def test_without_absolute_a_program_s_motion_is_the_arm_s(lab: EmulatedLab, tmp_path: Path) -> None:
+    with session(settings(lab, tmp_path, mapping={"frame": "base"})) as s:
+        operator = Operator(s, lab)
+        start = operator.step()
+        place = np.zeros(3)
+        operator.until(lambda _: operator.words.startswith("following"), place)
+        for _ in range(300):
+            place[1] += 0.002
+            if operator.step(place)[1] > start[1] + 0.03:
+                break
+        went = operator.step(place) - start
+    assert went[1] > 0.03
+    assert np.abs(went[[0, 2]]).max() < 0.005
+
+
 def test_what_is_no_pose_is_refused_and_a_tracker_keeps_its_arm(lab: EmulatedLab, tmp_path: Path) -> None:
     with session(settings(lab, tmp_path, mapping={"frame": "base"})) as s:
         next(s)

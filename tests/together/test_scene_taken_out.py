@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+import tega
 from reference.played import muscles
 from reference.taken_out import environment_without
 from tega.config import check_tree
@@ -105,3 +106,12 @@ def test_settings_with_its_table_are_refused_by_name(teleop: Teleop, tmp_path: P
     message = teleop("run", "lab.toml", code=1).stderr
     assert "lab.toml: scene: unknown key" in message
     assert "A feature's table needs its package." in message
+
+
+def test_no_file_of_the_core_names_it(python: Path) -> None:
+    assert (
+        subprocess.run([python, "-c", "import tega_scene"], capture_output=True, check=False).returncode == 1
+    )
+    files = [*Path(tega.__file__).parent.rglob("*.py")]
+    assert len(files) > 300
+    assert [file.name for file in files if "tega_scene" in file.read_text(encoding="utf-8")] == []

@@ -104,6 +104,18 @@ def test_targets_stay_inside_and_slow_for_any_start_and_levels(
         before = target
 
 
+@settings(max_examples=40, deadline=None)
+@given(data=st.data(), requested=levels.map(lambda ticks: ticks[:60]))
+def test_no_measurement_leads_past_a_torque_limit(data: st.DataObject, requested: list[int]) -> None:
+    controller = HandController()
+    last = np.zeros(16)
+    for level in requested[:20]:
+        torque = controller.step(data.draw(angles), level)
+        assert (np.abs(torque) <= TORQUE_LIMITS).all()
+        assert (np.abs(torque - last) <= 0.05 + 1e-12).all()
+        last = torque
+
+
 @settings(deadline=None)
 @given(start=angles, drive=st.lists(torques, min_size=1, max_size=6), constant=st.floats(0.001, 1.0))
 def test_the_model_is_the_stated_difference_equation(
@@ -132,3 +144,15 @@ def test_one_call_a_cycle_is_the_same_as_two(
         angle, torque = together.step(level, added)
         np.testing.assert_array_equal(torque, controller.step(model.angles_rad, level, added=added))
         np.testing.assert_array_equal(angle, model.step(torque))
+
+
+@settings(max_examples=20, deadline=None)
+@given(requested=levels, last=st.integers(1, 5))
+def test_the_modelled_hand_settles_whatever_came_before(requested: list[int], last: int) -> None:
+    modelled = ModelledHand()
+    for level in requested:
+        modelled.step(level)
+    for _ in range(900):
+        angle, torque = modelled.step(last)
+    np.testing.assert_allclose(angle, CLOSURE_POSES_RAD[last - 1], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(torque, 0, rtol=0, atol=1e-3)

@@ -36,11 +36,27 @@ def relative_error(got: float, exact: Decimal) -> float:
     return float(abs((Decimal(got) - exact) / exact))
 
 
+@given(value=finite, maximum=positive)
+def test_any_finite_input_gives_the_printed_law(value: float, maximum: float) -> None:
+    got, exact = intensity(value, maximum), exact_intensity(value, maximum)
+    assert 0.0 <= got <= 100.0
+    if exact > Decimal("1e-290"):
+        assert relative_error(got, exact) < 3e-15
+    else:
+        assert got < 1e-289
+
+
 @given(ratio=st.floats(-2, 3), maximum=st.floats(1e-6, 1e6), end_value=st.floats(1e-6, 0.49))
 def test_another_end_value(ratio: float, maximum: float, end_value: float) -> None:
     value = ratio * maximum
     exact = exact_intensity(value, maximum, end_value)
     assert relative_error(intensity(value, maximum, end_value=end_value), exact) < 1e-13
+
+
+@given(value=finite, other=finite, maximum=positive)
+def test_more_of_the_metric_never_gives_less(value: float, other: float, maximum: float) -> None:
+    low, high = sorted([value, other])
+    assert intensity(low, maximum) <= intensity(high, maximum)
 
 
 @given(value=finite, maximum=positive)

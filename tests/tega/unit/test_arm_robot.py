@@ -259,6 +259,16 @@ def test_a_frozen_arm_s_process_is_noticed_and_does_nothing_old_afterwards(arm: 
     assert arm.health.refused > 0
 
 
+@pytest.mark.slow
+def test_an_arm_s_process_that_is_killed_is_told(arm: SimulatedArm) -> None:
+    led = Led(arm)
+    led.hold()
+    os.kill(arm.pid(), signal.SIGKILL)
+    led.until(lambda: "has ended (-9)" in arm.problem)
+    assert arm.phase == "gone"
+    led.until(lambda: led.command is not None and led.command.state == "stopped")
+
+
 def test_the_arm_s_process_does_not_outlive_the_run() -> None:
     code = (
         "import sys, time\n"

@@ -53,6 +53,10 @@ def test_the_modelled_hand_settles_without_swinging(start: int, goal: int) -> No
     assert np.abs(np.diff(angles, axis=0)).max() < 3.0 * 0.003
 
 
+def test_two_runs_are_equal_bit_for_bit() -> None:
+    assert run(1, 5, 600).tobytes() == run(1, 5, 600).tobytes()
+
+
 def _seconds_to_half_a_level(
     rise_levels_per_s: float, reported: Callable[[float], tuple[float, float]]
 ) -> float:
@@ -91,6 +95,18 @@ def test_an_addition_that_is_out_of_range_gives_no_torque() -> None:
         assert not out.any()
         with pytest.raises(InvalidValueError, match="added"):
             ModelledHand().step(3, added)
+
+
+def test_a_neighbour_takes_600_ms_and_the_whole_way_1200() -> None:
+    for goal, ticks in [(2, 200), (5, 401)]:
+        controller = HandController()
+        controller.step(OPEN, goal)
+        for _ in range(ticks - 1):
+            controller.step(OPEN, goal)
+        assert controller.target_rad is not None
+        assert not np.array_equal(controller.target_rad, CLOSURE_POSES_RAD[goal - 1])
+        controller.step(OPEN, goal)
+        np.testing.assert_array_equal(controller.target_rad, CLOSURE_POSES_RAD[goal - 1])
 
 
 def test_level_and_target_follow_the_calls() -> None:
@@ -230,6 +246,13 @@ def test_the_model_refuses_what_its_numbers_cannot_hold() -> None:
     for wrong in ({"time_constant_s": 1e-320}, {"full_duty_speed_rad_s": 1e308}):
         with pytest.raises(InvalidValueError, match="1e-6 to 1e6"):
             JointModel(np.zeros(16), **wrong)
+
+
+def test_a_lower_torque_limit_holds() -> None:
+    controller = HandController(torque_limits=0.1, kp=5)
+    far = np.full(16, 1.0)
+    controller.reset(OPEN)
+    assert max(np.abs(controller.step(far, 5)).max() for _ in range(500)) == 0.1
 
 
 def test_the_model_stops_at_the_stops_and_refuses_nan() -> None:

@@ -61,6 +61,12 @@ def test_x16_is_two_rows_a_face_and_fills_the_rows_it_stands_for() -> None:
     assert frame.x40().tolist() == CCI * 5 + EDA * 5
 
 
+def test_halves_go_to_the_even_number() -> None:
+    frame = vest_frame([0.5, 1.5, 2.5, 98.5], [99.5, -3, 101, 49.5], layout="x16")
+    assert frame.intensities[:4].tolist() == [0, 2, 2, 98]
+    assert frame.intensities[8:12].tolist() == [100, 0, 100, 50]
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_an_intensity_that_is_not_finite_names_face_and_finger(bad: float) -> None:
     for finger, name in enumerate(FINGERS):

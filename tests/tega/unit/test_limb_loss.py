@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, get_type_hints
@@ -11,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tega.arm import StampedPose
+from tega.arm import ArmChain, StampedPose
 from tega.devices import driver_class
 from tega.devices.registry import list_drivers
 from tega.devices.tracker.hololens import HoloLens, HoloLensOptions
@@ -65,6 +66,20 @@ def test_every_tracker_hands_on_one_place_and_one_turn() -> None:
     assert {"hololens", "openxr", "poses-file"} <= set(trackers)
     for name in trackers:
         assert get_type_hints(driver_class(name, "tracker").read)["return"] == Sequence[StampedPose]
+
+
+@pytest.mark.parametrize("joints_m", [np.zeros((26, 3)), np.zeros(78)])
+def test_joints_in_the_place_of_a_place_steer_no_arm(joints_m: NDArray[np.float64]) -> None:
+    chain = ArmChain()
+    measured = StampedPose(0, (0.5, 0.0, 0.3), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
+    for number in range(100):
+        now_ns = 10_000_000 * number
+        pose = StampedPose(now_ns, joints_m, (0.0, 0.0, 0.0, 1.0))
+        command = chain.step(
+            now_ns, [pose], clutch=number > 5, dead_man=True, measured=measured._replace(t_ns=now_ns)
+        )
+        assert command.target is None
+    assert f"it is not one place and one turn: shapes {joints_m.shape}" in command.reason
 
 
 @pytest.mark.parametrize("fingers", [StampedPose(0, (0, 0, 0), (0, 0, 0, 1)), np.zeros((26, 3))])

@@ -34,6 +34,14 @@ def test_it_arms_once_the_rate_is_known_and_nothing_was_wrong_for_a_while() -> N
     assert guard.changes[0].t_ns == (400 + 200) * MS  # the window of the rate, and nothing wrong
 
 
+def test_emg_that_cannot_be_believed_holds_like_emg_that_is_lost() -> None:
+    guard, _ = active()
+    assert guard.level(4) == 4
+    show(guard, 2100, unvoted=4)
+    assert (guard.state, guard.reason) == ("hold", "emg: no channel can be believed")
+    assert guard.level(1) == 4
+
+
 def test_a_fault_of_every_channel_holds_the_level_before_it_and_says_why() -> None:
     guard, report = active()
     assert guard.level(3) == 3

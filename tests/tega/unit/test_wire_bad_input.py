@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -172,3 +173,19 @@ def test_empty_answers_have_their_shapes() -> None:
     assert wire.ChordsDecoder(6).feed(b"").samples.shape == (0, 6)
     assert wire.SpikerDecoder(2).feed(b"").shape == (0, 2)
     assert wire.AsciiEmgDecoder(4).feed(b"").shape == (0, 4)
+
+
+def test_one_decoder_each_in_many_threads() -> None:
+    packet = bytes([0xA0]), bytes(30) + b"\xc0"
+    stream = b"".join(packet[0] + bytes([n % 256]) + packet[1] for n in range(2000))
+    found: list[list[int]] = []
+
+    def run() -> None:
+        found.append(wire.CytonDecoder().feed(stream).counters.tolist())
+
+    threads = [threading.Thread(target=run) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [[n % 256 for n in range(2000)]] * 4
