@@ -105,7 +105,7 @@ def test_settings_with_its_table_are_refused_by_name(teleop: Teleop, tmp_path: P
     (tmp_path / "lab.toml").write_text('[[scene]]\nname = "front"\nsource = "a.avi"\n', encoding="utf-8")
     message = teleop("run", "lab.toml", code=1).stderr
     assert "lab.toml: scene: unknown key" in message
-    assert "A feature's table needs its package." in message
+    assert "if this is a feature's table, install its package; else did" in message
 
 
 def test_no_file_of_the_core_names_it(python: Path) -> None:

@@ -77,7 +77,7 @@ def explain(
         if 0 < len(elsewhere) <= _MOST_ELSEWHERE:
             hint = f"did you mean {' or '.join(map(repr, elsewhere))}?"
         elif not key and isinstance(_value_at(value, name, ""), dict | list):
-            hint = f"{hint} A feature's table needs its package."
+            hint = f"if this is a feature's table, install its package; else {hint}"
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
     if (missing := re.match(r"Object missing required field `(.*)`", subject)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import msgspec
 
-from tega.records.base import Grey, GreyPerPixel, Ns, Pixel, Pixels, Record, Share, Step
+from tega.records.base import Grey, GreyPerPixel, Ns, Pixels, Record, Share, SquarePixels, Step
 from tega.records.touch import NamedValue
 
 
@@ -34,10 +34,10 @@ class BesideContact(Record, frozen=True, kw_only=True):
     finger: str
     t_ns: Ns
     in_contact: bool
-    eda: Pixels = 0
+    eda: SquarePixels = 0
     cci: GreyPerPixel = 0.0
     peak: Grey = 0.0
-    centroid_xy: tuple[Pixel, Pixel] = (math.nan, math.nan)
+    centroid_xy: tuple[Pixels, Pixels] = (math.nan, math.nan)
     more: tuple[NamedValue, ...] = ()
 
 

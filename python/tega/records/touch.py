@@ -14,11 +14,11 @@ from tega.records.base import (
     Newtons,
     Ns,
     Percent,
-    Pixel,
     Pixels,
     Record,
     Share,
     SquareMillimetres,
+    SquarePixels,
     quantity,
 )
 from tega.records.html import record_html
@@ -151,10 +151,10 @@ class Contact(Record, frozen=True, kw_only=True):
     t_ns: Ns
     taken_ns: Ns = 0
     mass: Grey = 0.0
-    centroid_xy: tuple[Pixel, Pixel] = (_NAN, _NAN)
+    centroid_xy: tuple[Pixels, Pixels] = (_NAN, _NAN)
     spread: Annotated[float, quantity("px or grey")] = _NAN
     threshold: Grey = _NAN
-    eda: Pixels = 0
+    eda: SquarePixels = 0
     cci: GreyPerPixel = 0.0
     peak: Grey = 0.0
     peak_xy: tuple[Annotated[int, quantity("px", "int32")], Annotated[int, quantity("px", "int32")]] = (0, 0)
