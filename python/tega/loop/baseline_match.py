@@ -94,7 +94,7 @@ def _candidates(baseline: Picture, shape: tuple[int, ...]) -> list[_Candidate]:
 
 def _looks_like(found: Sequence[_Candidate], bands: Sequence[bytes], own: Sequence[Sequence[float]]) -> str:
     """Return the change without which the baseline is near to the pictures; ``""`` for none."""
-    shares = {}
+    near: list[tuple[float, str]] = []
     for one in found:
         theirs = [np.array(band_distances(picture, one.bands)) for picture in bands]
         nearer = [
@@ -102,18 +102,15 @@ def _looks_like(found: Sequence[_Candidate], bands: Sequence[bytes], own: Sequen
             for mine, it in zip(own, theirs, strict=True)
         ]
         if np.median(nearer) >= _NEARER_SHARE:
-            shares[one.looks_like] = float(np.mean(theirs))
-    return min(shares, key=shares.__getitem__) if shares else ""
+            near.append((float(np.mean(theirs)), one.looks_like))
+    return min(near, default=(0.0, ""))[1]
 
 
 def _nearest(found: Sequence[_Candidate], bands: Sequence[bytes]) -> str:
     """Return the change after which a baseline of the other shape is near to the pictures; ``""`` for none."""
-    distances = {
-        one.looks_like: float(np.median([band_distances(picture, one.bands) for picture in bands]))
-        for one in reversed(found)
-    }
-    nearest = min(distances, key=distances.__getitem__, default="")
-    return nearest if nearest and distances[nearest] <= _FAR else ""
+    distances = [float(np.median([band_distances(picture, one.bands) for picture in bands])) for one in found]
+    nearest = min(range(len(found)), key=distances.__getitem__, default=None)
+    return "" if nearest is None or distances[nearest] > _FAR else found[nearest].looks_like
 
 
 def _size(picture: Picture) -> str:

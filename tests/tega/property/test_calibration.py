@@ -7,6 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +15,7 @@ from tega.config.calibration.records import EmgRecord, VestCalibration, read_rec
 from tega.config.calibration.wearing import SITES, judge_wearing
 from tega.config.person_settings import felt_by
 from tega.haptics import FeltMap, vest_frame
-from tega.loop.maxima import touch_maxima
+from tega.loop.maxima import block_length, touch_maxima
 from tega.records import Contact
 from tega.setup.calibration.gel import compare_gels, judge_rest
 from tega.setup.calibration.practice import Curve, score
@@ -236,3 +237,8 @@ def test_a_perfect_follower_scores_full_and_a_late_one_is_as_late_as_they_were(
     assert delayed.delay_s is not None
     assert abs(delayed.delay_s - late / 10) <= 0.1001
     assert score(t_s, [1] * len(t_s), curve).delay_s is None
+
+
+@pytest.mark.parametrize(("rate_hz", "n"), [(10.0, 1), (200.0, 20), (1000.0, 100), (1259.3, 126)])
+def test_a_block_lasts_100_ms_where_no_decoder_says_otherwise(rate_hz: float, n: int) -> None:
+    assert block_length(rate_hz) == n

@@ -227,7 +227,7 @@ def test_ascii_streams(stream: bytes, cuts: list[int], channels: int, leading: i
 
 @given(st.lists(lines(), min_size=1, max_size=4).map(b"".join))
 def test_a_file_begins_with_a_whole_line(stream: bytes) -> None:
-    decoder = wire.AsciiEmgDecoder(3, drop_first_line=False)
+    decoder = wire.AsciiEmgDecoder(drop_first_line=False)
     assert decoder.feed(stream).tolist() == reference.ascii_samples(b"\n" + stream, 3)[0]
     assert decoder.dropped_bytes == 0
 

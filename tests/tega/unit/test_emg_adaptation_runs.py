@@ -172,6 +172,7 @@ def test_a_target_is_told_by_a_marker_and_taken_back() -> None:
     watch = AdaptationWatch(bus)
     mark = partial(HeardMarker, t_ns=0)
     for text, target in (
+        ("target:0", 0.0),
         ("target:0.8", 0.8),
         ("other", 0.8),
         ("target:x", 0.8),

@@ -17,6 +17,7 @@ from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD
 from tega.hand.mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M, hand_body
 from tega.hand.poses import POSE_MARGIN_RAD, load_poses, save_poses, taught
 from tega.ui.cli.hand import hand
+from tega.wire import HAND_FINGERS
 from tega.wire.allegro_messages import AllegroInfo
 
 
@@ -109,6 +110,22 @@ def test_a_link_is_centred_between_its_joint_and_the_next() -> None:
                 assert numbers(site, "pos") == [PAD_RADIUS_M, 0, numbers(pad, "pos")[2]]
     assert n_links >= 8
     assert n_pads == 4
+
+
+def test_fingers_weigh_what_the_published_model_says() -> None:
+    root = ET.fromstring(f"<hand>{hand_body()}</hand>")
+    masses_kg = {
+        finger: sum(
+            float(part.attrib["mass"])
+            for body in root.iter("body")
+            if body.attrib["name"].startswith(finger)
+            for part in body
+            if "mass" in part.attrib
+        )
+        for finger in HAND_FINGERS
+    }
+    # Links as published, each tip with a sensor of 16.8 g.
+    assert masses_kg == pytest.approx({"index": 0.1388, "middle": 0.1388, "ring": 0.1388, "thumb": 0.1231})
 
 
 @pytest.mark.parametrize(

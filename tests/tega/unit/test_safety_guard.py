@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import pytest
 
 from tega.loop.inbox.sources import SourceReport
 from tega.safety.guard import Guard, Watched
@@ -13,12 +16,12 @@ from tega.safety.stop import Stop
 MS = 1_000_000
 
 
-def active(**more: Any) -> tuple[Guard, SourceReport]:
+def active(begin_ms: int = 0, **more: Any) -> tuple[Guard, SourceReport]:
     """A guard of EMG at ten blocks a second that has become active after two seconds."""
     report = SourceReport()
     guard = Guard(SafetySection(), streams=[Watched("emg", "emg", 10.0, report)], **more)
     for k in range(21):
-        show(guard, 100 * k)
+        show(guard, begin_ms + 100 * k)
     return guard, report
 
 
@@ -28,10 +31,19 @@ def show(guard: Guard, t_ms: int, *, block_ms: int | None = None, **more: Any) -
     guard.check(t_ms * MS, late_ns=0, stamps={"emg": stamp * MS}, counts={"emg": stamp // 100}, **more)
 
 
-def test_it_arms_once_the_rate_is_known_and_nothing_was_wrong_for_a_while() -> None:
-    guard, _ = active()
+@pytest.mark.parametrize("begin_ms", [0, 12_300])
+def test_it_arms_once_the_rate_is_known_and_nothing_was_wrong_for_a_while(begin_ms: int) -> None:
+    guard, _ = active(begin_ms)
     assert [change.state for change in guard.changes] == ["armed", "active"]
-    assert guard.changes[0].t_ns == (400 + 200) * MS  # the window of the rate, and nothing wrong
+    # The window of the rate, and nothing wrong.
+    assert guard.changes[0].t_ns == (begin_ms + 400 + 200) * MS
+
+
+def test_whatever_is_wanted_the_hand_is_between_open_and_closed_and_open_until_it_is_active() -> None:
+    guard, _ = active()
+    assert [guard.level(wanted) for wanted in (0.2, 1.5, 7.0, math.nan)] == [1, 1.5, 5, 1]
+    guard = Guard(SafetySection(), streams=[Watched("emg", "emg", 10.0, SourceReport())])
+    assert guard.level(4) == 1
 
 
 def test_emg_that_cannot_be_believed_holds_like_emg_that_is_lost() -> None:

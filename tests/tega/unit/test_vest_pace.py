@@ -6,6 +6,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from reference.wired import wired_loop
 from tega.config import VestConfig, check_tree
 from tega.config.calibration import TouchMaxima
 from tega.devices.vest.vest_stream import VestOptions
-from tega.haptics import vest_frame
+from tega.haptics import MotorLevels, vest_frame
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.latency import LatencyTrace
@@ -27,6 +28,7 @@ from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
+from tega.loop.vest_output import VestOutput
 from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
 from tega.records import Contact, Intent, Latency, VestFrame
@@ -191,6 +193,50 @@ def test_a_driver_spares_frames_that_its_vest_shows_alike_but_a_motor_that_rests
     reported = KeptVest(VestOptions())
     reported.keep_alive_s = 0
     assert new_frames(reported, 40, 41, 41) == [40, 41, 41]
+    assert reported.counters.written == 3
+
+
+FRONTS = (0, 40, 41, 41, 50, 1, 0)
+
+
+class Traced:
+    """Keeps of each frame whether it changes what a vest shows."""
+
+    now_ns = staticmethod(lambda: 0)
+
+    def __init__(self) -> None:
+        self.changed: list[bool] = []
+
+    def vest(self, _t_ns: int, _began_ns: int, _made_ns: int, *, changed: bool) -> None:
+        self.changed.append(changed)
+
+
+@pytest.mark.parametrize(
+    ("vests", "changed"),
+    [
+        ([], [False] * len(FRONTS)),
+        ([FineVest], [True, True, True, False, True, True, True]),
+        ([KeptVest], [True, True, False, False, True, True, True]),  # 16 steps, and silence is none of them
+        ([KeptVest, FineVest], [True, True, True, False, True, True, True]),
+    ],
+)
+def test_a_frame_is_traced_where_its_vest_shows_a_change(vests: list[Any], changed: list[bool]) -> None:
+    fronts, traced = iter(FRONTS), Traced()
+
+    class Touch:
+        def frame(self, _t_ns: int) -> MotorLevels:
+            return vest_frame([next(fronts), 0, 0, 0], [0, 0, 0, 0], layout="x40")
+
+    touch: Any = Touch()
+    trace: Any = traced
+    live = [kind(VestOptions()) for kind in vests]
+    output = VestOutput(touch, live_vests=live, bus=Bus(), now_ns=lambda: 0, trace=trace)
+    with ExitStack() as opened:
+        for vest in live:
+            opened.enter_context(vest)
+        for k in range(len(FRONTS)):
+            output.refresh(k * MS)
+    assert traced.changed == changed
 
 
 def test_a_frame_that_stands_is_renewed_and_what_comes_alike_is_not_sent_beside_it() -> None:

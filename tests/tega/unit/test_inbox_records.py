@@ -1,0 +1,76 @@
+"""Records of what a source has read, their times, and how many frames a baseline is made of or compared with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+
+from tega.devices.base import EmgChunk, TactileFrame
+from tega.loop.baseline import find_baseline
+from tega.loop.inbox.sources import SourceReport, chunk_of, frame_of, picture_of, samples_of
+
+BEGAN_NS = 7_000
+
+
+@pytest.mark.parametrize(("live", "t_ns"), [(True, 123_000), (False, 130_000)])
+def test_samples_of_a_live_source_count_from_the_start_of_the_session(*, live: bool, t_ns: int) -> None:
+    chunk = EmgChunk(130_000, 5, np.arange(6.0).reshape(3, 2))
+    record = samples_of(chunk, live=live, start_ns=BEGAN_NS)
+    assert (record.t_ns, record.first_index, record.n_channels) == (t_ns, 5, 2)
+    assert live or record.received_ns == t_ns
+    again = chunk_of(record)
+    assert again.samples.tolist() == chunk.samples.tolist()
+
+
+def test_a_picture_counts_from_the_start_of_the_session_and_is_no_new_baseline_unless_it_is_said() -> None:
+    frame = TactileFrame(130_000, 4, np.zeros((2, 3, 3), np.uint8), "4.png")
+    record = picture_of("thumb", frame, received_ns=131_000, start_ns=BEGAN_NS)
+    assert (record.t_ns, record.received_ns) == (123_000, 124_000)
+    assert (record.loaded, record.rezeroed) == (False, False)
+    assert frame_of(record)[1:] == frame[1:]
+
+
+def test_a_source_that_read_nothing_has_counted_nothing() -> None:
+    assert not any(msgspec.structs.astuple(SourceReport())[:9])
+
+
+class Frames:
+    """A recording of so many small frames."""
+
+    def __init__(self, n: int) -> None:
+        self.n, self.n_read = n, 0
+        self.info: Any = type(
+            "Info", (), {"n_items": n, "live": False, "label": "frames", "driver": "images"}
+        )
+
+    @property
+    def ended(self) -> bool:
+        return self.n_read >= self.n
+
+    def read(self, _timeout_s: float) -> TactileFrame:
+        self.n_read += 1
+        return TactileFrame(self.n_read, self.n_read, np.full((8, 8, 3), 90, np.uint8), "")
+
+    def open(self) -> None: ...
+
+
+@pytest.mark.parametrize(("n", "used"), [(60, 60), (96, 96), (97, 49), (960, 96)])
+def test_a_baseline_is_estimated_from_frames_at_even_distances(n: int, used: int) -> None:
+    source: Any = Frames(n)
+    _, text = find_baseline(source, None, finger="thumb")
+    assert f" {used} frames" in text
+
+
+@pytest.mark.parametrize(("n", "read"), [(3, 3), (100, 100), (103, 100), (1000, 150)])
+def test_a_given_baseline_is_compared_with_five_frames_at_distances_of_at_most_30(
+    tmp_path: Path, n: int, read: int
+) -> None:
+    cv2.imwrite(str(tmp_path / "rest.png"), np.full((8, 8, 3), 90, np.uint8))
+    source: Any = Frames(n)
+    find_baseline(source, tmp_path / "rest.png", finger="thumb")
+    assert source.n_read == read
