@@ -205,6 +205,17 @@ def test_a_rest_that_rises_and_an_effort_that_weakens_are_followed(kind: InputKi
     assert run.adaptation.gains == pytest.approx([1.2, 1.2], rel=0.06)
 
 
+@pytest.mark.parametrize(("share", "seen"), [(0.3, 0.25), (0.8, 0.75)])
+@pytest.mark.parametrize("target", [0.25, 0.75])
+def test_a_target_is_believed_where_the_decoder_s_level_is_its_closure(
+    share: float, seen: float, target: float
+) -> None:
+    strong = AdaptationSection(on=True, gain_percent_per_min=50)
+    efforts = effort([share] * 4, 10.0, kind="raw", seed=3)
+    run = Run(lambda _n: Switches(allowed=True, target=target), "raw", strong).take(efforts)
+    assert bool(run.changes) == (target == seen)
+
+
 def test_a_target_that_the_decoder_does_not_see_is_not_believed() -> None:
     efforts = effort([0.9] * 4, 10.0, kind="rectified", seed=3)
     run = Run(lambda n: Switches(allowed=True, target=0.3 if n % 4000 < 3000 else 1.0), "rectified")
