@@ -98,6 +98,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn lanes_are_computed_one_by_one() {
+        let lanes = Lanes([7.0, 1.0, -3.0, 0.0]);
+        assert_eq!(lanes.over(2.0), Lanes([3.5, 0.5, -1.5, 0.0]));
+        assert_eq!(lanes.without(3.0), Lanes([7.0, 0.0, -3.0, 0.0]));
+    }
+
+    #[test]
     fn every_channel_of_every_row_is_seen_once() {
         for channels in 1..=9 {
             let rows: Vec<f64> = (0..channels * 5).map(|i| i as f64).collect();

@@ -122,3 +122,19 @@ fn fields(seed: u64, spread: f32) -> [[Vec<f32>; 3]; 3] {
         [cells(&|p| p[0] * cos - p[1] * sin), cells(&|p| p[0] * sin + p[1] * cos), cells(&|p| p[2])]
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_colour_is_the_light_along_the_normal() {
+        assert_eq!(shade([1.0, 2.0, 3.0], [0.5, 0.25, 0.125]), 1.375);
+        for (x, y) in [(0.0f32, 0.0f32), (0.5, -2.0), (-30.0, 4.0)] {
+            let exact = (1.0 + x * x + y * y).sqrt();
+            for (got, wanted) in normal(x, y).into_iter().zip([x / exact, y / exact, 1.0 / exact]) {
+                assert!((got - wanted).abs() <= 6e-6, "{got} {wanted}");
+            }
+        }
+    }
+}

@@ -128,3 +128,16 @@ fn carry_row<const N: usize>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_rests_where_it_is_at_the_height_of_a_shape_that_presses_it() {
+        assert!(rests(1.0, 1.0, 0.0, 1.0));
+        assert!(!rests(1.0, 0.5, 0.0, 1.0), "above the shape");
+        assert!(!rests(-0.5, -0.4, 0.0, 1.0), "no shape");
+        assert!(!rests(0.5, 1.0, 10.0, 1.0), "held by its neighbours alone");
+    }
+}

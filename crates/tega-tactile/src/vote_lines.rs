@@ -60,3 +60,29 @@ fn sum(row: ArrayView2<'_, u8>) -> u64 {
     let of = |values: ArrayView1<'_, u8>| values.iter().map(|&value| u64::from(value)).sum::<u64>();
     row.as_slice().map_or_else(|| row.outer_iter().map(of).sum(), |all| of(all.into()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array3;
+
+    #[test]
+    fn lines_and_light_are_those_of_the_picture_of_either_orientation() {
+        for (rows, columns) in [(320, 240), (240, 320), (96, 500), (1, 9), (9, 1)] {
+            let image =
+                Array3::from_shape_fn((rows, columns, 3), |(r, c, k)| ((7 * r + 3 * c + 50 * k) % 251) as u8);
+            let taken = vote_lines(image.view());
+            let (edge, side) = ((rows / 16).max(1), (columns / 16).max(1));
+            let row = |r: usize| image.index_axis(Axis(0), r).iter().copied().collect::<Vec<u8>>();
+            let step = (rows / 40).max(1);
+            let column = |c: usize| image.slice(s![..;step, c, ..]).iter().copied().collect::<Vec<u8>>();
+            let lines = [row(edge - 1), row(rows - edge), column(side - 1), column(columns - side)];
+            assert_eq!(taken.lines, lines);
+            let lit: Vec<f64> = (rows / 16..rows)
+                .step_by((rows / 8).max(1))
+                .flat_map(|r| row(r).into_iter().map(f64::from))
+                .collect();
+            assert_eq!(taken.light, lit.iter().sum::<f64>() / lit.len() as f64);
+        }
+    }
+}

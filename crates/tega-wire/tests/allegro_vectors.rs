@@ -70,6 +70,7 @@ fn captured_torque_frames_are_read_and_written_again() {
         (0x18C, "58 02 05 00 8D FF FA FF", Finger::Thumb, [600, 5, -115, -6]),
     ] {
         assert_eq!(counts_of(id, bytes), (finger, counts));
+        assert_eq!(finger.name(), format!("{finger:?}").to_lowercase());
         let frame = Command::SetTorque { finger, counts }.frame(OURS);
         assert_eq!((u32::from(frame.id()), frame.data()), (id, &hex(bytes)[..]));
     }

@@ -293,3 +293,33 @@ fn untouched_sums(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2] {
     }
     sums
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_count_by_how_far_they_are_over_the_level() {
+        let level = 10.0 * RIM;
+        let dent: Vec<f32> = (0..23).map(|k| level + [-9.0, -0.25, 0.0, 0.25, 9.0][k % 5] * RIM).collect();
+        let wanted: f32 = (0..23).map(|k| [0.0, 0.25, 0.5, 0.75, 1.0][k % 5]).sum();
+        assert!((count(&dent, level) - wanted).abs() < 1e-3, "{} {wanted}", count(&dent, level));
+    }
+
+    #[test]
+    fn a_dent_of_the_same_depth_is_as_high_in_a_picture_of_any_orientation() {
+        let height = |w, h| {
+            let dent = Dent {
+                moments: Moments::default(),
+                middle: (f64::NAN, f64::NAN),
+                strongest: 0.0,
+                shaded_mm: 0.0,
+                volume_mm3: 0.0,
+                mass: 300.0,
+            };
+            dent.height(&Grid::of(h, w))
+        };
+        assert_eq!(height(320, 240), height(240, 320));
+        assert!((height(320, 240) / height(640, 480) - 2.0).abs() < 1e-12);
+    }
+}
