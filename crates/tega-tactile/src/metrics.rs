@@ -309,3 +309,18 @@ impl<'p, I: Exact> Map<'_, 'p, I> {
         Some((value, sums.denominator.checked_mul(&sums.mass)?.checked_mul(&sums.mass)?))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_factor_is_a_number_of_at_most_a_million() {
+        for value in [-1e6, -0.0, 1.28, 1e6] {
+            assert!(Options::printed_factor(value).is_ok(), "{value}");
+        }
+        for value in [-1.5e6, 1.000_001e6, 1e300, f64::NAN, f64::INFINITY] {
+            assert!(Options::printed_factor(value).is_err(), "{value}");
+        }
+    }
+}
