@@ -163,6 +163,31 @@ mod tests {
         Ok(())
     }
 
+    /// Square of the gain of `b0 + b1 / z + b2 / z²` on the unit circle.
+    fn power([b0, b1, b2]: [f64; 3], w: f64) -> f64 {
+        let (re, im) = (b0 + b1 * w.cos() + b2 * (2.0 * w).cos(), b1 * w.sin() + b2 * (2.0 * w).sin());
+        re * re + im * im
+    }
+
+    #[test]
+    fn half_the_power_is_left_at_the_cutoff_at_every_rate_and_order() -> Result<(), EmgError> {
+        for rate_hz in [200.0, 250.0, 1e3, 1e4] {
+            for cutoff_hz in [5.0, 20.0, 50.0, 90.0] {
+                let w = 2.0 * PI * cutoff_hz / rate_hz;
+                for order in 1..=MAX_ORDER {
+                    for sos in
+                        [Sos::lowpass(rate_hz, cutoff_hz, order)?, Sos::highpass(rate_hz, cutoff_hz, order)?]
+                    {
+                        let section = |s: &Section| power(s.b, w) / power([1.0, s.a[0], s.a[1]], w);
+                        let left: f64 = sos.sections().iter().map(section).product();
+                        assert!((left - 0.5).abs() < 1e-6, "{rate_hz} {cutoff_hz} {order}: {left}");
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
     #[test]
     fn poles_are_inside_the_unit_circle_up_to_both_margins() -> Result<(), EmgError> {
         for share in [CUTOFF_MARGIN, 1e-5, 0.1, 0.25, 0.4, 0.49999, 0.5 - CUTOFF_MARGIN] {
