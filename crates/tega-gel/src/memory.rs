@@ -205,6 +205,16 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_fades_with_each_mode() {
+        let memory = Memory { changed_s: 2.0, peaks: [0.5, 0.25], ..Memory::new(1.0) };
+        for t_s in [2.0, 3.0, 20.0] {
+            let wanted: f64 =
+                MODES.iter().zip([0.5, 0.25]).map(|(m, peak)| peak * ((2.0 - t_s) / m.fall_s).exp()).sum();
+            assert!((f64::from(memory.left(t_s)) - wanted).abs() < 1e-6, "{t_s}");
+        }
+    }
+
+    #[test]
     fn two_steps_follow_as_one() {
         let cells = vec![1.0; (ROWS + 2) * STRIDE + CACHE_LINE];
         let window = Window { rows: [3, 5], cols: [8, 16] };

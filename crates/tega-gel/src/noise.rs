@@ -212,6 +212,29 @@ mod tests {
     use super::*;
 
     #[test]
+    fn each_colour_drifts_its_own_way() {
+        let (noise, still) = (Noise::new(3, 1.0, false), vec![128.0; HEIGHT * LINE]);
+        let mut sums = [0.0f64; 3];
+        let n_epochs = 40 * KNOT_EPOCHS;
+        for epoch in (0..n_epochs).step_by(KNOT_EPOCHS as usize) {
+            let mut out = vec![0i8; HEIGHT * LINE];
+            noise.drift(&still, epoch, &mut out);
+            let mean = |channel: usize| {
+                let colour = out.iter().skip(channel).step_by(3);
+                colour.map(|&level| f64::from(level)).sum::<f64>()
+                    / (HEIGHT * WIDTH) as f64
+                    / f64::from(OFFSET[channel])
+            };
+            let [blue, green, red] = [mean(0), mean(1), mean(2)];
+            sums[0] += (blue - green).abs();
+            sums[1] += (green - red).abs();
+            sums[2] += (red - blue).abs();
+        }
+        // Two numbers drawn apart differ by 1.1 deviations on average.
+        assert!(sums.iter().all(|sum| sum / 40.0 > 0.5), "{sums:?}");
+    }
+
+    #[test]
     fn rows_of_the_root_give_the_correlations() {
         let rows = cholesky();
         let product = |a: usize, b: usize| -> f32 { rows[a].iter().zip(rows[b]).map(|(x, y)| x * y).sum() };
