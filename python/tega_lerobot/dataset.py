@@ -78,9 +78,6 @@ def export_lerobot(
             recordings.
         progress: Called as a file is read: once for its numbers, then for its pictures.
 
-    Returns:
-        The folder.
-
     Raises:
         ConfigError: The folder holds something.
         RecordingError: A recording cannot be read, or has other inputs than the first.

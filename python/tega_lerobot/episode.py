@@ -122,11 +122,6 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
     The first frame is when every stream has begun, the last one when the loop ended. A frame has the newest item of
     each stream that had been received, or that the loop had taken in, by its time.
 
-    Args:
-        path: The recording.
-        fps: Frames per second.
-        progress: Called as the file is read.
-
     Raises:
         RecordingError: It cannot be read, or is shorter than a frame or longer than 24 h.
     """

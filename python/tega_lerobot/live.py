@@ -61,10 +61,6 @@ def emg_channel_count(config: SessionConfig) -> int:
 def feature_names(config: SessionConfig, *, emg_channels: int) -> dict[str, list[str]]:
     """Return the names of the numbers of each feature of a session, before any device is open.
 
-    Args:
-        config: The settings.
-        emg_channels: How many channels the EMG has.
-
     Returns:
         Names by feature, as the export writes them: ``observation.state`` and so on, and ``action``.
     """
@@ -94,11 +90,7 @@ class _Item(NamedTuple):
 
 
 class Live:
-    """The newest values of a session, from its bus.
-
-    Args:
-        session: The session, not yet begun.
-    """
+    """The newest values of a session, from its bus."""
 
     def __init__(self, session: ProgramSession) -> None:
         self._session = session
@@ -192,11 +184,6 @@ class Live:
         self, wanted: Mapping[str, Sequence[str] | None], fingers: Sequence[str], *, patience_s: float
     ) -> None:
         """Wait until the run is active, every feature has a value and every finger a picture.
-
-        Args:
-            wanted: Names of the numbers by feature; ``None`` for any.
-            fingers: Names of the fingers.
-            patience_s: For how long at most.
 
         Raises:
             ConfigError: A feature has other numbers than those.

@@ -46,10 +46,6 @@ def check_scene(video: Path) -> tuple[int, int]:
 def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
     """Write the films of a recording's own scene cameras as videos with time codes, and return them by name.
 
-    Args:
-        recording: The recording.
-        beside: Folder for the videos.
-
     Raises:
         RecordingError: It is damaged.
     """

@@ -106,12 +106,6 @@ class VideoPlace:
 class EpisodeCamera:
     """One finger's videos.
 
-    Args:
-        folder: Folder of the dataset.
-        key: Name of the feature.
-        fps: Frames per second.
-        shape: Height and width of the pictures, even numbers of pixels.
-
     Attributes:
         total: Colours of all pictures.
         episode: Colours of the episode's frames.

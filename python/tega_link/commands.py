@@ -71,12 +71,7 @@ class Commands:
         self.rate_hz = 0.0
 
     def start(self, start_ns: int, stamp: Callable[[int, int], None] | None) -> None:
-        """Give the loop what comes from now on.
-
-        Args:
-            start_ns: Start of the session.
-            stamp: Called with the times at which each block was complete and was received; ``None`` without tracing.
-        """
+        """Give the loop what comes from now on."""
         self._start_ns = start_ns
         if stamp is not None:
             self._stamp = stamp

@@ -33,13 +33,7 @@ _MOST_CHUNKS = 64
 
 
 class FarFinger(Elsewhere):
-    """A fingertip at the robot's station: contacts come as a stream, frames for display with lower priority.
-
-    Args:
-        name: The finger.
-        robot: Name of the robot.
-        rate_hz: Pictures a second there; 0 where that is not known.
-    """
+    """A fingertip at the robot's station: contacts come as a stream, frames for display with lower priority."""
 
     def __init__(self, name: str, robot: str, *, rate_hz: float) -> None:
         label = f"{name} of {robot!r}"

@@ -31,9 +31,6 @@ _KEPT = 1024
 class ForearmReader:
     """Reads tracker and switches; the tracker is made at once, to know its axes, and opened later.
 
-    Args:
-        config: The session's settings.
-
     Attributes:
         frame: Axes of the poses; ``""`` where nothing leads an arm.
 
@@ -96,10 +93,6 @@ class ForearmReader:
 
 class IntentSender:
     """Puts the newest level, forearm and switches into commands.
-
-    Args:
-        forearm: Tracker and switches.
-        stamp: Returns what every message of a stream begins with.
 
     Attributes:
         hand: The robot's hand as the loop sees it; ``None`` where there is none.

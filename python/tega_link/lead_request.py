@@ -93,10 +93,6 @@ class Lead:
     def await_yes(self, net: NetSection, stop: Callable[[], bool]) -> None:
         """Wait for the first answer.
 
-        Args:
-            net: The station's settings, which say for how long.
-            stop: Asked meanwhile.
-
         Raises:
             DeviceUnavailableError: There is none, or it is no.
             KeyboardInterrupt: ``stop`` said so.

@@ -32,13 +32,7 @@ if TYPE_CHECKING:
 
 
 class OperatorStation(Station):
-    """The operator's end of the link.
-
-    Args:
-        config: The session's settings.
-        bus: Source of the session's records, and receiver of the link's records for a recording.
-        stop: Asked while the robot is looked for.
-    """
+    """The operator's end of the link."""
 
     def __init__(self, config: SessionConfig, bus: Bus, stop: Callable[[], bool]) -> None:
         super().__init__(config, bus)

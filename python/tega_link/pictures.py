@@ -67,11 +67,7 @@ class PictureSender:
         return {name: cv2.imencode(".png", f.baseline)[1].tobytes() for name, f in prepared.fingers.items()}
 
     def start(self, start_ns: int) -> None:
-        """Begin to send.
-
-        Args:
-            start_ns: The session's start, from which pictures are stamped.
-        """
+        """Begin to send."""
         self._start_ns = start_ns
         self._thread = threading.Thread(target=self._run, name="tega-net-pictures", daemon=True)
         self._thread.start()

@@ -22,12 +22,7 @@ _NEVER_OLD_NS = 10**12
 
 
 class SampleSender:
-    """Sends the amplifier's samples, about twenty times a second, while the robot's station records.
-
-    Args:
-        stamp: Returns what every message of the stream begins with.
-        wanted: Whether the robot's station records.
-    """
+    """Sends the amplifier's samples, about twenty times a second, while the robot's station records."""
 
     def __init__(self, stamp: Callable[[], dict[str, Any]], wanted: Callable[[], bool]) -> None:
         self._stamp, self._wanted = stamp, wanted
@@ -73,11 +68,7 @@ class SampleSender:
 
 
 class SampleReceiver:
-    """Takes in the EMG samples that come over the link.
-
-    Args:
-        muscles: Where they are read for the recording.
-    """
+    """Takes in the EMG samples that come over the link."""
 
     def __init__(self, muscles: FarMuscles) -> None:
         self._muscles = muscles

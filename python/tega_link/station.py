@@ -26,12 +26,7 @@ _LEAVE_S = 2.0
 
 
 class Station(Part, Opened):
-    """One end of the link in a session: it puts the other station's devices in place.
-
-    Args:
-        config: The session's settings; ``net`` is set.
-        bus: Bus of the session.
-    """
+    """One end of the link in a session: it puts the other station's devices in place."""
 
     endless = brings_input = True
 

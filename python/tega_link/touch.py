@@ -59,10 +59,6 @@ def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Cal
 class FarTouch:
     """All fingertips of a robot.
 
-    Args:
-        robot: Its name.
-        ttl_ns: How old what comes may be.
-
     Attributes:
         route: How long touch was on its way, by the clock's estimate.
     """

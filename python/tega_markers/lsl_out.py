@@ -44,12 +44,7 @@ class LslMarkersOut:
         self.n_pushed = 0
 
     def push(self, text: str, at_ns: int) -> None:
-        """Mark a moment; returns at once.
-
-        Args:
-            text: What happened.
-            at_ns: When, on the monotonic clock.
-        """
+        """Mark a moment; returns at once."""
         self.greet()
         with self._lock:
             self._push(text, at_ns)

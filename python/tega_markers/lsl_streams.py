@@ -80,11 +80,7 @@ class LslStreams:
         self._types = {kind: _TYPES.get(name, "TEGA") for name in names for kind in _KINDS[name]}
 
     def begin(self, emg_hz: float | None) -> None:
-        """Begin to send.
-
-        Args:
-            emg_hz: Samples a second of the EMG source; ``None`` where it states none.
-        """
+        """Begin to send."""
         self._emg_hz = emg_hz or self._lsl.IRREGULAR_RATE
 
     def close(self) -> None:

@@ -34,10 +34,6 @@ class RunMarkers:
     ``touch:KIND:FINGER``  when a finger touches (``contact``), lets go (``release``), or ``touch:slip``
     =====================  ==========================================================
 
-    Args:
-        settings: Which streams.
-        bus: Receives markers of other programs, and is the source of the records to mark.
-
     Raises:
         MissingExtraError: pylsl is not installed.
     """

@@ -97,14 +97,6 @@ def read_card(path: Path) -> Card:
 class OnnxModel:
     """A model that has been checked against its card; runs on one core.
 
-    Args:
-        model: File of the model.
-        card: File of its card.
-        kind: Kind of input it has to take: ``PictureInput`` or ``EmgInput``.
-
-    Attributes:
-        card: The card.
-
     Raises:
         ConfigError: A file cannot be read, is another one than the card names, or does not fit it.
         MissingExtraError: onnxruntime is not installed.

@@ -60,10 +60,6 @@ class FittsMovement(NamedTuple):
 def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
     """Return the movements of a test: each condition to and fro, the conditions in an order of chance.
 
-    Args:
-        seed: Seed of the order.
-        movements: That count, of each condition.
-
     Raises:
         InvalidValueError: There are no movements.
     """
@@ -78,11 +74,6 @@ def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
 
 class FittsCourse:
     """A test that goes on.
-
-    Args:
-        requested: The movements.
-        dwell_s: So long the cursor has to stay in a target.
-        timeout_s: After so long the next target comes anyway.
 
     Attributes:
         movements: Those that were made so far and count, oldest first.

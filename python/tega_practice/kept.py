@@ -112,11 +112,6 @@ def keep_record(record: FittsRecord | VestSkillRecord, folder: CalibrationFolder
 def kept_records(kind: type[_Kept], folder: CalibrationFolder, person: str | None = None) -> list[_Kept]:
     """Return the results of a person, or of everybody, oldest first.
 
-    Args:
-        kind: Type of the results.
-        folder: The calibrations.
-        person: Participant ID; ``None`` for everybody.
-
     Raises:
         CalibrationError: A file is damaged.
     """

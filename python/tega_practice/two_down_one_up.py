@@ -30,11 +30,6 @@ _SETTLING = 2
 class TwoDownOneUp:
     """Makes a difference smaller after two right answers and larger after a wrong one: it settles where 71 % are right.
 
-    Args:
-        start: The first difference.
-        least: The smallest one.
-        most: The largest one.
-
     Attributes:
         difference: The next one to ask about.
         n_asked: Questions answered so far.

@@ -51,9 +51,6 @@ class Definitions:
     """Message types of one bag: those of ROS 2 Jazzy, and TEGA's own as they are met.
 
     A field that may be absent has a flag ``has_NAME`` beside it; an absent number is NaN, or 0.
-
-    Args:
-        source: Name of the recording, for errors.
     """
 
     def __init__(self, source: str) -> None:

@@ -35,10 +35,6 @@ class Ros2Part(Part):
 
     The program that commands first leads until it leaves. Its dead-man and clutch are the settings' own inputs.
 
-    Args:
-        context: Context of the run.
-        table: Its settings.
-
     Raises:
         ConfigError: Another table lets clients lead the same.
     """

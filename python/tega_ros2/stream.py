@@ -37,9 +37,6 @@ class Ros2Stream:
     A record waits in a queue for a thread of its own; the oldest is dropped when the queue is full, and a message is
     dropped that a subscriber does not acknowledge in time.
 
-    Args:
-        bus: The run's.
-
     Attributes:
         url: The domain; empty while closed.
         n_dropped: Messages that were dropped for slow subscribers; records that were dropped before, when closed.

@@ -54,15 +54,7 @@ def board_size_mm() -> tuple[float, float]:
 
 
 class LensCalibration:
-    """Collects views of the board that differ, until they cover the picture.
-
-    Args:
-        width: Width of the frames, pixels.
-        height: Height of the frames, pixels.
-
-    Attributes:
-        views: Those that were taken.
-    """
+    """Collects views of the board that differ, until they cover the picture."""
 
     def __init__(self, width: int, height: int) -> None:
         self._cv2 = cv2 = load_cv2("scene")

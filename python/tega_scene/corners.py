@@ -48,10 +48,6 @@ class TagFinder:
     OpenCV's detector finds and reads them. Each side is then measured again, where brightness changes most along
     lines across it, and a corner is the intersection of two sides. This uses whole sides of dozens of pixels instead
     of the few pixels about a corner.
-
-    Args:
-        family: Which tags.
-        wanted: Numbers to look for; others are passed over.
     """
 
     def __init__(self, family: Family, wanted: frozenset[int]) -> None:

@@ -52,11 +52,6 @@ def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTra
     base is then over or under the table by the error of the place, nearly all of it along the view. It is moved along
     the view by that part (conditional mean of a normal error), and by the remainder straight down.
 
-    Args:
-        track: Poses.
-        layout: Which tags are where.
-        begin_s: Start of the trial on the video's clock.
-
     Raises:
         RecordingError: The object is not seen at the start, so that there is nothing to measure against.
     """

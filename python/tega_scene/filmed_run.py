@@ -114,11 +114,7 @@ class RunCameras:
 
 
 class _FilmingProcess:
-    """One camera's process, and a thread that reads its output and restarts it when it dies.
-
-    Attributes:
-        camera: Its settings.
-    """
+    """One camera's process, and a thread that reads its output and restarts it when it dies."""
 
     def __init__(self, camera: SceneConfig, bus: Bus, *, shows: bool) -> None:
         self.camera = camera

@@ -103,11 +103,6 @@ def read_flashes(path: Path) -> list[tuple[int, bool]]:
 def measure_offset(recording: Path, name: str, flashes: Path) -> CameraOffset:
     """Estimate a camera's offset from its recorded video.
 
-    Args:
-        recording: The MCAP file that ``scene record`` wrote.
-        name: The camera's name.
-        flashes: When the light was switched, on the clock of the same machine.
-
     Raises:
         RecordingError: The recording is damaged or has no such camera, or no part of its pictures follows the light.
         MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.

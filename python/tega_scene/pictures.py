@@ -64,11 +64,6 @@ def read_pictures(
     With a time code beside it (:func:`times_path`) times are those of the machine that recorded; without one they are
     seconds from the beginning of the file, as the file says.
 
-    Args:
-        video: The file.
-        begin_s: Pictures before are passed over, seconds.
-        end_s: Pictures after are left out.
-
     Returns:
         Seconds, and uint8 (H, W, 3), blue, green, red.
 

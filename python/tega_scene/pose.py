@@ -72,10 +72,6 @@ class _Sight(NamedTuple):
 class BodyFitter:
     """Fits the poses of one body.
 
-    Args:
-        body: Its tags.
-        lens: Lens of the camera.
-
     Attributes:
         ids: Numbers of its tags.
         corners_m: Corners of those that do not slide, float64 (4, 3) by number, in the body's axes; may be replaced.

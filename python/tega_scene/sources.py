@@ -111,11 +111,6 @@ def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
 def calibrate_from(source: str, size: tuple[int, int], *, notify: Callable[[str], None]) -> Lens:
     """Calibrate a lens from a camera, a video or a folder, and say meanwhile where the board is wanted.
 
-    Args:
-        source: As of :func:`open_pictures`.
-        size: As of :func:`open_pictures`.
-        notify: Called with a line for the person who holds the board.
-
     Raises:
         CalibrationError: There are too few views, or they do not fit a flat board.
         DeviceUnavailableError: The camera does not open, or stops.

@@ -148,11 +148,6 @@ def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> S
     The table's tags are taken over all pictures together: the camera stands still. Where each tag truly sits on its
     body is found from the pictures, too (:mod:`tega_scene.refine`).
 
-    Args:
-        sightings: As of :func:`sight_tags`.
-        lens: Lens of the camera.
-        layout: Which tags are where.
-
     Raises:
         RecordingError: The table's tags are never seen.
     """

@@ -72,9 +72,6 @@ def run_demo(
         paused: Asked all the time whether to stand still.
         muted: Returns whether the user has switched the vest off.
 
-    Returns:
-        The report, and the course of each trial in it.
-
     Raises:
         MissingExtraError: A package of the extra ``sim`` is not installed.
     """
@@ -134,13 +131,7 @@ def demo_outputs(folder: Path) -> list[Path]:
 
 
 def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
-    """Write the summary, and each trial's tables into a folder of its own.
-
-    Args:
-        folder: Where to; it must exist.
-        report: Report of the demo.
-        courses: The course of each trial in it.
-    """
+    """Write the summary, and each trial's tables into a folder of its own."""
     for number, (result, streams) in enumerate(zip(report.trials, courses, strict=True), start=1):
         below = folder / f"{number}-{result.object}"
         below.mkdir(exist_ok=True)
@@ -151,11 +142,6 @@ def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> 
 
 def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
     """Draw every trial: each finger's firmest contact, and the course of touch, pose and height.
-
-    Args:
-        path: The PNG to write.
-        report: Report of the demo.
-        courses: The course of each trial in it.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

@@ -73,9 +73,6 @@ class SimulatedAllegro:
         Args:
             level: Closure level, 1 to 5.
             added: Levels that a reflex adds.
-
-        Returns:
-            The four SET TORQUE frames of this tick.
         """
         frames = self._controller.step_encoded(self._read(), level, added=added, device_id=self._device_id)
         return [_tuple(CanFrame, frame) for frame in frames]

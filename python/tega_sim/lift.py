@@ -360,13 +360,7 @@ def _remembers(lab: Lab) -> bool:
 
 @lru_cache(maxsize=1)  # a practice and the lift after it are replayed the same
 def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, MotorLevels]]:
-    """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet.
-
-    Args:
-        lab: The person's lab.
-        plan: The trial in which it is to be replayed.
-        number: Number of the lift.
-    """
+    """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet."""
     from tega_sim.streams import Streams
 
     other, streams = plan.other, Streams()

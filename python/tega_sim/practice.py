@@ -58,12 +58,6 @@ def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) 
 
     A person without a vest, or with one that pulses at events, learns nothing, and the bench is not run.
 
-    Args:
-        lab: The person's lab.
-        plan: The trial.
-        person: The simulated person.
-        number: Number of the next lift.
-
     Returns:
         Time simulated, seconds.
     """

@@ -285,14 +285,7 @@ class SimulatedPacer(Pacer):
         self._advance = advance
 
     def wait(self, t_ns: int) -> bool:
-        """Wait for a deadline and let the world catch up with it.
-
-        Args:
-            t_ns: The deadline, counted from the start.
-
-        Returns:
-            Always true.
-        """
+        """Wait for a deadline and let the world catch up with it."""
         if not super().wait(t_ns):
             self.start_ns += self.elapsed_ns() - t_ns
         self._advance(t_ns)

@@ -45,10 +45,6 @@ class TrialEvent(msgspec.Struct, frozen=True):
 class TrialScorer:
     """Counts the events of a trial; receives the truth about a hundred times a second.
 
-    Args:
-        harm_m: Narrowing of the object from which it counts as deformed, metres.
-        window_s: End of the window in which the object has to be lifted, seconds.
-
     Attributes:
         rule: The rule of lift and hold.
         events: What happened; in the order of its beginning once the trial is closed.
@@ -69,13 +65,7 @@ class TrialScorer:
         self._squeeze: tuple[float, float] | None = None
 
     def take(self, t_s: float, truth: WorldTruth, *, placing: bool) -> None:
-        """Take the current true state.
-
-        Args:
-            t_s: Time since the trial's start, seconds.
-            truth: The true state.
-            placing: Whether the object is being put down, when it may slide and lie on the table again.
-        """
+        """Take the current true state."""
         self.peak_force_n = max(self.peak_force_n, *truth.pad_force_n)
         self._deform(t_s, truth.deformation_m)
         if not truth.lift_off:

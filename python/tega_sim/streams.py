@@ -171,11 +171,7 @@ class Streams:
         )
 
     def write_tables(self, folder: Path) -> None:
-        """Write each table as a CSV file of its name.
-
-        Args:
-            folder: Where to; it must exist.
-        """
+        """Write each table as a CSV file of its name."""
         for table, rows in self.rows.items():
             if table in _AT_NEED and not rows:
                 continue

@@ -76,9 +76,6 @@ def run_trials(
             added as they end. Results of other plans in it are kept.
         progress: Called with the number of finished trials.
 
-    Returns:
-        The results in the order of the plans.
-
     Raises:
         MissingExtraError: A package of the extra ``sim`` is not installed.
         RecordingError: ``out`` holds something else, or results of persons with other parameters or rules.
@@ -110,9 +107,6 @@ def run_trials(
 
 def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
     """Read a file of results; a last line that was cut off is passed over, a missing file holds none.
-
-    Args:
-        path: The file.
 
     Raises:
         RecordingError: Another line is no result of this version.

@@ -115,13 +115,7 @@ def stages_of(lab: Lab, plan: TrialPlan) -> StagesSection:
 
 
 def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
-    """Return the source of the vest's frames in a trial: the measurements or the truth.
-
-    Args:
-        lab: The person's lab.
-        plan: The trial.
-        layout: The vest's layout.
-    """
+    """Return the source of the vest's frames in a trial: the measurements or the truth."""
     config, reports = lab.config, ARMS[plan.condition].reports
     mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror
     felt = felt_map(config.vest)

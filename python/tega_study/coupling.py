@@ -86,12 +86,7 @@ def read_course(path: Path) -> TouchCourse:
 
 
 def write_course(path: Path, course: TouchCourse) -> None:
-    """Write a course, whole or not at all.
-
-    Args:
-        path: The file; its folder is made.
-        course: The course.
-    """
+    """Write a course, whole or not at all."""
     rows = np.column_stack(course)
     text = "t_s,cci,eda,pose\n" + "".join(f"{t:.3f},{c:.5f},{e:.5f},{p:.0f}\n" for t, c, e, p in rows)
     write_whole(path, text)
@@ -142,12 +137,7 @@ def effective_n(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int) ->
 
 
 def correlate(x: NDArray[np.float64], y: NDArray[np.float64]) -> Correlation:
-    """Correlate two series, judged by as many independent samples as they are worth.
-
-    Args:
-        x: A series.
-        y: Another, as long.
-    """
+    """Correlate two series, judged by as many independent samples as they are worth."""
     r, n = pearson(x, y), len(x)
     if math.isnan(r):
         return Correlation(r, n, math.nan, math.nan, math.nan, math.nan)

@@ -69,12 +69,7 @@ def beep_tone(level_dbfs: float) -> NDArray[np.float32]:
 
 
 class MaskingSound:
-    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears, and beeps.
-
-    Args:
-        settings: Level and loudspeaker; a level is set, unless there are beeps.
-        beeps: Whether beeps are played as well.
-    """
+    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears, and beeps."""
 
     def __init__(self, settings: MaskingSection, *, beeps: bool = False) -> None:
         if settings.level_dbfs is None and not beeps:

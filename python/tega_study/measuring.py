@@ -170,13 +170,7 @@ def between(
 def write_measured(
     path: Path, signed: str, found: Sequence[tuple[JournalEvent, JournalEvent, MeasuredTrial]]
 ) -> None:
-    """Replace the camera's events of a session.
-
-    Args:
-        path: The file, :func:`~tega_study.measured.measured_path`.
-        signed: Checksum of the plan.
-        found: Start, end and outcome of each attempt.
-    """
+    """Replace the camera's events of a session."""
     with replaced_journal(path) as journal:
         journal.add("session_start", t_ns=found[0][0].t_ns, source=CAMERA, text=signed)
         for start, end, seen in found:

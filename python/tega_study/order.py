@@ -73,9 +73,6 @@ def allocate(
         objects: Up to three are taken in all orders, more in a Williams design.
         conditions: Taken in a Williams design.
         seed: The study's seed.
-
-    Returns:
-        For each person the order of objects and the order of conditions.
     """
     n = len(objects)
     rows = list(itertools.permutations(range(n))) if n <= 3 else williams(n)

@@ -89,11 +89,6 @@ def least_people(metric: str, *, tests: int, alpha: float = 0.05) -> int | None:
     The report's test is run on the most extreme data: every person differs in the same direction. The other tests of
     the family are taken to find nothing, so that the correction is the strongest.
 
-    Args:
-        metric: Metric of the test.
-        tests: Number of tests that are corrected together.
-        alpha: Two-sided level.
-
     Returns:
         ``None`` if :data:`MOST_PEOPLE` are too few.
 

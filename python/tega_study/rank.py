@@ -70,10 +70,6 @@ class Shift(NamedTuple):
 def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
     """Compare two independent groups, two-sided.
 
-    Args:
-        x: First group.
-        y: Second group.
-
     Raises:
         ShapeError: A group is empty.
         MissingExtraError: SciPy is not installed.
@@ -155,10 +151,6 @@ def shift(x: ArrayLike, y: ArrayLike) -> Shift:
     """Estimate how far the first group lies over the second.
 
     The interval runs between the k-th differences from both ends, k from the exact distribution of U.
-
-    Args:
-        x: First group.
-        y: Second group.
 
     Raises:
         ShapeError: A group is empty.

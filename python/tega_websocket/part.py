@@ -42,12 +42,7 @@ _JPEG_QUALITY: Final = 80
 
 
 class WebSocketPart(Part):
-    """The server of one run.
-
-    Args:
-        context: Context of the run.
-        table: Its settings.
-    """
+    """The server of one run."""
 
     def __init__(self, context: PartContext, table: WebSocketTable) -> None:
         config, self._bus, self._table = context.config, context.bus, table

@@ -27,9 +27,6 @@ class ArmChain:
     :attr:`ArmCommand.state` and ``reason`` give the state and its cause. The target never leaves box and cone and
     never exceeds the limits of speed and acceleration, for any input.
 
-    Args:
-        settings: All settings.
-
     Attributes:
         doubt: Why poses that come are not believed now; ``""`` while they are, and where none come.
 

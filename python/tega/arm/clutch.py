@@ -18,9 +18,6 @@ class Clutch:
 
     in the base's axes, so that the first goal is the target itself. The logarithm goes on past half a turn, so
     that an axis that is locked or scaled does not change sides there.
-
-    Args:
-        settings: Scale and gains.
     """
 
     def __init__(self, settings: MappingSettings) -> None:

@@ -36,9 +36,6 @@ class MoveToStart(Opened):
     The arm moves only in state ``following``, and its path starts from the target that the chain has actually set. So
     the chain's gate, clutch, dead-man, workspace, clip, limits and watchdogs apply as on any other path.
 
-    Args:
-        start: Pose to move to.
-
     Attributes:
         state: Newest state of the chain; ``""`` before.
         reason: Why it is so.

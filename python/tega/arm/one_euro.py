@@ -61,11 +61,7 @@ class OneEuro:
 
 
 class PoseFilter:
-    """Filters poses by their own stamps.
-
-    Args:
-        settings: The filter's.
-    """
+    """Filters poses by their own stamps."""
 
     def __init__(self, settings: FilterSettings) -> None:
         self._s = settings

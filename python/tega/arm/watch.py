@@ -38,11 +38,7 @@ class Trouble(NamedTuple):
 
 
 class ArmWatch:
-    """Keeps the times of the last poses and of the arm's last report.
-
-    Args:
-        settings: Times without news, and their consequences.
-    """
+    """Keeps the times of the last poses and of the arm's last report."""
 
     def __init__(self, settings: WatchdogSettings) -> None:
         self._s = settings

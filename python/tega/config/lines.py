@@ -13,9 +13,6 @@ def value_lines(text: str) -> dict[str, int]:
     The text is cut into its statements by the parser itself: lines are added until they parse, which a value over
     several lines does only at its end.
 
-    Args:
-        text: Valid TOML.
-
     Returns:
         By dotted key; a table of an array has its number, as in ``stages.beside[0].name``. A value that shares its line
         with others, as in an inline table, has that line.

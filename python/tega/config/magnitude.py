@@ -18,10 +18,6 @@ MOST: Final = 1e15
 def check_magnitudes(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
     """Check every number of the settings.
 
-    Args:
-        tree: Settings as nested tables.
-        origins: Where each dotted key came from.
-
     Raises:
         ConfigError: One is not 0 and smaller than :data:`LEAST`, or larger than :data:`MOST`.
     """

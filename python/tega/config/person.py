@@ -161,12 +161,7 @@ def driver_settings(config: EmgConfig) -> str:
 
 
 def other_conditions(record: EmgRecord, **today: object) -> str:
-    """Return the first condition that differs from that of the muscles' calibration; ``""`` for none.
-
-    Args:
-        record: The calibration.
-        today: Conditions by the names of the record's fields.
-    """
+    """Return the first condition that differs from that of the muscles' calibration; ``""`` for none."""
     for name, now in today.items():
         if (then := getattr(record, name)) != now:
             return f"EMG: {record.person} was calibrated with {name} = {_text(then)}, the settings have {_text(now)}"

@@ -21,9 +21,6 @@ class AdaptationWatch:
     """Derives the switches of the adaptation from the records on the bus; thread-safe.
 
     Other programs announce a target with a marker, ``target:0.8``, and end it with ``target:``.
-
-    Args:
-        bus: Bus with the run's states, contacts, markers and buttons.
     """
 
     def __init__(self, bus: Bus) -> None:

@@ -37,13 +37,7 @@ _HEALTH_NS = 1_000_000_000
 
 
 class ArmRecords:
-    """Publishes every turn of the steering of an arm.
-
-    Args:
-        bus: Bus to publish on.
-        start_ns: Start of the session on the monotonic clock.
-        mapping: Mapping from the tracker's axes to the base's.
-    """
+    """Publishes every turn of the steering of an arm."""
 
     def __init__(self, bus: Bus, start_ns: int, mapping: MappingSettings) -> None:
         self._bus, self._start_ns, self._mapping = bus, start_ns, mapping

@@ -40,12 +40,6 @@ _DECODED = ("t_ns", "channels", "level", "closure", "confidence")
 def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> None:
     """Have the stages of ``stages.beside`` look on.
 
-    Args:
-        stack: Ends their threads.
-        config: The settings.
-        prepared: Baselines, maxima and sources of the run.
-        bus: Bus with frames and samples; the results are published on it.
-
     Raises:
         TegaError: A stage rejects its arguments.
     """

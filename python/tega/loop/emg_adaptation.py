@@ -305,11 +305,7 @@ class ChannelAdaptation:
 
 
 def read_switches(recorded: Sequence[AdaptationSwitch]) -> Callable[[int], Switches]:
-    """Return the switches that a run read, by the number of samples at which it read them.
-
-    Args:
-        recorded: In the order in which they were recorded.
-    """
+    """Return the switches that a run read, by the number of samples at which it read them."""
     waiting, now = deque(recorded), Switches()
 
     def at(n_samples: int) -> Switches:

@@ -77,11 +77,7 @@ def median_frequency(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np
 
 
 class ConditionWatch:
-    """Watches one source as its samples come.
-
-    Args:
-        maxima: Maxima of the channels, with the kind of the samples.
-    """
+    """Watches one source as its samples come."""
 
     def __init__(self, maxima: EmgMaxima) -> None:
         self._names, self._full = maxima.channels, np.array(maxima.maxima)

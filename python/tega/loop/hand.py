@@ -84,9 +84,6 @@ class ModelledAllegro:
         Args:
             level: Closure level, 1 to 5 with fractions between two poses.
             added: Addition of the reflex, levels.
-
-        Returns:
-            The four SET TORQUE frames of this tick.
         """
         self._angles, torques = self._hand.step(level, added)
         return allegro_torque_frames(torques, device_id=self._device_id)

@@ -101,12 +101,6 @@ def open_hand_polls(
 ) -> HandPolls | None:
     """Make the looks of a run; ``None`` where hand or arm is not measured, or the settings want touch alone.
 
-    Args:
-        config: The settings.
-        hand: The hand that measures its joints.
-        arm: Steering of the arm; ``None`` without an arm.
-        now_ns: Returns the time since the start of the session, nanoseconds.
-
     Raises:
         ConfigError: The hand's pose file cannot be used.
     """

@@ -138,11 +138,6 @@ def go_to_start(
 def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
     """Open the arm of the settings and watch it for a while; nothing may move.
 
-    Args:
-        config: The settings, with an arm and its switches.
-        seconds: Duration.
-        bus: Every turn of the arm is published here.
-
     Raises:
         ConfigError: The settings have no arm, or something that it needs is missing.
         DeviceUnavailableError: A device is missing, went away or is at fault.

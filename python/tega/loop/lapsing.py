@@ -11,11 +11,7 @@ _LONGEST_S: Final = 10.0
 
 
 class Lapsing:
-    """A value that a program sends, for a time of the session's clock.
-
-    Args:
-        clock: The session's clock.
-    """
+    """A value that a program sends, for a time of the session's clock."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

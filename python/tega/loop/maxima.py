@@ -60,9 +60,6 @@ def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
 def guided_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
     """Derive a finger's maxima from guided presses, round and flat.
 
-    Args:
-        contacts: Their frames.
-
     Returns:
         Those of :func:`touch_maxima`, EDA times :data:`HEADROOM`.
     """

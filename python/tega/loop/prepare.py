@@ -51,9 +51,6 @@ def prepare(
         settings: Name of the settings file in suggested commands.
         origin: Words for the origin of maxima that are elsewhere, so that none are needed here; ``""``: none.
 
-    Returns:
-        The prepared sources of the run.
-
     Raises:
         RecordingError: A recording cannot be read.
         CalibrationError: The calibration does not fit, or there is none and a source is live.

@@ -45,11 +45,7 @@ class FingerRezero:
 
 
 class RezeroKey:
-    """Publishes the press of a terminal's key as a request for a new baseline.
-
-    Args:
-        bus: Publishes contacts, which give the session's time, and takes the button.
-    """
+    """Publishes the press of a terminal's key as a request for a new baseline."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus, self._t_ns, self._n = bus, 0, 0

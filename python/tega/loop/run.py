@@ -43,15 +43,6 @@ if TYPE_CHECKING:
 def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) -> dict[str, Any]:
     """Run the dual loop until it ends, close everything that is open, and write the summary.
 
-    Args:
-        stack: Holds everything that the rig has open; closed here, so that tables and recordings are complete.
-        rig: Devices, outputs and parts of the run.
-        clock: The session's clock.
-        controls: Polled at every tick for the end and for permissions.
-
-    Returns:
-        The summary.
-
     Raises:
         TegaError: The error that ended the loop; the summary is written first.
     """

@@ -52,15 +52,7 @@ class RunFacts(NamedTuple):
 
 
 def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[str, Any]:
-    """Sum up a run.
-
-    Args:
-        state: Everything it was made of.
-        error: Error that ended the run, if it failed.
-
-    Returns:
-        A tree of plain values, ready for JSON.
-    """
+    """Sum up a run."""
     from tega import __version__
 
     config, loop = state.rig.config, state.loop

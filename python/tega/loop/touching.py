@@ -109,9 +109,6 @@ class RecordedFingers:
     def measured(self, stopped: Callable[[], bool]) -> Iterator[_Found]:
         """Measure all pictures in the order of their times, in the thread that asks.
 
-        Args:
-            stopped: Asked between two pictures whether to give up.
-
         Raises:
             RecordingError: A picture is unreadable or not of its baseline's size.
         """

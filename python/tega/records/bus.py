@@ -159,12 +159,7 @@ def _words(error: Exception) -> str:
 
 
 def report_drops(n_dropped: int, newest_s: float) -> str:
-    """Return how many records were dropped, ``""`` for none in the last ten seconds.
-
-    Args:
-        n_dropped: How many since the start.
-        newest_s: When the newest of them was, by the monotonic clock, seconds.
-    """
+    """Return how many records were dropped, ``""`` for none in the last ten seconds."""
     if not n_dropped or time.monotonic() - newest_s > DROPS_REPORTED_S:
         return ""
     return f"{n_dropped} records dropped"

@@ -36,11 +36,7 @@ class Opened:
 
 
 class Elsewhere(Opened):
-    """Stands in for a device that is open somewhere else, such as at another station or in a program.
-
-    Args:
-        info: Description of the device.
-    """
+    """Stands in for a device that is open somewhere else, such as at another station or in a program."""
 
     def __init__(self, info: DeviceInfo) -> None:
         self.info = info

@@ -80,9 +80,6 @@ class RunStates:
             wrong: Reasons that keep the run from becoming active, by name.
             holding: Reasons that keep an active run from going on, by name; counted to ``wrong`` as well.
             go: Whether an armed run may become active.
-
-        Returns:
-            The state.
         """
         every = {**wrong, **holding}
         if every:

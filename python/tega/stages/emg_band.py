@@ -26,10 +26,6 @@ class EmgBand:
 
     The band is LibEMG's for surface EMG. Filtering in chunks gives the same result as filtering the whole signal.
 
-    Args:
-        rate_hz: Samples a second.
-        n_channels: Number of channels.
-
     Raises:
         InvalidValueError: The rate is too low for the band.
         MissingExtraError: SciPy is not installed.

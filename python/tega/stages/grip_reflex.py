@@ -58,10 +58,6 @@ class GripReflex(Reflex):
     ``most_give_levels`` since the first touch, or a finger bears ``most_force_n``. The wish is then the slip's, times
     the remaining part of the last fifth of the way there. Beyond the limit it is below 0, which takes back the
     addition.
-
-    Args:
-        setup: The hand.
-        options: Its numbers.
     """
 
     summary = "firmer at incipient slip, eased where the object gives or a finger is loaded"

@@ -54,11 +54,6 @@ class _EchoedOnce:
 def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     """Accept the arm of the settings.
 
-    Args:
-        config: The settings, with a dead-man switch.
-        arm: Its section.
-        guide: The person at the arm's emergency stop.
-
     Yields:
         The steps rate, latency, limits, least and stop; all are skipped without a yes, and nothing is opened.
 

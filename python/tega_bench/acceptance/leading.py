@@ -30,16 +30,7 @@ _PUSHED: Final = 0.2
 
 
 def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open tracker.
-
-    Args:
-        source: The open driver.
-        gate: Checks that a run applies to poses.
-        guide: The guide of the person with the tracked forearm.
-
-    Yields:
-        The steps rate, latency, limits, least and stop.
-    """
+    """Accept an open tracker."""
     guide.say("Hold the forearm still in the tracker's sight.")
     guide.ask("Does it rest? Press Enter, and rest for five seconds.")
     seen = _poses(source, _WATCH_S)
@@ -155,15 +146,7 @@ def _lost(source: Any, guide: AcceptanceGuide) -> AcceptanceStep:
 
 
 def accept_input(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open switch, pedal or SpaceMouse.
-
-    Args:
-        source: The open driver.
-        guide: The person at it.
-
-    Yields:
-        The steps rate, latency, limits, least and stop.
-    """
+    """Accept an open switch, pedal or SpaceMouse."""
     guide.say("Let go of the device: nothing touches it.")
     guide.ask("Is it untouched? Press Enter, and leave it for five seconds.")
     rest, _ = _readings(source, _WATCH_S)

@@ -30,10 +30,6 @@ class Microphone:
 
     Args:
         device: Number or part of a name; ``None`` for the system's own choice.
-
-    Attributes:
-        rate_hz: Samples per second.
-        name: Name of the microphone.
     """
 
     def __init__(self, device: str | None = None) -> None:

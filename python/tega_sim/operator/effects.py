@@ -52,12 +52,6 @@ class Disturbance:
 
     Every draw comes from a stream named after the effect, so that no other draw of the session changes.
 
-    Args:
-        names: Which of :data:`EFFECTS`.
-        seed: Seed of everything random.
-        label: Which stretch of the session.
-        tick_s: Time between two calls of :meth:`step`.
-
     Attributes:
         muscle_gain: By which each muscle works more for the same grip.
         turned: Weights of the former electrode signals in each electrode's signal, (3, 3); ``None``: not turned.

@@ -15,10 +15,6 @@ if TYPE_CHECKING:
 def check_answer_key(key: str, pedals: str) -> None:
     """Refuse a key that means something else in a trial.
 
-    Args:
-        key: Key typed by the participant's pedal.
-        pedals: Keys typed by the experimenter's pedals; empty for none.
-
     Raises:
         InvalidValueError: It is not one key, or has a meaning already.
     """
@@ -31,13 +27,7 @@ def check_answer_key(key: str, pedals: str) -> None:
 
 
 class Beeps:
-    """Beeps of one attempt.
-
-    Args:
-        sound: What plays them.
-        at_s: When, seconds from the trial's start.
-        key: Key typed by the participant's pedal.
-    """
+    """Beeps of one attempt."""
 
     def __init__(self, sound: MaskingSound, at_s: Sequence[float], *, key: str) -> None:
         self._sound, self._left_s, self.key = sound, list(at_s), key

@@ -69,13 +69,7 @@ class TrialBench(Protocol):
         ...
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
-        """Run a trial until it is over.
-
-        Args:
-            trial: Which.
-            going: The running trial: receives events, and decides when to begin and to end.
-            folder: Folder for the recording; new.
-        """
+        """Run a trial until it is over."""
         ...
 
 

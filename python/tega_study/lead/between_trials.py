@@ -20,11 +20,6 @@ GIVE_UP = "k"
 class TrialBefore:
     """Corrections and notes of the trial that ended last.
 
-    Args:
-        journal: The session's events.
-        desk: The experimenter's screen and keys.
-        clock: The session's.
-
     Attributes:
         following: Number and attempt of the trial that comes next; ``None`` after the last.
     """

@@ -102,11 +102,7 @@ class Going:
         return self._go.is_set()
 
     def begin(self, at_ns: int) -> None:
-        """Mark the trial's beginning, now; only the first call counts.
-
-        Args:
-            at_ns: This moment in the bench's own count of time.
-        """
+        """Mark the trial's beginning, now; only the first call counts."""
         if self.started_ns is None:
             self._view_zero_ns = self._newest_ns = at_ns
             now_ns = self._clock.now_ns()

@@ -86,9 +86,6 @@ def lead_session(
         trials: Stop after so many; ``None`` for all.
         options: Attributes of :class:`LeadOptions`.
 
-    Returns:
-        How the session stands.
-
     Raises:
         InvalidValueError: Unknown participant ID, answer key or pedal already in use, a condition cannot be run on
             this bench, or the plan is not for sessions on it.

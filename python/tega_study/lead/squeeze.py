@@ -25,12 +25,7 @@ _READY_S: Final = 1.0
 
 
 def squeeze_task(config: SessionConfig, *, settings: str) -> RestTask:
-    """Return the task of a squeeze.
-
-    Args:
-        config: The settings of the bench, with EMG.
-        settings: How their file is named in what an error suggests.
-    """
+    """Return the task of a squeeze."""
 
     def run(running: RunningTask) -> RestTaskEnd:
         return measure_squeeze(config, running, settings=settings)
@@ -40,11 +35,6 @@ def squeeze_task(config: SessionConfig, *, settings: str) -> RestTask:
 
 def measure_squeeze(config: SessionConfig, shows: Shows, *, settings: str) -> RestTaskEnd:
     """Have the person squeeze once.
-
-    Args:
-        config: The settings, with EMG and its calibration.
-        shows: Called with the instruction for the person.
-        settings: How the settings file is named in what an error suggests.
 
     Returns:
         The mean over the channels of the amplitude as a share of the calibrated maximum, and the signal's problems.

@@ -66,10 +66,6 @@ class CommandFile:
     Commands that came while none was taken for :data:`FRESH_S`, as during a typed answer, are skipped too. Their
     sender was informed that they were not taken, so they must not begin or end a trial now.
 
-    Args:
-        path: The file.
-        clock: The session's.
-
     Attributes:
         n_taken: How many lines were taken, understood or not.
     """

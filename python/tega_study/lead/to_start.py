@@ -13,11 +13,7 @@ if TYPE_CHECKING:
 
 
 def start_task(config: SessionConfig) -> RestTask:
-    """Return the task, which begins by itself after each trial.
-
-    Args:
-        config: The settings of the bench, with an arm that has a start.
-    """
+    """Return the task, which begins by itself after each trial."""
 
     def run(running: RunningTask) -> RestTaskEnd:
         return RestTaskEnd(go_to_start(config, running))

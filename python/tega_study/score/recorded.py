@@ -50,10 +50,6 @@ class _Facts(msgspec.Struct):
 def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial], list[str]]:
     """Return a person's recorded trials that count, in the plan's order.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID.
-
     Returns:
         The trials, and the reasons why others have no usable recording, as far as known without reading it.
 

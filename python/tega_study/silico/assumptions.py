@@ -101,19 +101,6 @@ def assume(
 ) -> tuple[Assumptions, bytes]:
     """Return a study's assumptions.
 
-    Args:
-        objects: Names of the objects to lift.
-        parameters: A parameter file; none means the package's own.
-        everyone: As in :class:`Assumptions`.
-        preset: As in :class:`Assumptions`.
-        settings: As in :class:`Assumptions`.
-        rules: As in :class:`Assumptions`.
-        view: As in :class:`Assumptions`.
-        fresh: As in :class:`Assumptions`.
-
-    Returns:
-        The statement, and the parameter file.
-
     Raises:
         ConfigError: The file is not valid, ``everyone`` has an unknown or out-of-range parameter, or a setting is not
             one of the loop's.

@@ -154,12 +154,7 @@ def _go(job: SessionJob, folder: Path) -> None:
 
 
 def keep_session(job: SessionJob, files: dict[str, bytes]) -> None:
-    """Put a finished session into the study's folder. Its events come last, as the sign that it is complete.
-
-    Args:
-        job: Which.
-        files: As :func:`run_session` gave them.
-    """
+    """Put a finished session into the study's folder. Its events come last, as the sign that it is complete."""
     beside = job.folder / RUNNING / f"{job.person}.done"
     shutil.rmtree(beside, ignore_errors=True)
     for name, content in files.items():

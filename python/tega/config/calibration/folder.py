@@ -121,11 +121,7 @@ class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class CalibrationFolder:
-    """Reads and writes calibrations.
-
-    Args:
-        path: The folder; made when something is written.
-    """
+    """Reads and writes calibrations."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

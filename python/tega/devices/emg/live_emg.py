@@ -79,10 +79,6 @@ class LiveEmg(Opened):
     A driver sets ``_rate_hz``, the stated rate, ``_n_channels``, all channels of the device, and ``limits`` as soon as
     it knows them, at the latest in ``_start``.
 
-    Args:
-        options: The settings.
-        label: Name of the source, without a path.
-
     Attributes:
         unit: Unit of the samples.
         usual_channels: Channels to use where none are set; none means all.

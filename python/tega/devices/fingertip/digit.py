@@ -75,12 +75,6 @@ class Digit(Opened):
     Frames that are torn, black, repeated, of another size or from another sensor are counted and discarded, so a
     finger without good frames falls silent. If a camera goes away, the driver searches for it by its serial number,
     first after 0.25 s and then at most every 4 s, and sets it up again.
-
-    Args:
-        options: The settings.
-
-    Attributes:
-        counts: Counts of the camera's frames.
     """
 
     kind: ClassVar[Kind] = "tactile"

@@ -77,9 +77,6 @@ def judge_picture(
 class PictureTally:
     """Counts judged pictures.
 
-    Args:
-        counts: Counts that go up.
-
     Attributes:
         foreign_shares: Largest share of a frame that came from each other sensor, by sensor.
         newest: Verdict on the newest picture.

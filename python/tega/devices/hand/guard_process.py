@@ -47,11 +47,6 @@ _left: list[subprocess.Popen[bytes]] = []
 class GuardProcess:
     """Starts and feeds the guard of a device from the program that it watches; one that is lost is replaced.
 
-    Args:
-        subject: Task of the guard, such as ``lets go of the hand``, for messages.
-        module: The module that it runs.
-        arguments: Words for it.
-
     Raises:
         DeviceUnavailableError: It does not start, so that the device must not be switched on.
 
@@ -102,9 +97,6 @@ class GuardProcess:
 
         Waits until a guard has answered that it has the device. One that was lost is replaced first; one that stands
         still is ended and replaced.
-
-        Args:
-            confirm_s: Time to wait then for the device to confirm, seconds.
 
         Returns:
             Number of the process that has the device; 0 where none has answered.

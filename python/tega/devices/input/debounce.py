@@ -42,10 +42,6 @@ class Debounce:
     def take(self, t_ns: int, down: Set[str]) -> Iterator[Edge]:
         """Process a report.
 
-        Args:
-            t_ns: When it came.
-            down: Buttons with a closed contact.
-
         Yields:
             The events that have become certain, in time order.
         """
@@ -61,9 +57,6 @@ class Debounce:
 
     def settle(self, t_ns: int) -> Iterator[Edge]:
         """Let time pass.
-
-        Args:
-            t_ns: Now.
 
         Yields:
             The presses that have held long enough.

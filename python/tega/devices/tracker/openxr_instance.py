@@ -49,9 +49,6 @@ class Made(NamedTuple):
 def make_instance(xr: Any) -> Made:
     """Connect to the active runtime.
 
-    Args:
-        xr: The module of pyopenxr.
-
     Raises:
         DeviceUnavailableError: There is none, or it does not answer.
     """

@@ -48,10 +48,6 @@ class Located(NamedTuple):
 class XrSession:
     """One connection to the runtime, used by one thread.
 
-    Args:
-        xr: The module of pyopenxr.
-        options: Options of the tracker.
-
     Attributes:
         runtime: Name and version of the runtime.
         is_begun: Whether the session runs.
@@ -221,9 +217,6 @@ class XrSession:
 
     def locate(self, now_ns: int) -> Located | None:
         """Return the place and turn at a time; ``None`` while the runtime does not let this program see them.
-
-        Args:
-            now_ns: On the monotonic clock.
 
         Raises:
             DeviceUnavailableError: The session is over.

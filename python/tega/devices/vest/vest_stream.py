@@ -101,12 +101,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
 
 
 class StreamedVest(Opened):
-    """Base of the live vest drivers.
-
-    Args:
-        options: The settings.
-        label: Name of the vest.
-    """
+    """Base of the live vest drivers."""
 
     kind: ClassVar[Kind] = "vest"
     name: ClassVar[str]

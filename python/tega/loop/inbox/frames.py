@@ -69,9 +69,6 @@ class FrameMeter:
     def take(self, frame: TactileFrame) -> Contact | None:
         """Measure a frame.
 
-        Args:
-            frame: The next one of the source.
-
         Returns:
             The contact in it; ``None`` for a frame that came again under its number, or of a live sensor without
             a vote (:mod:`tega.loop.inbox.picture_votes`).
@@ -118,9 +115,6 @@ class FrameMeter:
             seq: Its number; not that of the one before.
             t_ns: Its time.
             sums: As for :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
-
-        Returns:
-            The contact in it.
         """
         report = self._report
         self.seq = seq
@@ -214,7 +208,7 @@ def measured_contacts(
     observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
     notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Generator[Contact, None, int]:
-    """Measure the frames of a source.
+    """Measure the frames of a source; returns the time at which it ended, nanoseconds.
 
     In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes away the
     finger falls silent after 100 ms; it is opened again, once a second until that works or the run is over.
@@ -234,12 +228,6 @@ def measured_contacts(
         prepare: Called with each frame before it is checked and measured.
         observe: Called with each frame and the monotonic time of its reception.
         notify: Called with each measured frame and its contact, in the thread that measures.
-
-    Yields:
-        The contact in each frame.
-
-    Returns:
-        The time at which the source ended, in nanoseconds.
 
     Raises:
         RecordingError: A recorded frame is unreadable or not of the baseline's size.

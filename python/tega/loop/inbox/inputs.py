@@ -54,9 +54,6 @@ class SeatSeen(NamedTuple):
 class Inputs:
     """Looks at all input devices of a run; no look ever waits for a device.
 
-    Args:
-        seats: The devices, by seat.
-
     Attributes:
         seen: State of each device at the last look.
     """
@@ -74,12 +71,7 @@ class Inputs:
         return self._seats
 
     def check(self, bus: Bus, pacer: Pacer) -> None:
-        """Look at every device.
-
-        Args:
-            bus: Every change of a device's state and every event of an assigned button is published here.
-            pacer: Knows the session's time.
-        """
+        """Look at every device."""
         if not self._seats:
             return
         events: dict[str, list[InputEvent]] = {}

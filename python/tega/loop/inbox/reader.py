@@ -93,11 +93,6 @@ class ReadAhead(Generic[Given]):
 
     Every item arrives, in order: the thread waits when it is far ahead. An exception is raised after the items before
     it.
-
-    Args:
-        name: For the thread.
-        produce: Makes the iterator.
-        capacity: Items held at most.
     """
 
     def __init__(self, name: str, produce: Produce[Given], *, capacity: int = 64) -> None:

@@ -295,7 +295,7 @@ def grasp_blocks(
     observe: Callable[[EmgChunk], None] = lambda _chunk: None,
     adaptation: ChannelAdaptation | None = None,
 ) -> Generator[Intent, None, int]:
-    """Turn the samples of a source into levels, one per block.
+    """Turn the samples of a source into levels, one per block; returns when it ended, nanoseconds.
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
     samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed it.
@@ -312,12 +312,6 @@ def grasp_blocks(
         stamp: Called with each block's time and the monotonic time at which its last samples were received.
         observe: Called with the samples that were read, before they are decoded.
         adaptation: Adapts the decoder's input; ``None`` for unchanged samples.
-
-    Yields:
-        The intent of each block.
-
-    Returns:
-        The time at which the source ended, in nanoseconds.
     """
     live = source.info.live
     meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)

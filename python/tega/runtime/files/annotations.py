@@ -88,12 +88,6 @@ def edges_of(event: CodedEvent) -> list[float]:
 def check_times(events: Sequence[CodedEvent], *, length_s: float, name: str, hint: str) -> list[CodedEvent]:
     """Refuse events outside of the coded time; an event without an end ends with the coded time.
 
-    Args:
-        events: The events.
-        length_s: Length of the coded recording, seconds.
-        name: Name of the coded recording, for the errors.
-        hint: The next step.
-
     Raises:
         RecordingError: An event begins or ends outside.
     """

@@ -64,10 +64,6 @@ class Signals(NamedTuple):
 def read_signals(path: Path, reading: Reading | None = None) -> Signals:
     """Read the samples of a file.
 
-    Args:
-        path: A text table, an array file, or a recording of a format in :data:`tega.runtime.files.formats.FORMATS`.
-        reading: Choices of the user.
-
     Raises:
         RecordingError: It is missing, cannot be parsed, holds no sample, lacks a channel, can be read in several ways,
             or its times contradict the rate.

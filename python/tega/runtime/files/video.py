@@ -70,9 +70,6 @@ class VideoFacts(NamedTuple):
 class VideoFrames:
     """The frames of a video file, in order.
 
-    Args:
-        path: The file.
-
     Attributes:
         facts: Facts of the file.
         n_decoded: Number of frames decoded so far, one of them ahead of :meth:`read`.

@@ -43,13 +43,7 @@ class CalibrationCheck(NamedTuple):
 
 
 def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationCheck]:
-    """Check a person's records for the live devices of some settings, as far as possible without opening these.
-
-    Args:
-        config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
-        settings: Name of the settings file in suggested commands.
-        now: Current time, for the age of the records.
-    """
+    """Check a person's records for the live devices of some settings, as far as possible without opening these."""
     person, folder = whose(config.calibration)
     found: list[CalibrationCheck] = []
 

@@ -119,11 +119,6 @@ def judge_quiet(
 ) -> RestEffort:
     """Measure muscles at rest.
 
-    Args:
-        chunks: Samples taken while the person rested.
-        chain: The conditions.
-        limits: Range of the converter.
-
     Raises:
         CalibrationError: Nothing came.
     """

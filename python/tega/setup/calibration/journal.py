@@ -17,11 +17,7 @@ _Kept = TypeVar("_Kept")
 
 
 class Journal:
-    """The finished steps of one person's calibration, each written at once.
-
-    Args:
-        sitting: The calibration.
-    """
+    """The finished steps of one person's calibration, each written at once."""
 
     def __init__(self, sitting: Sitting) -> None:
         self._folder, self._person, self._now = sitting.folder, sitting.person, sitting.now

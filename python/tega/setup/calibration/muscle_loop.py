@@ -28,11 +28,6 @@ _READ_S = 0.05
 class MuscleLoop:
     """EMG source and decoder of the settings, for as long as the ``with`` block lasts.
 
-    Args:
-        config: The settings, with ``calibration.person``.
-        settings: Name of the settings file in suggested commands.
-        subject: Name of the part that needs the muscles, for the error message.
-
     Attributes:
         chunks: The samples since :meth:`start`, as they came.
         maxima: The person's calibration.

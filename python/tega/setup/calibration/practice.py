@@ -72,11 +72,6 @@ class Score(NamedTuple):
 def score(t_s: Sequence[float], levels: Sequence[int], curve: Curve) -> Score:
     """Score levels against a curve.
 
-    Args:
-        t_s: Times of the levels, rising.
-        levels: Levels, 1 to 5.
-        curve: The curve to follow.
-
     Raises:
         InvalidValueError: There is no level, or not a time for each.
     """

@@ -42,11 +42,7 @@ class Press(NamedTuple):
 
 
 class PressMeter:
-    """Follows presses as frames are measured.
-
-    Args:
-        n_pixels: Pixels of a picture.
-    """
+    """Follows presses as frames are measured."""
 
     def __init__(self, n_pixels: int) -> None:
         self._n_pixels = n_pixels

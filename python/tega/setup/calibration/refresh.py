@@ -34,10 +34,6 @@ _SCALE = (0.5, 2.0)
 def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
     """Take new baselines, and put EMG rest and maxima to today's scale by one squeeze.
 
-    Args:
-        sitting: The calibration.
-        parts: Parts to refresh; vest, forearm and cameras need none.
-
     Returns:
         The files written.
 

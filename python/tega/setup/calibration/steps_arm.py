@@ -54,11 +54,6 @@ class TakenHeading(NamedTuple):
 def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> TakenHeading:
     """Lead through both movements, again until the second comes out forward.
 
-    Args:
-        tracker: The open tracker.
-        guide: Shows and asks.
-        wait_s: Time to wait for each movement.
-
     Raises:
         CalibrationError: The second does not, and there is no answer about another attempt.
         KeyboardInterrupt: The person gives up.
@@ -93,13 +88,6 @@ def take_base_yaw(
     tracker: Tracker, guide: Guide, *, yaw_rad: float, reported_rad: float, wait_s: float = WAIT_S
 ) -> float:
     """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
-
-    Args:
-        tracker: The open tracker.
-        guide: Shows and asks.
-        yaw_rad: The operator's forward, as :func:`take_heading` found it.
-        reported_rad: Value of the settings, kept if there is no answer.
-        wait_s: Time to wait for the movement.
 
     Returns:
         As in ``arm.mapping.base_yaw_rad``.
@@ -141,12 +129,6 @@ def watch_sweep(
     displayed: Callable[[ForearmSweep, float], None],
 ) -> ForearmSweep:
     """Wait for a movement of the forearm that comes to rest.
-
-    Args:
-        tracker: The open tracker.
-        seconds: Time to wait.
-        yaw_rad: Direction of forward, rad; ``None`` if it is unknown.
-        displayed: Called again and again with the movement so far and the seconds left.
 
     Raises:
         CalibrationError: There was none.

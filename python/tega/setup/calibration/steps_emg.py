@@ -94,14 +94,6 @@ def collect(
 ) -> list[EmgChunk]:
     """Collect samples for a while, showing them.
 
-    Args:
-        source: The open source.
-        seconds: Duration.
-        guide: Shows.
-        prompt: Instruction for the person.
-        names: Names of the channels, for the bars.
-        full: Value of a full bar, (channels,); ``None`` for the largest so far.
-
     Raises:
         CalibrationError: Less than half of the samples came.
         DeviceUnavailableError: The source went away.
@@ -150,12 +142,6 @@ def drain(source: EmgSource) -> None:
 
 class MuscleSteps:
     """Leads a person through the steps on one open source.
-
-    Args:
-        source: The open source.
-        chain: The conditions.
-        guide: Shows and asks.
-        times: Durations of the steps.
 
     Attributes:
         received: Samples that the last step judged, of all its squeezes.

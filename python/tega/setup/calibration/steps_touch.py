@@ -69,12 +69,6 @@ def take_baseline(
 ) -> TakenBaseline:
     """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it.
 
-    Args:
-        finger: For the words.
-        source: Its open source.
-        sitting: The calibration; the baseline is kept in its folder.
-        is_free: The person has said already that nothing touches.
-
     Raises:
         CalibrationError: The baseline cannot be used, and there is no answer about it.
         DeviceUnavailableError: The sensor went away.
@@ -182,13 +176,6 @@ def take_presses(
     finger: str, source: TactileSource, baseline: TakenBaseline, sitting: Sitting, ball: Ball | None = None
 ) -> TouchRecord:
     """Ask for presses on a fingertip, first round, then flat, and derive its maxima.
-
-    Args:
-        finger: For the words.
-        source: Its open source.
-        baseline: Its untouched picture.
-        sitting: The calibration.
-        ball: Known ball and force, to fit depth and stiffness; optional.
 
     Raises:
         CalibrationError: There were too few presses, and there is no answer about it.

@@ -111,11 +111,6 @@ class VestSteps:
 
     Each raises ``Undecided`` where there is no answer, as without a terminal, and ``DeviceUnavailableError`` if the
     vest went away.
-
-    Args:
-        pulses: Vibrations.
-        guide: Shows and asks.
-        seed: Seed of the order of columns, and within a pair.
     """
 
     def __init__(self, pulses: Pulses, guide: Guide, *, seed: int) -> None:

@@ -25,13 +25,6 @@ def track(
 ) -> tuple[PracticeRecord, Path]:
     """Let a calibrated person follow a curve.
 
-    Args:
-        config: The settings, with ``calibration.person``.
-        guide: Shows.
-        duration_s: Duration.
-        seed: Seed of the curve.
-        settings: Name of the settings file in suggested commands.
-
     Returns:
         The score, and where it is kept; the EMG lies beside it, for ``tega-teleop emg fit``.
 

@@ -65,12 +65,6 @@ class _KeptSites(dict[str, FeltSite]):
 def calibrate_vest(sitting: Sitting, journal: Journal, choices: VestChoices, place: str) -> VestCalibration:
     """Calibrate the vest of the settings.
 
-    Args:
-        sitting: The calibration.
-        journal: Results of steps that are done.
-        choices: How the vest is shown.
-        place: Place of this part among all, for its title.
-
     Raises:
         ConfigError: The settings name no vest.
         CalibrationError: A step cannot be finished, and there is no answer about it.

@@ -83,11 +83,6 @@ class Calibrating:
     """Calibrates the devices of some settings for one person, step by step.
 
     The result of each step is stored at once. An interrupted calibration can be continued within four hours.
-
-    Args:
-        sitting: The calibration.
-        vest: How the vest is shown.
-        ball: Known ball and force, to fit each gel's depth and stiffness.
     """
 
     def __init__(
@@ -102,10 +97,6 @@ class Calibrating:
 
     def run(self, parts: Sequence[str], *, restart: bool = False) -> None:
         """Do all steps that are not done.
-
-        Args:
-            parts: As :func:`parts_of` gives them.
-            restart: Forget an interrupted calibration.
 
         Raises:
             CalibrationError: A step cannot be finished, and there is no answer about it.

@@ -106,9 +106,6 @@ class DriverProbe(NamedTuple):
 def probe_drivers(deadline_s: float = POLL_S) -> dict[str, DriverProbe]:
     """Search for devices with every driver that can; opens nothing.
 
-    Args:
-        deadline_s: Time limit for all of them together.
-
     Returns:
         The results by the driver's name, in the order of ``tega-teleop devices``, without drivers that cannot search.
     """
@@ -164,10 +161,6 @@ def probe_all() -> Examination:
 
 def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     """Try devices through their drivers, side by side.
-
-    Args:
-        cases: Devices to try.
-        deadline_s: Time limit for all of them together.
 
     Returns:
         At least one finding for each, in their order, and then those about several together.

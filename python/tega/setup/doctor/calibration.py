@@ -27,11 +27,6 @@ CHECK: Final = "calibration"
 def check_calibration(config: SessionConfig, *, settings: str, now: datetime | None = None) -> list[Finding]:
     """Look at the calibration that a run with some settings would use.
 
-    Args:
-        config: The settings.
-        settings: Name of the settings file in suggested commands.
-        now: Current time, for the age of the records; the time of day when ``None``.
-
     Returns:
         Nothing where none is needed, since nothing is live and none is named.
     """

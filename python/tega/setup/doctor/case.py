@@ -93,10 +93,6 @@ def late(case: DriverCase, deadline_s: float) -> Finding:
 def holders(device: str, proc: Path = _PROC) -> list[str]:
     """Name the programs that have a device open, as far as this user may see them (Linux only).
 
-    Args:
-        device: Its file, such as ``/dev/video0``.
-        proc: Folder in which the kernel lists processes.
-
     Returns:
         Name and number of each, such as ``cheese (4711)``.
     """

@@ -113,12 +113,7 @@ def _pictures(
 
 
 def crowded(cameras: Sequence[FoundCamera], nodes: Sequence[VideoNode] | None = None) -> list[Finding]:
-    """Say where more cameras hang on one USB 2 bus than it carries.
-
-    Args:
-        cameras: Cameras that work.
-        nodes: The machine's cameras; asked of the kernel when ``None``.
-    """
+    """Say where more cameras hang on one USB 2 bus than it carries."""
     bus_of = {node.serial: node.bus for node in (video_nodes() if nodes is None else nodes) if node.serial}
     by_bus: defaultdict[str, list[FoundCamera]] = defaultdict(list)
     for camera in cameras:

@@ -36,9 +36,6 @@ class Latch:
     or more are so changed at the first block, and one level after 0.6 s, if no block is back before.
     Effort that jumps within one block is taken for effort that still rises: its level is one too high for some two
     seconds. Muscles take three blocks.
-
-    Args:
-        block_s: Time from one closure to the next, s.
     """
 
     def __init__(self, block_s: float) -> None:

@@ -23,10 +23,6 @@ def stream_names() -> list[str]:
 def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
     """Stream the records on a bus for the duration of the block; the address is printed on stderr.
 
-    Args:
-        bus: The run's.
-        names: Names of streams, or none.
-
     Raises:
         MissingExtraError: A package is not installed.
         DeviceUnavailableError: A port is taken, or a program cannot be reached.

@@ -51,11 +51,7 @@ class VestCourse(NamedTuple):
 
 
 class RunCourse:
-    """Subscribes to a run's contacts, levels and vest frames and keeps them, in about 50 bytes each.
-
-    Args:
-        bus: The run's.
-    """
+    """Subscribes to a run's contacts, levels and vest frames and keeps them, in about 50 bytes each."""
 
     def __init__(self, bus: Bus) -> None:
         self._contacts: dict[str, array[float]] = {}

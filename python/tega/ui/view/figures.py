@@ -207,14 +207,6 @@ def session_figure(
 ) -> None:
     """Write all that is known of a session into one PNG, on one time axis.
 
-    Args:
-        path: The file to write.
-        pictures: One picture per finger, in drawing order; none for no row of them.
-        course: The course of the whole session.
-        title: Heading; says so where the data is simulated.
-        fingers: Each finger's course, in drawing order.
-        vest: The vest's course.
-
     Raises:
         MissingExtraError: matplotlib is not installed.
     """

@@ -37,11 +37,6 @@ class RerunStream:
     TEGA serves nothing here: the viewer does. The layout is sent first; ``python/tega/ui/view/rerun-layout.rbl`` is the
     same, to open beside a recording.
 
-    Args:
-        bus: The run's.
-        port: Port of the viewer.
-        file: An ``.rrd`` file to write to instead.
-
     Attributes:
         url: Address to which the records go; empty while closed.
     """

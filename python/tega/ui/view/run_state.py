@@ -30,11 +30,7 @@ NO_NEWS: Final = "no news from the run for"
 
 
 def meaning(view: LoopView) -> str:
-    """Return the effect of a state on the devices that are connected; ``""`` for a run that has ended.
-
-    Args:
-        view: A moment with a state.
-    """
+    """Return the effect of a state on the devices that are connected; ``""`` for a run that has ended."""
     if view.state == "stopped":
         return ""
     with_hand, with_vest = "hand" in view.devices, "vest" in view.devices
@@ -52,10 +48,6 @@ def meaning(view: LoopView) -> str:
 
 
 def lines_beside(view: LoopView) -> tuple[str, list[str]]:
-    """Return the reason for the run's state, ``""`` where that is good news, and the other alerts.
-
-    Args:
-        view: A moment with a state.
-    """
+    """Return the reason for the run's state, ``""`` where that is good news, and the other alerts."""
     reason = "" if view.state == "active" else view.reason
     return reason, [alert for alert in view.alerts if not reason or alert not in reason]

@@ -21,10 +21,6 @@ __all__ = ["SessionPicture"]
 class SessionPicture:
     """Collects the data for the figure of a run; give its bus to ``run_session``.
 
-    Args:
-        bus: Bus with measured frames and contacts.
-        course: The course of the same run.
-
     Raises:
         MissingExtraError: matplotlib is not installed.
     """

@@ -41,11 +41,6 @@ class TrialPicture(NamedTuple):
 def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> None:
     """Write the picture of simulated trials.
 
-    Args:
-        path: The PNG to write.
-        trials: At least one.
-        title: Heading; says that the data is simulated.
-
     Raises:
         MissingExtraError: matplotlib is not installed.
     """

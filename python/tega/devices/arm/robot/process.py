@@ -67,13 +67,7 @@ class ProcessSettings(msgspec.Struct, frozen=True):
 
 
 class Loop:
-    """Judges commands and leads the arm at every tick, without the process around it.
-
-    Args:
-        settings: The settings.
-        body: The open arm.
-        leash: Judges the commands.
-    """
+    """Judges commands and leads the arm at every tick, without the process around it."""
 
     def __init__(self, settings: ProcessSettings, body: RobotBody, leash: Leash) -> None:
         self._s, self._body, self._leash = settings, body, leash

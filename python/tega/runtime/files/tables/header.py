@@ -78,11 +78,6 @@ class Header(NamedTuple):
 def find_header(lines: Sequence[str], dialect: Dialect, name: str) -> Header:
     """Return where a table begins.
 
-    Args:
-        lines: The file's first lines, all of them.
-        dialect: Signs of the table.
-        name: File name for the errors.
-
     Raises:
         RecordingError: There is no row of numbers, or a damaged one before the first good one.
     """

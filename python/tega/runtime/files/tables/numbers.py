@@ -57,14 +57,7 @@ def displayed(line: str) -> str:
 
 
 class RowParser:
-    """Parses the wanted columns of rows.
-
-    Args:
-        name: File name for errors.
-        dialect: Signs of the table.
-        width: Cells of a row as it stands in the file.
-        columns: The wanted columns, from 0.
-    """
+    """Parses the wanted columns of rows."""
 
     def __init__(self, name: str, dialect: Dialect, width: int, columns: Sequence[int]) -> None:
         self._name, self._dialect, self._width, self._columns = name, dialect, width, tuple(columns)
@@ -72,10 +65,6 @@ class RowParser:
 
     def parse(self, first: int, lines: Sequence[str]) -> NDArray[np.float64]:
         """Return the numbers of lines, float64 (n, columns); empty lines and comments are left out.
-
-        Args:
-            first: Number of the first line in the file, from 1.
-            lines: The lines.
 
         Raises:
             RecordingError: A line has another number of cells, or a wanted cell is no number.

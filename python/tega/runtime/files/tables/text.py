@@ -27,10 +27,6 @@ _SIGNS = {"auto": "", "point": ".", "comma": ","}
 def open_text(path: Path, reading: Reading) -> Table:
     """Open a text table.
 
-    Args:
-        path: The file, perhaps compressed by gzip.
-        reading: Choices of the user.
-
     Raises:
         RecordingError: It is no text, holds no sample, or can be read in several ways.
     """

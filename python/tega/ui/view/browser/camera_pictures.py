@@ -23,11 +23,7 @@ _HIGHEST_PX: Final = 270
 
 
 class CameraPictures:
-    """Show the newest picture of each scene camera.
-
-    Args:
-        gui: viser's GUI; an element is added to its main panel with the first of them.
-    """
+    """Show the newest picture of each scene camera."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._gui = gui

@@ -45,10 +45,6 @@ class SessionFeed(Part):
     """Completes a session's moments for the page.
 
     Give the bus and this part to ``run_session``, and :meth:`complete` to the view.
-
-    Args:
-        rows: Lines of text to show.
-        bus: Bus with frames, samples and markers.
     """
 
     def __init__(self, rows: dict[str, str], bus: Bus) -> None:

@@ -31,9 +31,6 @@ class GhostHand:
     If an object stops a finger, the commanded finger is drawn inside the object: the depth shows how firmly the hand
     is asked to press. The palm has no command and is left out.
 
-    Args:
-        server: The viser server.
-
     Attributes:
         solids: The fingers; no batches while nothing is commanded.
     """

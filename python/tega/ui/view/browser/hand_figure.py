@@ -49,9 +49,6 @@ class _Solid(NamedTuple):
 class HandFigure:
     """Primitives of an Allegro hand, palm to the front, fingers up.
 
-    Attributes:
-        shapes: The primitives.
-
     Example:
         >>> figure = HandFigure()
         >>> figure.poses(np.zeros(16)).shape == (len(figure.shapes), 7)

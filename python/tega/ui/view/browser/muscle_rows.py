@@ -16,11 +16,7 @@ __all__ = ["MuscleRows"]
 
 
 class MuscleRows:
-    """Keeps the newest records of a run about its muscles; thread-safe.
-
-    Args:
-        bus: Bus with intents, changes of the adaptation, and the condition of the muscles.
-    """
+    """Keeps the newest records of a run about its muscles; thread-safe."""
 
     def __init__(self, bus: Bus) -> None:
         self._apart = DecodersApart()

@@ -176,14 +176,7 @@ class Page:
     def paint(
         self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
     ) -> None:
-        """Put a moment on the page: the scene, and in turn pictures, text or charts.
-
-        Args:
-            state: The moment.
-            turn: Number of the part to update, 0 to 2.
-            rates_hz: Measured rates.
-            latency_ms: Measured delays.
-        """
+        """Put a moment on the page: the scene, and in turn pictures, text or charts."""
         self._course.note(state)
         self.paint_state(state.loop)
         sheet = filmed = None

@@ -28,17 +28,7 @@ Point: TypeAlias = tuple[float, float, float]
 
 
 class Scene:
-    """Draws shapes, poses, contact forces and the hand as commanded.
-
-    Args:
-        server: The viser server.
-        eye_m: Initial position of a viewer's camera, world frame.
-        at_m: Point that the camera looks at.
-
-    Attributes:
-        solids: The shapes.
-        ghost: The hand as commanded.
-    """
+    """Draws shapes, poses, contact forces and the hand as commanded."""
 
     def __init__(self, server: viser.ViserServer, *, eye_m: Point, at_m: Point) -> None:
         self._server = server

@@ -20,11 +20,6 @@ _DRAGGED_S = 1.5
 class SeekSlider:
     """A slider over the whole recording: it follows the playback, and moving it seeks.
 
-    Args:
-        gui: viser's GUI; the slider is added where it stands.
-        playhead: Playhead of the recording.
-        now_s: The monotonic clock.
-
     Attributes:
         slider: viser's handle; hidden until the length of the recording is known.
     """

@@ -45,11 +45,6 @@ class Timeline:
 
     The run continues meanwhile, and the state shown on the page is the current one.
 
-    Args:
-        gui: viser's GUI; both are added where it stands.
-        kept_s: Time that one can look back, seconds.
-        now_s: The monotonic clock.
-
     Attributes:
         back: The slider, seconds before the newest moment; 0 for now.
         loop: The switch.
