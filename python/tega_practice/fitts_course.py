@@ -10,8 +10,6 @@ from typing import Final, NamedTuple
 from tega.errors import InvalidValueError
 from tega_practice.fitts import CONDITIONS, Movement
 
-__all__ = ["DWELL_S", "TIMEOUT_S", "FittsCourse", "FittsMovement", "Target", "fitts_plan"]
-
 DWELL_S: Final = 1.0
 TIMEOUT_S: Final = 10.0
 _ROUNDING: Final = 1e-9

@@ -17,8 +17,6 @@ from tega_practice.fitts import FittsScore, Movement, fitts_score
 from tega_practice.interval import Interval, with_first
 from tega_practice.vest_kept import VestSkillRecord
 
-__all__ = ["DecoderSkill", "FittsRecord", "by_person", "compare_kept", "keep_record", "kept_records"]
-
 _Kept = TypeVar("_Kept", bound=CalibrationRecord)
 
 _NONE: Final = -1.0

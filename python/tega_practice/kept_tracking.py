@@ -12,8 +12,6 @@ from tega.config.calibration.records import PracticeRecord
 from tega_practice.interval import Interval, with_first
 from tega_practice.kept import by_person
 
-__all__ = ["TrackingSkill", "compare_tracked"]
-
 
 class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
     """Error of force tracking with one decoder.

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega_practice.fitts_course import Target
 
-__all__ = ["CLOSURE_STEP", "LEVEL_STEP", "cursor_of", "fitts_test"]
-
 LEVEL_STEP: Final = 0.25
 """Step of the cursor of a decoder with five levels."""
 CLOSURE_STEP: Final = 0.01

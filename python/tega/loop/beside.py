@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
     from tega.stages.base import Metric
 
-__all__ = ["measure_beside_on", "open_beside"]
-
 # Pictures that may wait: a second of four fingers at 60 Hz would be 55 MB.
 _MOST_PICTURES = 60
 _MOST_CHUNKS = 4096

@@ -10,8 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["JointMotion"]
-
 _REST_TICKS: Final = 100
 """Looks in which a closure is held and the joints stand before a motion counts: 0.3 s at the hand's rate."""
 _NEW_LEVEL: Final = 0.1

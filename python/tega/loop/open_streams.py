@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from tega.safety.settings import SafetySection
     from tega.stages.base import Metric
 
-__all__ = ["contact_stream", "is_fed", "latency_trace", "level_stream"]
-
 
 def latency_trace(
     prepared: Prepared,

@@ -30,8 +30,6 @@ import msgspec
 
 from tega.errors import TegaError
 
-__all__ = ["Backlog", "Bus", "report_drops"]
-
 _LOG = logging.getLogger(__name__)
 
 _DRAIN_S = 10.0

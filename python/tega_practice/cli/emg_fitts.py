@@ -9,8 +9,6 @@ import click
 from tega.ui.cli.options import NameList, echo_json, json_option, worn_by
 from tega.ui.cli.page import view_options
 
-__all__ = ["emg_fitts", "emg_skill"]
-
 
 @click.command(
     epilog="Example: tega-teleop emg fitts lab.toml --person p01 --set stages.decoder.name=proportional"

@@ -26,8 +26,6 @@ from tega.runtime.files.foreign_file import parse_toml
 from tega.runtime.nearest import nearest_hint
 from tega_sim.operator.person import Parameter, stream
 
-__all__ = ["EFFECTS", "Disturbance", "effect_parameters"]
-
 EFFECTS: Final[dict[str, str]] = {
     "shift": "electrodes put on elsewhere",
     "sweat": "amplitude that falls as sweat gathers",

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from tega.records import Contact
     from tega.stages.base import Metric
 
-__all__ = ["FrameMeter", "fed_contacts", "keeps_up", "measured_contacts"]
-
 # Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
 # otherwise keep a core busy with asking.
 SEEN_REST_S = 0.001

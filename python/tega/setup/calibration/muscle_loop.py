@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from tega.devices.base import EmgChunk
     from tega.records import Intent
 
-__all__ = ["MuscleLoop"]
-
 _READ_S = 0.05
 
 

@@ -17,8 +17,6 @@ from tega.ui.cli.guide import LineGuide
 if TYPE_CHECKING:
     from tega.ui.view.browser.local import LocalServer
 
-__all__ = ["PageGuide"]
-
 _WIDTH = 900
 _PAINT_S: Final = 1 / 20
 _LAST_S = 0.1

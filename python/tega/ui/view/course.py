@@ -16,8 +16,6 @@ from tega.records import Contact, Intent, VestFrame
 if TYPE_CHECKING:
     from tega.records.bus import Bus
 
-__all__ = ["FingerCourse", "RunCourse", "VestCourse"]
-
 
 class FingerCourse(NamedTuple):
     """One finger over time.

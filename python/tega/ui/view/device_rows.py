@@ -11,8 +11,6 @@ from tega.runtime.number_text import number_text
 if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView
 
-__all__ = ["SILENT_NS", "device_rows", "level_words"]
-
 SILENT_NS: Final = 400_000_000
 """A decoded level older than this is not current, nanoseconds: twice the time after which a block is late."""
 

@@ -23,21 +23,6 @@ if TYPE_CHECKING:
     from tega.stages.base import MeasuredPicture, TouchMap
     from tega.ui.view.course import FingerCourse, VestCourse
 
-__all__ = [
-    "FINGER_COLOURS",
-    "MUSCLE_COLOURS",
-    "Firmest",
-    "SessionCourse",
-    "TouchPicture",
-    "draw_course",
-    "draw_fingers",
-    "draw_map",
-    "draw_touch",
-    "draw_vest",
-    "new_figure",
-    "session_figure",
-]
-
 # Under this a map is not stretched to white.
 _LEAST_TOP = {"mm": 0.02, "grey": 1.0}
 

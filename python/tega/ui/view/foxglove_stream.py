@@ -18,8 +18,6 @@ from tega.ui.view.same_machine import SameMachine, hidden_address
 if TYPE_CHECKING:
     from tega.records.bus import Bus
 
-__all__ = ["FOXGLOVE_PORT", "FoxgloveStream"]
-
 FOXGLOVE_PORT: Final = 8765
 """Default port of the app."""
 

@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from tega.haptics import ContactType
     from tega.records import Contact
 
-__all__ = ["BAND", "ContactLabels"]
-
 BAND = 0.05
 """A share is called high from 0.55 of its maximum on, and stays so down to 0.45.
 

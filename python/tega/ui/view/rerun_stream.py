@@ -19,8 +19,6 @@ from tega.runtime.threads import run_realtime
 if TYPE_CHECKING:
     from tega.records.bus import Bus
 
-__all__ = ["RERUN_PORT", "RerunStream", "save_layout"]
-
 RERUN_PORT: Final = 9876
 """Default port of the viewer."""
 

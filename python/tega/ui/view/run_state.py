@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView
 
-__all__ = ["NO_NEWS", "NO_NEWS_S", "lines_beside", "meaning"]
-
 _WITH_HAND: Final = {
     "idle": "the hand is open",
     "armed": "ready; waiting for the start",

@@ -15,8 +15,6 @@ from tega.ui.view.figures import Firmest, SessionCourse, TouchPicture, new_figur
 if TYPE_CHECKING:
     from tega.records.bus import Bus
 
-__all__ = ["SessionPicture"]
-
 
 class SessionPicture:
     """Collects the data for the figure of a run; give its bus to ``run_session``.

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView
     from tega.stages.base import TouchMap
 
-__all__ = ["EmgTail", "Shape", "ShapeKind", "TouchImage", "ViewState"]
-
 ShapeKind: TypeAlias = Literal["sphere", "capsule", "cylinder", "box", "plane"]
 
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from tega.haptics import MotorLevels
     from tega.loop.snapshot import LoopView
 
-__all__ = ["TerminalView", "render"]
-
 _WIDEST, _WIDE, _TALL = 120, 104, 30
 _REFRESH_S = 0.1
 _MOST_ALERTS = 2

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 if TYPE_CHECKING:
     import viser
 
-__all__ = ["add_annotation_keys"]
-
 _LABELS: Final[dict[Literal["S", "D", "X", "L", "U"], str]] = {
     "S": "slip",
     "D": "deformation begins or ends",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     import viser
     from numpy.typing import NDArray
 
-__all__ = ["CameraPictures", "cameras_html"]
-
 WIDTH_PX: Final = 360
 """Width of an image, a little less than the panel."""
 _HIGHEST_PX: Final = 270

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import EmgTail, ViewState
 
-__all__ = ["CourseChart", "MuscleCharts", "drives"]
-
 COURSE_S, MUSCLES_S = 6.0, 4.0
 # Eq 11: level = floor(4 · drive + 1).
 THRESHOLDS = (0.25, 0.5, 0.75, 1.0)

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from tega.loop.inbox.prepared import Muscles, Prepared
     from tega.records.bus import Bus
 
-__all__ = ["SessionFeed"]
-
 # Seconds of muscle signal kept for the page.
 _KEPT_S = 5.0
 # A recording is read ahead of the run's time, by no more than this.

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import Shape
 
-__all__ = ["GHOST_COLOUR", "GhostHand"]
-
 GHOST_COLOUR: Final = "#1f5fbf"
 """Colour of the hand as commanded."""
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import Shape, ShapeKind
 
-__all__ = ["EYE_M", "LOOK_AT_M", "STANDING", "HandFigure"]
-
 EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
 """Position of the eye, and the point it looks at, metres."""
 

@@ -25,8 +25,6 @@ from tega.ui.view.same_machine import foreign
 if TYPE_CHECKING:
     from tega.loop.motor_tests import MotorAnswer
 
-__all__ = ["LocalServer"]
-
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.
 _ICON = (

@@ -12,9 +12,6 @@ from tega.records import Adaptation, BesideIntent, Intent, MuscleCondition
 if TYPE_CHECKING:
     from tega.records.bus import Bus
 
-__all__ = ["MuscleRows"]
-
-
 OVER_NS: Final = 10_000_000_000
 # A level is a quarter of the closure.
 _APART_CLOSURE = 0.125

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from tega.ui.view.browser.controls import Controls
     from tega.ui.view.state import ViewState
 
-__all__ = ["Page"]
-
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _SHEET = "cameras and touch maps"
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["picture_html"]
-
 
 def picture_html(picture: NDArray[np.uint8], alt: str) -> str:
     """Return a picture as an image element as wide as where it stands.

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import Shape
 
-__all__ = ["Point", "Scene"]
-
 # Length of a force's arrow, metres a newton, and the longest that is drawn.
 _M_PER_N, _LONGEST_M = 0.02, 0.15
 _FIELD_OF_VIEW_RAD = 0.7

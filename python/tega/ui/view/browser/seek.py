@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from tega.recording.replay.playhead import Playhead
 
-__all__ = ["SeekSlider"]
-
 # Whoever drags the slider is left alone with it for so long.
 _DRAGGED_S = 1.5
 

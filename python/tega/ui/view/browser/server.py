@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
     from tega.ui.view.browser.page import Page
 
-__all__ = ["N_TURNS", "BrowserView"]
-
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 # The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
 N_TURNS = 3

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import Shape
 
-__all__ = ["Solids"]
-
 
 class LookPart(NamedTuple):
     """A primitive of a look.

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import EmgTail, ViewState
 
-__all__ = ["KEPT_S", "PastSnapshot", "Timeline"]
-
 KEPT_S: Final = 60.0
 """Time that one can look back in a live run, seconds."""
 
