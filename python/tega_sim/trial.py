@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from tega_sim.rig import TrialSteering
     from tega_sim.streams import Streams
 
+__all__ = ["TrialPlan", "TrialResult", "run_trial"]
+
 
 def run_trial(
     plan: TrialPlan,

@@ -37,8 +37,10 @@ if TYPE_CHECKING:
     from tega.safety.motor_budget import MotorBudget
     from tega.wire import CanFrame
 
-
 # Items of drivers, which import them from here.
+__all__ = ["DeviceInfo", "EmgChunk", "Found", "InputEvent", "InputReading", "Kind", "Options", "TactileFrame"]
+
+
 @runtime_checkable
 class Device(Protocol):
     """Base of all drivers: description, opening and closing.

@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from tega.loop.joint_motion import JointMotion
 
 
+__all__ = ["INTENT_STAGES", "MOTION_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace"]
+
 SKIN: Final = "skin"
 """The stage that the motor's onset is part of; there is none where that was not measured."""
 

@@ -22,6 +22,18 @@ if TYPE_CHECKING:
 Order = Literal["bgr", "rgb"]
 Outline = Literal["dent", "contact"]
 
+__all__ = [
+    "DEPTH_LAW",
+    "GelLight",
+    "KnownPress",
+    "TouchTracker",
+    "TrackedContact",
+    "calibrate_light",
+    "nominal_light",
+    "sensor_noise",
+    "update_fingers",
+]
+
 
 class GelLight(NamedTuple):
     """Light, scale and stiffness of one sensor's gel, which turn colours into millimetres and newtons."""
