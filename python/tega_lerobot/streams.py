@@ -50,7 +50,6 @@ class Stream:
         rows: Their numbers; ``None`` for a picture.
 
     Attributes:
-        times: Time of each item.
         width: Numbers of an item; ``None`` before the first.
     """
 

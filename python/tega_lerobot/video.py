@@ -40,13 +40,11 @@ class Video:
     """A video that grows by pictures.
 
     Args:
-        path: The file.
         fps: Frames per second.
         height: Height of the frames, pixels, an even number.
         width: Width of the frames, pixels, an even number.
 
     Attributes:
-        n_frames: How many it has.
         n_bytes: Size of what has left the encoder, which keeps pictures back; the file is there only from then on.
 
     Raises:

@@ -65,7 +65,6 @@ class FarMuscles(Elsewhere):
 
     Args:
         driver: Name of the way on which the levels come.
-        label: Where they are made.
         note: Note about their origin, for the summary.
     """
 
@@ -115,7 +114,6 @@ class FarHand(Elsewhere):
     """The robot's hand, seen from the operator's station: keeps the requested closure, for the link to send.
 
     Args:
-        robot: Name of the robot.
         answered: Called with a monotonic time; returns it and when a command was first sent at or after it, ``None``
             before that.
     """
@@ -152,7 +150,6 @@ class FarSwitch(Elsewhere):
     """A switch that the operator holds.
 
     Args:
-        name: Name of the switch.
         check: Returns when it was last received, whether that is fresh, and whether it is held.
     """
 
@@ -182,7 +179,6 @@ class FarTracker(Elsewhere):
     Args:
         frame: Axes of the poses; the link refuses an operator with others.
         driver: Name of the way on which the poses come.
-        label: Where they are measured.
     """
 
     problem = ""  # the link tells by itself what is wrong with it

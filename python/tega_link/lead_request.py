@@ -35,7 +35,6 @@ class Lead:
     Attributes:
         session: Number of the session; 0 for none.
         has: Whether the lead is ours.
-        welcome: The newest there was.
         refusal: Why the robot's station said no, as last said; ``None`` if it did not.
         n: How often the lead was given.
     """

@@ -25,9 +25,7 @@ class PictureSender:
     """Sends the newest picture of each fingertip, as often as is asked; the ones between are left out.
 
     Args:
-        link: Open.
         session: The robot station's.
-        rate_hz: Pictures a second of each fingertip.
         quality: Quality of the JPEG, 1 to 100.
         wanted: Whether anybody looks.
 

@@ -47,9 +47,7 @@ class LslStreams:
     states; all other streams have an irregular rate.
 
     Args:
-        names: Names of the streams to send.
         prefix: What every stream's name begins with.
-        bus: Source of the records.
         backlog: Where records wait, so that a slow network delays no loop.
         at_ns: Turns a time of the session into one of the monotonic clock.
 

@@ -30,11 +30,9 @@ class Ahead:
     Args:
         compute: Returns the result of an input, float64 (outputs,); called in the thread.
         first: Result until the first input is old enough.
-        delay_ms: The delay.
         every_ms: Least time from one input to the next; those between are not computed.
 
     Attributes:
-        n_late: Results that were not ready in time.
         problem: Last error of a computation; ``""`` for none.
     """
 

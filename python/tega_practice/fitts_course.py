@@ -45,7 +45,6 @@ class FittsMovement(NamedTuple):
     """One movement as it is asked for.
 
     Attributes:
-        target: Where to.
         distance: From the last target's centre, closure.
         counts: Whether it is scored; the first of a condition only leads to where that begins.
     """

@@ -131,8 +131,6 @@ class Lesson:
 
     Args:
         config: The settings; threshold and step of the vest are the person's.
-        vest: The open vest.
-        clock: Time.
 
     Attributes:
         aspects: Aspects of touch that the mapping shows differently, and questions can cover.

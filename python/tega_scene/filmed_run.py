@@ -42,7 +42,6 @@ class RunCameras:
     """Films from :meth:`begin` to :meth:`end`.
 
     Args:
-        cameras: The settings'.
         bus: Receives every encoded frame, and small frames if there is a viewer.
         stack: Ends the processes, should the run not begin.
         stop: Asked whether to give up.

@@ -66,7 +66,6 @@ class Filming:
     """Films with one camera from :meth:`begin` to :meth:`leave`.
 
     Args:
-        camera: Its settings.
         give: Called in a thread with encoded data: times on the monotonic clock and packets.
         show: Called in another thread with a small frame five times a second, uint8 (H, W, 3) BGR; ``None`` for no
             viewer.

@@ -63,8 +63,6 @@ class SceneTrack(NamedTuple):
 
     Attributes:
         t_s: float64 (n,), times of the pictures.
-        object: Poses of the lifted object.
-        hand: Poses of the hand.
         view: float64 (3,), direction in which the camera looks, in the table's axes.
         eye_m: float64 (3,), where it stands.
         table_rms_px: Residual of the table's tags.

@@ -56,7 +56,6 @@ class Lab:
     """Gels, electrodes and calibration of one person, which last longer than a trial.
 
     Args:
-        seed: Seed of the person.
         preset: Readings of the loop.
         parameters: Parameters of the population; ``None`` means the package's own.
         settings: Settings of the loop, see :class:`tega_sim.plan.TrialPlan`.

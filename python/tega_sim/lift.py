@@ -59,12 +59,9 @@ class Lift:
 
     Args:
         lab: The person's lab.
-        plan: The trial.
-        person: Operator of the lift.
         number: Number of the lift in the trial; another number gives other random numbers.
         fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
         streams: Where to keep truth and sensors.
-        recorder: What records it.
         watched: Whether :meth:`go` has an observer.
         muted: Returns whether the user has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing

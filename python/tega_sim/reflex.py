@@ -30,8 +30,6 @@ class TrueSlipArc(ReflexArc):
     It receives the speed of the slide.
 
     Args:
-        reflex: The stage.
-        settings: Its bounds.
         snapshot: As of :class:`tega.loop.reflex.ReflexArc`.
         slip_mm_s: Returns the present speed of the object through the grasp, mm/s.
         forces_n: Returns the true force on each pad, newtons, thumb first.

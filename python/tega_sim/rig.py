@@ -81,7 +81,6 @@ class TrialRig:
         world: Hand and object, at the trial's beginning.
         poses_rad: The hand's closure poses, float64 (5, 16).
         decoder: Turns EMG into levels.
-        person: The simulated person.
         emg: Turns excitation into EMG.
         worn: The vest, in the trial's condition.
         scorer: Counts what happens.
@@ -99,7 +98,6 @@ class TrialRig:
         contacts: Stream of measured frames, by finger, for the loop.
         levels: Stream of intents, for the loop.
         frames: The newest picture of each finger that was painted.
-        measured: The contact in it.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
         act: The person's current action.

@@ -69,7 +69,6 @@ class Percept(NamedTuple):
 
     Attributes:
         t_s: Simulated time since the trial began, seconds.
-        scene: The scene in view.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
         closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None`` where it is not shown.
         angles_rad: Its 16 joint angles, for logs of the sensors only; no person sees them. ``None`` in the same case.

@@ -50,9 +50,7 @@ class TrueTouch(TouchLoop):
     reach 3 mm, which cannot be known at the start.
 
     Args:
-        reports: Kind of truth.
         maxima: As of :class:`tega.loop.touch.TouchLoop`, like the following.
-        layout: Which motors the vest has.
         mirror: Which faces have their columns reversed.
         felt: Thresholds and steps of the wearer, where they are known.
         mapping: Makes the mapping of measured contacts, for display.

@@ -52,7 +52,6 @@ class Correlation(NamedTuple):
 
     Attributes:
         r: The correlation; NaN where a series does not change.
-        n: Samples.
         n_eff: Independent samples that they are worth (Bartlett).
         low: Lower end of the 95 % interval by Fisher's z with ``n_eff``; NaN below four.
         high: Upper end.

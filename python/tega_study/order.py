@@ -22,7 +22,6 @@ class Slot(NamedTuple):
     Attributes:
         block: Number of its block, from 1: trials in a row with the same object and condition.
         object: Name of the object to lift.
-        condition: Vest condition.
     """
 
     block: int

@@ -65,7 +65,6 @@ class Report(NamedTuple):
     Attributes:
         page: The HTML file.
         tables: The folder of CSV files, figures and ``analysis.json``.
-        analysis: The analysis that the report shows.
     """
 
     page: Path

@@ -35,8 +35,6 @@ class FingerPicture(NamedTuple):
     """One fingertip, at the frame in which the sum of its touch map is largest.
 
     Attributes:
-        finger: Which.
-        preset: Preset of the loop.
         baseline: The untouched gel, BGR, uint8 (H, W, 3).
         touch: The gel when touched most, with the contact and the map of the metric that the loop used.
         cci_max: CCI that counts as full; 0 where it is not known.

@@ -53,7 +53,6 @@ class Client:
 
     Args:
         number: Its number, from 1.
-        connection: Its WebSocket.
         most: Messages that wait at most; the oldest is dropped beyond that.
     """
 
@@ -93,7 +92,6 @@ class Server:
 
     Attributes:
         port: TCP port, once open.
-        n_clients: Clients so far.
         n_dropped: Messages dropped for clients that are gone.
     """
 

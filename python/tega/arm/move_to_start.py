@@ -38,7 +38,6 @@ class MoveToStart(Opened):
 
     Attributes:
         state: Newest state of the chain; ``""`` before.
-        reason: Why it is so.
         left_m: How far the target is from the start; ``None`` before it was known.
         off_m: Distance of the arm itself from the start, as measured; ``None`` before it was known.
         there: Whether the target rests at the start.

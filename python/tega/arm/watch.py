@@ -27,7 +27,6 @@ class Trouble(NamedTuple):
     """Trouble with the poses or the arm, and its consequence.
 
     Attributes:
-        level: Consequence of the trouble.
         reason: In words for the operator.
         silent: Whether it is that no poses come.
     """

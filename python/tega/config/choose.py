@@ -39,11 +39,6 @@ StageKind = Literal["metric", "decoder", "mapping", "reflex"]
 class Chosen:
     """A stage of the settings: its class and its options.
 
-    Attributes:
-        name: Its name.
-        kind: Its class.
-        options: Its options.
-
     Raises:
         ConfigError: No installed package brings it, or its options do not fit.
     """

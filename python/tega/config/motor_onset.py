@@ -21,9 +21,6 @@ class MotorOnset(NamedTuple):
     """Measured time from the hand-over of a frame to a vest's first vibration.
 
     Attributes:
-        ms: Middle of the motors that were measured.
-        device: The vest.
-        motors: Measured motors.
         made: Day of the oldest of these measurements, such as ``2026-11-21``.
         uncertainty_ms: How far it may be off, by the clock of the recordings.
     """

@@ -29,7 +29,6 @@ class Personal(NamedTuple):
     """Calibration of a run from a person's records, with warnings.
 
     Attributes:
-        calibration: The maxima.
         name: Name of the maxima's origin.
         warnings: Records that are old, missing or were stored in spite of a problem; one sentence each.
     """

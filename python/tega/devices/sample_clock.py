@@ -38,7 +38,6 @@ class SampleClock:
     """Stamps samples that are counted, and measures how fast they really come.
 
     Args:
-        rate_hz: The rate they are said to come at.
         counter_turn: Number of samples after which the device's counter wraps, needed to detect a loss of whole turns
             from the elapsed time; ``None`` for a device that does not count, where time reveals no losses.
 

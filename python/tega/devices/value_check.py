@@ -26,8 +26,6 @@ class ValueCheck:
     """Compares the samples of one source with its settings, half a second at a time.
 
     Args:
-        rate_hz: Samples per second.
-        names: Names of the channels.
         limits: Smallest and largest value of the converter, in the samples' unit; ``None`` where they are unknown.
         free_columns: Whether a column may be something else than a muscle, such as a counter or a time stamp.
 

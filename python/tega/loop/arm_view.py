@@ -20,8 +20,6 @@ class ArmView(NamedTuple):
 
     Attributes:
         state: State of the tracking chain.
-        reason: Reason for the state.
-        phase: Phase of the arm itself.
         clutch: Whether the clutch is pressed.
         dead_man: Whether the dead-man switch is held.
         hand_m: Position of the hand, base's axes; ``None`` before it is known.

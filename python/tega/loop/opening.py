@@ -25,7 +25,6 @@ class Opening:
 
     Args:
         stack: Closes the opened devices, once all of them are open.
-        config: The settings.
         sources: Whether the run opens the sources of the settings.
     """
 

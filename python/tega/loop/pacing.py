@@ -44,7 +44,6 @@ class Pacer:
     """Waits for absolute deadlines on a clock; with a manual clock it never sleeps.
 
     Args:
-        clock: The clock.
         bell: Ends a wait early when rung; ``None`` if only deadlines count.
 
     Attributes:

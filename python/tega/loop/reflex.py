@@ -100,15 +100,12 @@ class ReflexArc:
     a quarter of a level or more.
 
     Args:
-        reflex: The stage.
-        settings: Its bounds.
         snapshot: Returns the circumstances of a tick from its time in nanoseconds.
         notify: Called with every tick at which the reflex was asked or added something.
 
     Attributes:
         authority: Share of the largest addition that it might use at the last tick.
         added: Current addition, levels.
-        n_added: Ticks at which something was added.
         most_added: The largest addition so far, levels.
     """
 

@@ -33,8 +33,6 @@ class RunFacts(NamedTuple):
     Attributes:
         rig: Devices, outputs and parts of the run.
         layout: Layout of the vest's motors.
-        pace: Pace of the vest.
-        loop: Counts of the loop.
         pacing: Report of how well the deadlines were kept.
         trace: Latency trace of frames and blocks; ``None`` if no input was live.
         real_time: Whether the loop's thread went ahead of others.

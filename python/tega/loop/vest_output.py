@@ -41,7 +41,6 @@ class VestOutput:
 
     Args:
         touch: Turns contacts into frames.
-        vests: Outputs that every frame is written to.
         live_vests: Real vests, which get every frame, too; the frames that they sent are published.
         bus: Bus on which frames, frames that real vests sent, and changes of ``haptics`` are published.
         now_ns: Returns the time since the start of the session.

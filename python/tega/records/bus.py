@@ -169,7 +169,6 @@ class Backlog:
     The tables, the displays, the markers and the stages beside the connected ones each have one.
 
     Args:
-        name: Name of the subscriber.
         most: Maximum number of waiting records; further ones are dropped and counted.
         newest: If true, a full backlog drops the oldest record, for a display of the current state; else the new one.
         idle: Called in the thread, some hundred times a second, while nothing waits.

@@ -27,7 +27,6 @@ class Transition(NamedTuple):
 
     Attributes:
         t_ns: When, counted from the start of the session.
-        state: The new state.
         reason: Why, in words for the experimenter.
     """
 

@@ -35,7 +35,6 @@ class OnsetFound(NamedTuple):
 
     Attributes:
         clock: How it lies in time.
-        onsets: Detected onsets.
     """
 
     clock: ClockMap

@@ -61,7 +61,6 @@ class Operator:
     Beliefs about objects, and the skin's adaptation, last from trial to trial; nothing else does.
 
     Args:
-        person: The simulated person.
         seed: Seed of everything random in the person's behaviour.
         feels: Whether the person feels the vest at all; ``False`` is the control who cannot feel it.
         full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has

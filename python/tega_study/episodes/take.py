@@ -103,7 +103,6 @@ class EpisodeTaker:
         config: The devices' settings; their recording folder and output folder are ignored.
         folder: The session's folder: new, or one that holds recordings already.
         desk: The operator's screen and keys.
-        task: Description of the episodes' task.
         pedals: Keys typed by a foot switch, or buttons of ``input.marker``, separated by commas: continue, discard,
             repeat. One to three of them.
         stop: Asked all the time whether to end.

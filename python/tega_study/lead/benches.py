@@ -48,7 +48,6 @@ class TrialBench(Protocol):
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: Kind of the devices, as recorded in the session's events.
-        rest_tasks: Tasks available in a rest.
         measurable: Whether a scene camera records enough to measure the trials.
     """
 

@@ -24,8 +24,6 @@ class Question(NamedTuple):
 
     Attributes:
         item: Its name in the events.
-        title: Title of the scale.
-        text: Text of the question.
         left: What 0 means.
         right: What 100 means.
     """

@@ -45,7 +45,6 @@ class Going:
     """Passes signals and data of one trial between bench and lead. The bench's methods return at once.
 
     Args:
-        clock: The session's clock.
         feel: Whether the vest shows touch in this trial.
         own_time: Whether time is the bench's own (simulated), not the clock's.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.

@@ -60,15 +60,11 @@ class LedTrial:
 
     Args:
         folder: The study's.
-        trial: Which.
-        attempt: Its attempt.
-        bench: The bench that runs the trial.
         journal: The session's events.
         clock: The session's.
         task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
         window_s: Time in which it has to be lifted, seconds.
         stable: Reading of "stably raised" (:data:`tega.stages.events.outcomes.StableReading`).
-        time_scale: Scale of the countdown.
         beeps: The second task; ``None`` where there is none.
 
     Attributes:

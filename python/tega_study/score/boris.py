@@ -219,8 +219,6 @@ class CodedTrial(NamedTuple):
     """Trial as a rater coded it.
 
     Attributes:
-        start: Start of the attempt.
-        end: End of the attempt.
         events: Events, with behaviours of :data:`CODES` or of the plan.
         whole: Whether all of it was coded.
     """

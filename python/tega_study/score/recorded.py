@@ -20,12 +20,10 @@ class RecordedTrial(NamedTuple):
     Attributes:
         id: Such as ``p01-t07``.
         trial: Its number in the plan, which is hidden from raters.
-        attempt: The one that counts.
         object: Name of the lifted object.
         start_ns: Start of the trial, on the session's clock.
         length_ns: From its start to its end.
         zero_ns: The trial's start, counted from the recording's.
-        folder: Folder of the recording.
     """
 
     id: str

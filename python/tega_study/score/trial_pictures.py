@@ -54,7 +54,6 @@ class Reel:
     Args:
         strips: Pictures by finger.
         truth_t_ns: Times of the object's truth, rising; none outside the simulated bench.
-        truth: The object at those times.
         boot_ns: Time of day at which the machine's clock was 0; ``None`` on the simulated bench.
 
     Attributes:

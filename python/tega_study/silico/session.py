@@ -49,10 +49,7 @@ class SessionJob(NamedTuple):
 
     Attributes:
         folder: The study's folder, on the machine that asks.
-        person: ID of the person.
-        settings: Settings of the study.
         trials: The person's, in their order.
-        assumptions: Assumptions of the study.
         parameters: The population that the person is drawn from.
         pictures: Whether to keep a picture of a fingertip of each object's first felt lift.
     """

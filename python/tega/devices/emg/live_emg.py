@@ -80,7 +80,6 @@ class LiveEmg(Opened):
     it knows them, at the latest in ``_start``.
 
     Attributes:
-        unit: Unit of the samples.
         usual_channels: Channels to use where none are set; none means all.
         counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
         counter_hint: The next step where the device's numbers are no counter.

@@ -79,7 +79,6 @@ class PictureTally:
 
     Attributes:
         foreign_shares: Largest share of a frame that came from each other sensor, by sensor.
-        newest: Verdict on the newest picture.
     """
 
     def __init__(self, counts: CameraCounts) -> None:

@@ -25,7 +25,6 @@ class Origin(NamedTuple):
 
     Attributes:
         other: The sensor that some of its bands look like; ``""`` if none do.
-        share: Share of its bands that do.
         unlike: Whether nearly all of its bands are far from its own baseline and near to no other.
     """
 

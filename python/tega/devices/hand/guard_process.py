@@ -51,7 +51,6 @@ class GuardProcess:
         DeviceUnavailableError: It does not start, so that the device must not be switched on.
 
     Attributes:
-        n_lost: How many were lost.
         problem: Why there is none now; ``""`` while there is one.
         confirmed: Whether the device that was left to it has confirmed that it is safe.
     """

@@ -43,7 +43,6 @@ class HandNews(NamedTuple):
     """How it is with a hand and its loop.
 
     Attributes:
-        state: State of the conversation.
         fault: For which the hand was let go for good.
         angles_rad: As last reported, float64 (16,); ``None`` before.
         target_rad: Target of the last cycle, float64 (16,); ``None`` before.

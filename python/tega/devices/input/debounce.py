@@ -11,7 +11,6 @@ class Edge(NamedTuple):
 
     Attributes:
         t_ns: Time of the event; for a press, its first contact.
-        button: Its name.
         pressed: Whether it went down.
     """
 
@@ -29,9 +28,6 @@ class Debounce:
 
     Args:
         hold_ns: How long a contact has to hold; 0 takes every press.
-
-    Attributes:
-        held: Buttons that are down.
     """
 
     def __init__(self, hold_ns: int) -> None:

@@ -72,7 +72,6 @@ class HidInput(Opened):
 
     Attributes:
         known: Names of devices that are found without being named, by vendor and product number.
-        counts: Counts of reports and connections.
     """
 
     kind: ClassVar[Kind] = "input"

@@ -20,8 +20,6 @@ class Made(NamedTuple):
 
     Attributes:
         handle: Handle for OpenXR's calls.
-        name: Name and version of the runtime.
-        extensions: Extensions in use.
     """
 
     handle: Any

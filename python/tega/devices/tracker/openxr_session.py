@@ -34,7 +34,6 @@ class Located(NamedTuple):
 
     Attributes:
         position_m: x, y, z, metres.
-        quaternion_xyzw: Its turn.
         valid: Whether place and turn are known at all.
         tracked: Whether both are measured, and not guessed.
     """

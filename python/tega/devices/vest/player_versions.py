@@ -34,12 +34,10 @@ class PlayerVersion:
     """Version of the Player's websocket.
 
     Args:
-        port: Where the Player serves it.
         admitted: Whether the Player lets any program in.
 
     Attributes:
         number: 2 or 3.
-        path: Path of the websocket.
         tls: Encryption of its transport; ``None`` for none.
         admitted: Whether the Player has let the program in.
         has_vest: Whether it says that a vest is connected; ``None`` before it has said anything.

@@ -32,13 +32,11 @@ class FrameMeter:
 
     Args:
         baseline: The finger's untouched picture, uint8 (H, W, 3).
-        metric: Measures them.
         report: Counted up along the way.
         live: Whether the frames come from a sensor that runs on its own clock.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
 
     Attributes:
-        metric: Measures them.
         seq: Number of the newest frame; ``None`` before the first.
         next_seq: Number of the frame that should come next.
     """

@@ -20,7 +20,6 @@ class Seat(NamedTuple):
     """An input device, and which of its buttons is meant.
 
     Attributes:
-        source: The open device.
         button: Name of the button; ``None`` for any.
     """
 
@@ -32,7 +31,6 @@ class SeatSeen(NamedTuple):
     """State of an input device at a look.
 
     Attributes:
-        state: Its newest state.
         held: Whether the button that is meant is down.
         n_presses: Number of presses since the start.
     """

@@ -42,7 +42,6 @@ class Untouched(NamedTuple):
     """Light and lines of an untouched picture.
 
     Attributes:
-        light: Its mean light.
         edges: Indices of the edge lines that are not of one colour by themselves.
     """
 

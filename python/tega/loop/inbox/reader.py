@@ -31,8 +31,6 @@ class Reader(Generic[Given]):
     """A thread that passes on the items of an iterator, until that ends or the reader is closed.
 
     Args:
-        name: For the thread.
-        produce: Makes the iterator.
         take: Called with each item, in the thread.
         done: Called in the thread at the end, with the iterator's return value and its exception.
         rank: Priority of the thread, if others wait for its items, as the loop does; ``None`` for an ordinary one.

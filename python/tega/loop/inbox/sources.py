@@ -144,7 +144,6 @@ class BlockMeter:
     """Turns EMG samples into levels as they come.
 
     Args:
-        decoder: Samples to intents.
         report: Counted up along the way.
         maxima: Maxima of the channels, with the kind of the samples.
         live: Whether the samples come from a device that runs on its own clock.

@@ -30,7 +30,6 @@ class KeptPicture(NamedTuple):
         image: uint8 (H, W, 3).
         sample: Copy of some of its pixels: a driver that wrongly gives one buffer again and again is not taken for a
             stuck sensor.
-        contact: Contact in it.
     """
 
     image: NDArray[np.uint8]

@@ -21,7 +21,6 @@ class CodedEvent(NamedTuple):
     Attributes:
         t_s: Seconds from the observation's beginning.
         subject: Person or thing that it concerns; ``""`` for none.
-        code: Its behaviour.
         modifiers: The chosen values, ``None`` as a word where none was chosen.
         comment: Text that was written beside it.
         duration_s: Length of a state, seconds; 0 for a point event, ``None`` for a state without an end.

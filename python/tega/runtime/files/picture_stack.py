@@ -34,11 +34,9 @@ class PictureStack:
     """The pictures of one array of a file, in order.
 
     Args:
-        path: The file.
         variable: Name of the array in an ``.npz`` file; ``""`` for the only one that holds pictures.
 
     Attributes:
-        n_pictures: Number of pictures.
         times_s: Time of each from an array ``t_s``, ``t_ms``, ``t_us`` or ``t_ns`` beside them, seconds from the
             first; ``None`` without one.
 

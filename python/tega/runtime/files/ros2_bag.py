@@ -45,9 +45,7 @@ class Ros2Bag:
         pictures: Whether pictures are wanted, else arrays of numbers.
 
     Attributes:
-        topic: Name of the topic.
         kind: Type of its messages.
-        n_messages: Number of messages.
         begin_ns: Log time of the first message of the bag, nanoseconds: its topics have one time.
 
     Raises:

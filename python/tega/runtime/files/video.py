@@ -71,7 +71,6 @@ class VideoFrames:
     """The frames of a video file, in order.
 
     Attributes:
-        facts: Facts of the file.
         n_decoded: Number of frames decoded so far, one of them ahead of :meth:`read`.
         notes: Sentences on how the file is read.
 

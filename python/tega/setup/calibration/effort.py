@@ -44,9 +44,6 @@ class Chain(NamedTuple):
 
     Attributes:
         rate_hz: Samples per second.
-        tau: Samples per block.
-        kind: Kind of the samples.
-        channels: Their names.
     """
 
     rate_hz: float

@@ -30,7 +30,6 @@ class MuscleLoop:
         chunks: The samples since :meth:`start`, as they came.
         maxima: The person's calibration.
         device: Serial number of the source, or a substitute for one.
-        driver: Its driver.
         start_ns: Time of the call of :meth:`start`, on the monotonic clock.
 
     Raises:

@@ -26,7 +26,6 @@ class Curve:
 
     Args:
         duration_s: Duration; at least 10 s.
-        seed: Seed of the order.
 
     Raises:
         InvalidValueError: The duration is too short for a curve.

@@ -51,8 +51,6 @@ class TakenBaseline(NamedTuple):
 
     Attributes:
         picture: uint8 (H, W, 3).
-        file: Path of the baseline.
-        made: Time at which it was taken.
         notes: Problems with which it was accepted, and changes of the gel.
         cell_noise: Noise of the sensor's cells, counts; ``None`` where it is not known.
     """

@@ -46,11 +46,7 @@ class Pulses:
     """Vibrations at sites of a vest, never above a ceiling.
 
     Args:
-        vest: The open vest.
-        layout: Layout of its motors.
         ceiling: The highest level, 1 to 15; kept, as the layout.
-        times: Duration of a vibration.
-        clock: Time.
     """
 
     def __init__(

@@ -49,9 +49,6 @@ class Sitting(NamedTuple):
     """One person's calibration with some settings.
 
     Attributes:
-        config: The settings.
-        person: Name of the person.
-        folder: Folder of the records.
         guide: Shows and asks.
         times: Durations of the steps.
         now: Returns the time of day.

@@ -33,8 +33,6 @@ class Tracked(NamedTuple):
         target: Closure asked for at each, 0 to 1, ``(n,)``.
         rate_hz: Samples per second.
         kind: ``raw``, ``rectified`` or ``envelope``.
-        channels: Their names.
-        person: Name of the person.
     """
 
     samples: NDArray[np.float64]

@@ -89,8 +89,6 @@ class DriverProbe(NamedTuple):
     """Result of looking for one driver's devices.
 
     Attributes:
-        kind: The driver's kind.
-        found: Devices found.
         could_not: Reason why looking was not possible; ``""`` if it was.
         hint: Step to make looking possible.
         lacks_package: Whether it is a package that is not installed.

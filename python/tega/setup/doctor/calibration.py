@@ -38,7 +38,6 @@ class CalibrationCheck(NamedTuple):
     Attributes:
         what: The part: a finger, ``EMG``, ``vest``.
         problem: Problem with it; ``""`` for none.
-        command: Command to run about it.
         status: ``missing``: there is none; ``wrong``: it is not to be used; ``doubt``: it is, but old or with a note.
     """
 

@@ -17,9 +17,6 @@ class DriverCase(NamedTuple):
 
     Attributes:
         check: Name of the check, such as ``tactile.thumb``.
-        kind: Kind of the driver.
-        driver: Its name.
-        options: Its checked options.
         baseline: Picture of the untouched gel, for a finger that has one.
     """
 

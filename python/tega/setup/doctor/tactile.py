@@ -30,9 +30,7 @@ class FoundCamera(NamedTuple):
 
     Attributes:
         check: Name of its check, with the finger.
-        serial: Its serial number.
         rate_hz: Pictures a second it agreed to.
-        n_pixels: Pixels of one image.
     """
 
     check: str

@@ -35,11 +35,9 @@ class Log(NamedTuple):
     """EMG beside the force or closure that was meant.
 
     Attributes:
-        name: Name of the log.
         samples: ``(n, channels)``.
         target: Force or closure at each sample, ``(n,)``.
         rate_hz: Samples per second.
-        kind: Kind of the samples.
     """
 
     name: str
@@ -68,13 +66,11 @@ class DecoderReport(NamedTuple):
     """Closures and levels that a decoder returned for a log.
 
     Attributes:
-        decoder: Its name.
         closure: ``(k,)``.
         level: ``(k,)``.
         confidence: ``(k,)``; NaN where it does not say.
         held: ``(k,)``.
         target: Closure meant, by the training part's full, ``(k,)``.
-        figures: Figures of its quality.
     """
 
     decoder: str

@@ -84,9 +84,7 @@ class Blocks:
 
     Args:
         rate_hz: Samples per second.
-        tau: Samples per block.
         kind: "raw": a 20 Hz high-pass removes the offset; "rectified" and "envelope" stay as they are.
-        channels: Number of channels.
     """
 
     def __init__(self, rate_hz: float, tau: int, kind: InputKind, channels: int) -> None:

@@ -35,7 +35,6 @@ class FoxgloveStream:
     ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
 
     Args:
-        bus: The run's.
         port: TCP port; 0 for any free one.
 
     Attributes:

@@ -53,7 +53,6 @@ class EmgTail(NamedTuple):
         samples: float64 (n, channels), the newest last.
         rate_hz: Samples per second.
         maxima: Block mean of each channel at full effort, float64 (channels,), in the samples' unit.
-        kind: Kind of the samples.
         unit: Their unit; empty where unknown.
     """
 
@@ -69,7 +68,6 @@ class ViewState(NamedTuple):
 
     Attributes:
         t_ns: Time since the run began, nanoseconds.
-        loop: View of the loop.
         images: Pictures by finger; ``None`` where there are none.
         shapes: Primitives of the scene. The same object as long as they are the same shapes.
         poses: float64 (n, 7), one row a shape: position in metres, then the quaternion w, x, y, z; z is up.

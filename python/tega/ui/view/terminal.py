@@ -239,7 +239,6 @@ class TerminalView:
     Use as a context manager and pass it to the loop as its observer.
 
     Args:
-        title: Heading of the frame.
         console: Console to draw on; standard error when ``None``.
         now_s: The clock that the refresh and the shown rates go by.
 

@@ -48,10 +48,7 @@ class Slew:
     """Moves a target towards the requested pose, along the straight line and the shortest rotation.
 
     Args:
-        speed_m_s: Maximum speed.
         turn_rad_s: Maximum angular speed.
-        place: Where it begins.
-        turn: Initial rotation.
     """
 
     def __init__(self, speed_m_s: float, turn_rad_s: float, place: Triple, turn: Quaternion) -> None:

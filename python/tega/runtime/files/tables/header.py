@@ -59,10 +59,8 @@ class Header(NamedTuple):
         width: Cells of a row as it stands in the file.
         n_columns: Columns without an empty one behind a last delimiter.
         names: Names of the columns, ``""`` for one without; empty if the table has none.
-        units: Their units.
         numeric: Whether each column holds numbers.
         clock: Whether each column holds dates or times of day.
-        preamble: Lines before the names.
     """
 
     first: int

@@ -91,14 +91,11 @@ class Table:
 
     Attributes:
         file: Base name of the file.
-        format: Name of its format.
-        columns: Its columns.
         blocks: Reads columns in blocks of rows.
         facts: Encoding, delimiter and the like, by name.
         rate_hz: Samples per second as the file states them.
         rate_from: Place where it states them.
         times_s: Time of each row in seconds, where the format has a clock of its own.
-        events: Events beside the samples.
         notes: Facts that a reader of the results must know.
         sideways: Whether rows were channels.
     """

@@ -48,8 +48,6 @@ class Page:
     """Lays the page out and paints moments on it.
 
     Args:
-        server: The viser server.
-        title: Heading.
         controls: State of the page's buttons.
         eye_m: Initial position of the camera, world frame.
         at_m: Point that the camera looks at.

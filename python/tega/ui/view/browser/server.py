@@ -43,7 +43,6 @@ class BrowserView:
     times a second. A moment that a newer one replaces is never shown: dropped, not late.
 
     Args:
-        title: Heading of the page.
         host: Address to serve on: this machine only, unless ``allow_remote``.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         controls: State of the page's buttons.

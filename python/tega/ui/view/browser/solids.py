@@ -77,7 +77,6 @@ class Solids:
     shapes there are.
 
     Args:
-        server: The viser server.
         path: Prefix of the meshes' names.
         shadow: Whether they throw one.
 
