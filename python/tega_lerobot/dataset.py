@@ -11,9 +11,10 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError, RecordingError
 from tega.recording.copies import note_copy
@@ -36,10 +37,6 @@ from tega_lerobot.video import (
     EpisodeCamera,
     VideoPlace,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"

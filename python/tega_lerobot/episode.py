@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.recording.compute_ahead import PICTURES, compute_ahead
@@ -26,10 +27,6 @@ from tega_lerobot.streams import (
     columns_of,
     touch_numbers,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _S = 1_000_000_000
 # One wrong time would ask for memory for all the frames up to it.

@@ -5,17 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import restored
 from tega_lerobot.stats import Colours
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 """Where a file is, below its folder."""

@@ -8,14 +8,12 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MOST_WAITING: Final = 8
 

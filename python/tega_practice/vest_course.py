@@ -7,25 +7,22 @@ import math
 import random
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 
+from tega.config import SessionConfig
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import utc_now
 from tega.config.choose import chosen_stage
 from tega.config.person import whose
+from tega.devices.base import VestSink
 from tega.errors import InvalidValueError
+from tega.runtime.clock import Clock
 from tega.runtime.guide import Bar, Guide
 from tega_practice.kept import keep_record
 from tega_practice.vest_kept import VestSkillRecord
 from tega_practice.vest_lesson import Aspect, Cue, Lesson, cue, even, words_of
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import VestSink
-    from tega.runtime.clock import Clock
-
 
 STEP: Final = 0.75
 """Factor of a step towards the harder."""

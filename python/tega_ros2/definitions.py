@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from types import ModuleType
+from typing import Any, Final
 
 from tega.errors import RecordingError
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 PACKAGE: Final = "tega_msgs"
 """ROS package of TEGA's own messages."""

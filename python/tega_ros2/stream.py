@@ -5,21 +5,18 @@ from __future__ import annotations
 import logging
 import time
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 from tega.recording.mcap_reader import Message
 from tega.recording.mcap_schemas import decoder, message_class, unit_table
 from tega.recording.record_channels import RecordChannels
 from tega.records import HandExchange, Record
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.records.schema import own_schema, schema_name
 from tega.records.types import record_types
 from tega.runtime.threads import run_realtime
 from tega_ros2.convert import Converted, Converter
 from tega_ros2.dds import DdsNode, loopback_only
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
 
 _LOG: Final = logging.getLogger(__name__)
 _JPEG_QUALITY: Final = 80

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.opencv import load_cv2
 from tega_scene.layout import Family
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _DICTIONARIES: Final[dict[Family, str]] = {
     "apriltag-36h11": "DICT_APRILTAG_36h11",

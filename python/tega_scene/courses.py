@@ -7,18 +7,16 @@ second.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega_scene.layout import TagBody, TagLayout
 from tega_scene.resting import TALL_M, likely_error
 from tega_scene.smoothing import Course, joined, smoothed, trended, where_seen
 from tega_scene.track import BodyTrack, SceneTrack
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 GRID_S: Final = 0.01
 """Seconds between two moments of a course."""

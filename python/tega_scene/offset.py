@@ -15,9 +15,10 @@ import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
@@ -26,9 +27,6 @@ from tega.runtime.files.whole_file import write_whole
 from tega_scene.decode import SceneDecoder
 from tega_scene.offset_file import LEAST_LATE_S, MOST_LATE_S, CameraOffset
 from tega_scene.record import scene_epoch
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _LEAST_EDGES: Final = 6
 _ROWS, _COLUMNS = 12, 16

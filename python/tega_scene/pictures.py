@@ -7,16 +7,13 @@ import io
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.video import VideoFrames
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MOST_TIMES_MIB = 256
 

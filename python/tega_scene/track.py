@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega_scene.corners import TagFinder
@@ -13,9 +14,6 @@ from tega_scene.layout import TagLayout
 from tega_scene.lens import Lens
 from tega_scene.pose import CORNER_PX, BodyFitter, FittedPose
 from tega_scene.refine import refined_corners
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MARGIN_PX: Final = 70
 _WHOLE_EVERY: Final = 30

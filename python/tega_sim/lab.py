@@ -7,36 +7,29 @@ five presses on each fingertip, by the rule that a recording of presses is calib
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import FINGERS
-from tega.config.calibration import EmgMaxima
+from tega.config.calibration import EmgMaxima, TouchMaxima
 from tega.config.choose import block_s, finger_metric, muscle_decoder
 from tega.errors import InvalidValueError
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import guided_maxima
 from tega.runtime.device_items import TactileFrame
+from tega.stages.base import Decoder, Metric
 from tega_sim.conditions import ARMS
 from tega_sim.filling import HOLD_S
 from tega_sim.gel import Gel, ball, board
-from tega_sim.plan import FULL_N, loop_settings
+from tega_sim.operator import Calibrated, ForearmEmg, Operator, Parameters, RulesVersion, ScriptedOperator
+from tega_sim.plan import FULL_N, TrialPlan, loop_settings
 from tega_sim.seams import Indenter
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from tega.config.calibration import TouchMaxima
-    from tega.stages.base import Decoder, Metric
-    from tega_sim.operator import Calibrated, ForearmEmg, Operator, Parameters, RulesVersion, ScriptedOperator
-    from tega_sim.plan import TrialPlan
-
 
 EMG_HZ = 1000.0
 """Rate of the EMG."""

@@ -12,18 +12,15 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.scientific import scipy_stats
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 GRID_HZ = 10.0
 """Rate at which courses are compared: a pose lasts at least a tenth of a second, so more would add no information."""

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.runtime.scientific import scipy_stats
 from tega_study.rank import CONFIDENCE, rank_sum_counts
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 FLIPS_UP_TO = 24
 DRAWS = 99_999

@@ -11,16 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega_study.compare import people_p
 from tega_study.rank import holm
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class EffectSpread(NamedTuple):

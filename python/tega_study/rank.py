@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import ShapeError
 from tega.runtime.scientific import scipy_stats
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 CONFIDENCE = 0.95
 """Level of every interval of a report."""

@@ -10,16 +10,14 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from types import ModuleType
+from typing import Any, Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
 from tega.ui.view.same_machine import foreign
 from tega_websocket.messages import MOST_BYTES, Command, MessageError, decode, encode
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 _MOST_CLIENTS: Final = 8
 _START_S: Final = 10.0

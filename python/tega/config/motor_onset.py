@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from statistics import median
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.person import closed_info
-
-if TYPE_CHECKING:
-    from tega.config.sections import SessionConfig
-
+from tega.config.sections import SessionConfig
 
 STAGE: Final = "motor onset"
 """How the stage's name begins in a recording; the day it was measured follows."""

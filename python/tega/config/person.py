@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
+from tega.config import CalibrationConfig, EmgConfig, SessionConfig
 from tega.config.calibration.folder import CalibrationFolder, Part, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
+from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
 from tega.errors import CalibrationError, TegaError
-
-if TYPE_CHECKING:
-    from tega.config import CalibrationConfig, EmgConfig, SessionConfig
-    from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
-
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
-from tega.config.calibration.folder import device_name
+from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.wearing import site_motors
 from tega.config.origins import LoadedConfig, SettingValue
 from tega.config.person import live_info, tracker_info, whose
+from tega.config.sections import SessionConfig
+from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from tega.config.calibration.folder import CalibrationFolder
-    from tega.config.sections import SessionConfig
-    from tega.devices.base import DeviceInfo
 
 _MOTORS = 40
 

@@ -6,10 +6,11 @@ How they are read, checked and overridden is :mod:`tega.config.load`.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
+from tega.arm.pose import Pose
 from tega.arm.settings import (
     ArmSettings,
     FilterSettings,
@@ -20,12 +21,8 @@ from tega.arm.settings import (
 )
 from tega.config.stage_sections import Section, StagesSection
 from tega.errors import ConfigError
-from tega.haptics import FINGERS
+from tega.haptics import FINGERS, Layout
 from tega.safety.settings import SafetySection
-
-if TYPE_CHECKING:
-    from tega.arm.pose import Pose
-    from tega.haptics import Layout
 
 Pace = Literal["steady", "by-frame"]
 

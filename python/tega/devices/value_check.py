@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.evidence import Contradiction, Contradictions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # A spoiled sample now and then is no wrong range.
 _BEYOND_SHARE: Final = 0.01

@@ -7,18 +7,15 @@ between closure levels and encodes the torques, in one native call. A driver add
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega import _native
+from tega.hand.motion import HandController
 from tega.wire import CanFrame
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.hand.motion import HandController
 
 
 class Received(NamedTuple):

@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import DEFAULT_STAGES, SessionConfig
 from tega.config.calibration import Calibration, FingerMaxima, load_calibration
@@ -25,11 +27,6 @@ from tega.loop.touching import RecordedFingers
 from tega.records import Contact
 from tega.runtime.opencv import read_image
 from tega.tactile import estimate_baseline
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 # Enough frames to contain quiet ones, few enough to hold in memory whatever the picture's size.
 MOST_FRAMES = 96

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.emg import Fusion, GraspIntent
 from tega.errors import InvalidValueError
 from tega.records import Intent
 from tega.runtime.lifecycle import require
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _LOW_HZ: Final = 20.0
 _HIGH_HZ: Final = 450.0

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import msgspec
 
+from tega.records import Contact, Event
 from tega.stages.base import Reflex, ReflexSetup, StageOptions
 from tega.stages.events.tracks import TwoMeans
-
-if TYPE_CHECKING:
-    from tega.records import Contact, Event
-
 
 # The wish fades over the last fifth of the way to a limit, so that it neither jumps nor chatters there.
 _MARGIN: Final = 0.2

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from tega.arm.pose import StampedPose
+from tega.arm.settings import GateSettings
+from tega.runtime.device_items import InputEvent, InputReading
 from tega_bench.acceptance.report import AcceptanceGuide, AcceptanceStep, spread_ms
-
-if TYPE_CHECKING:
-    from tega.arm.pose import StampedPose
-    from tega.arm.settings import GateSettings
-    from tega.runtime.device_items import InputEvent, InputReading
 
 _WATCH_S: Final = 5.0
 _HIDDEN_S: Final = 3.0

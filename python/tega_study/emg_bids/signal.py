@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.foreign_file import parse_json
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _RECORD_S: Final = 0.1
 # A wrong number of one chunk would ask for memory for all the samples up to it.

@@ -6,31 +6,26 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import closing
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import Final
 
 import msgspec
 
+from tega.config import SessionConfig
 from tega.errors import TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.snapshot import Snapshot
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.recording.mcap_folder import SessionFolder
 from tega.records import RunState
 from tega.records.bus import Bus
-from tega_study.episodes.journal import EpisodeJournal
+from tega_study.episodes.journal import EpisodeJournal, EpisodeLine, EpisodeStep
 from tega_study.episodes.pedal import EpisodePedal, pedal_names
 from tega_study.lead.experimenter import ENTER, Desk, Screen
 from tega_study.lead.rest_tasks import RunningTask
 from tega_study.lead.running_trial import in_thread
 from tega_study.lead.screens import doing
 from tega_study.lead.to_start import start_task
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tega.config import SessionConfig
-    from tega.loop.snapshot import LoopView
-    from tega_study.episodes.journal import EpisodeLine, EpisodeStep
 
 GO_ON, DISCARD, AGAIN = "g", "x", "r"
 _STEPS: Final[dict[str, EpisodeStep]] = {GO_ON: "kept", DISCARD: "discarded", AGAIN: "discarded"}

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
+from tega.config import SessionConfig
 from tega.devices.base import optional
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.loop.prepare import prepare
+from tega.runtime.guide import Shows
 from tega.setup.calibration.effort import Chain, judge_squeezes
 from tega.setup.calibration.steps_emg import collect, drain
-from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.runtime.guide import Shows
-    from tega_study.lead.rest_tasks import RunningTask
+from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
 
 SQUEEZE_S: Final = 3.0
 """So long a squeeze lasts; its first half second is its rise and does not count."""

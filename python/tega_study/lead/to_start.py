@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from tega.config import SessionConfig
 from tega.loop.homing import go_to_start
-from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega_study.lead.rest_tasks import RunningTask
+from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
 
 
 def start_task(config: SessionConfig) -> RestTask:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.fingertip.picture_origin import Origin, SensorBands, picture_origin
 from tega.runtime.device_items import CameraCounts
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 # Mean below which a picture is black although the lights are on.
 _BLACK = 5.0

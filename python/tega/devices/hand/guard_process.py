@@ -17,16 +17,13 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from tega.devices.system_log import Alarm
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, start_child
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 
 BEAT_S: Final = 0.1
 STUCK_S: Final = 1.0

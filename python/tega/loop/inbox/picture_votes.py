@@ -21,15 +21,12 @@ from __future__ import annotations
 import operator
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega._native import vote_lines
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _DARK_SHARE = 0.6
 # A line of the untouched picture with less spread, counts of 255, is of one colour by itself.

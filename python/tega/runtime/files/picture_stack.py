@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import check_file
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MOST_MIB: Final = 64 * 1024
 _MOST_PIXELS: Final = 1 << 26

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _HOLD_S = 3.0
 _RAMP_S_PER_LEVEL = 0.75

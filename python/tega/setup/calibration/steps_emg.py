@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from tega.devices.base import optional
+from tega.config import EmgConfig
+from tega.devices.base import EmgChunk, EmgSource, optional
 from tega.errors import CalibrationError
 from tega.loop.maxima import TAU_S, emg_conditions
 from tega.runtime.guide import Bar, Guide, Shows
 from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.times import Times
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config import EmgConfig
-    from tega.devices.base import EmgChunk, EmgSource
-
 
 SQUEEZES = 3
 

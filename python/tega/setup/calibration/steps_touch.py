@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.config.calibration.folder import KeptGel, device_name
 from tega.config.calibration.known_press import Ball, fit_gel
 from tega.config.calibration.records import GelRecord, TouchRecord
 from tega.config.calibration.store import TouchMaxima
 from tega.config.choose import Preset, preset_metric
+from tega.devices.base import TactileSource
 from tega.errors import CalibrationError
 from tega.loop.maxima import guided_maxima
+from tega.records import Contact
 from tega.runtime.guide import Bar
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.gel import (
@@ -29,17 +34,7 @@ from tega.setup.calibration.gel import (
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.times import Sitting
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.devices.base import TactileSource
-    from tega.records import Contact
-    from tega.stages.base import Metric
-
+from tega.stages.base import Metric
 
 _READ_S = 0.1
 _SHOW_S = 0.1

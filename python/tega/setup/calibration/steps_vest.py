@@ -9,13 +9,13 @@ import random
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from tega.config.calibration import TouchMaxima
 from tega.config.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
+from tega.devices.base import VestSink
 from tega.haptics import FINGERS, FeltMap, Layout, MotorLevels, vest_frame
 from tega.loop.touch import TouchLoop
 from tega.records import Contact
@@ -26,10 +26,6 @@ from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
 from tega.setup.calibration.times import Times
 from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
-
-if TYPE_CHECKING:
-    from tega.devices.base import VestSink
-
 
 _DISPLAYED_STEPS = 5
 """Touches of different strength that are shown at the end."""

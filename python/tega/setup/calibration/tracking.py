@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from tega.config import SessionConfig
 from tega.config.calibration.records import PracticeRecord, utc_now
 from tega.config.choose import decoder_choice
 from tega.config.person import whose
@@ -12,10 +12,6 @@ from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.muscle_loop import MuscleLoop
 from tega.setup.calibration.practice import Curve, score
 from tega.setup.calibration.tracked import keep_tracked, tracked_samples
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-
 
 _TOP_LEVEL = 5
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
+from tega.config import SessionConfig
 from tega.config.calibration.folder import Part, device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration, utc_now
 from tega.config.calibration.store import load_calibration, refused_law
@@ -24,12 +25,9 @@ from tega.config.person import (
     vest_warnings,
     whose,
 )
+from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError
 from tega.setup.doctor.findings import Finding, Status
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import DeviceInfo
 
 
 class CalibrationCheck(NamedTuple):

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from tega.emg import GraspIntent, channel_maxima
+from tega.emg import GraspIntent, InputKind, channel_maxima
 from tega.emg.score import PERCENTILES
 from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.stages.learned.features import as_samples
 from tega.stages.learned.judge import DecoderFigures, judge
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.training import DEFAULT_FEATURES, fit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.emg import InputKind
-
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
     "learned": "ridge",

@@ -7,18 +7,13 @@ Amplitudes (MAV, WL, LOGVAR) enter a model as logarithms above the floor at rest
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from tega.emg import ButterworthLowpass
+from tega.emg import ButterworthLowpass, InputKind
 from tega.errors import DtypeError, InvalidValueError, ShapeError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from tega.emg import InputKind
-
 
 FEATURES: Final[dict[str, str]] = {
     "MAV": "mean absolute value: mean |x|",

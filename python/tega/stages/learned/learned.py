@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.records.html import rows_html
-from tega.stages.learned.features import Blocks, as_samples
+from tega.stages.learned.features import Blocks, FeatureBlock, as_samples
 from tega.stages.learned.model import Model, load_model, save_model
 from tega.stages.learned.refit import refitted
 from tega.stages.learned.scorer import BlockScorer
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from tega.stages.learned.features import FeatureBlock
-
 
 DRIFT_LEVELS: Final = 0.7
 """So far from the level a block's closure counts for neither side; half a level is its border."""

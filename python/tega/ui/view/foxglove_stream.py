@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import time
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 from tega.errors import DeviceUnavailableError
 from tega.recording.record_channels import RecordChannels
 from tega.records import HandExchange, Record
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.records.types import record_types
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
 from tega.ui.view.same_machine import SameMachine, hidden_address
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
 
 FOXGLOVE_PORT: Final = 8765
 """Default port of the app."""

@@ -5,19 +5,16 @@ from __future__ import annotations
 import socket
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
 from tega.errors import DeviceUnavailableError
 from tega.haptics import FINGERS
 from tega.records import Alert, Contact, Event, Intent, Joints, LogLine, Picture, Record, RunState, VestFrame
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
 
 RERUN_PORT: Final = 9876
 """Default port of the viewer."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.tables.dialect import MISSING, NUMBER, Dialect, uncommented
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 CLOCK: Final = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d)([.,:]\d+)?(Z|[+-]\d\d:?\d\d)?")
 """A time of day, with or without its date, as ``2026-11-28 12:30:01.250`` or ``12:30:01``."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from tega.records import Adaptation, BesideIntent, Intent, MuscleCondition
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
+from tega.records.bus import Bus
 
 OVER_NS: Final = 10_000_000_000
 # A level is a quarter of the closure.

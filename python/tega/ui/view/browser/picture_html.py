@@ -7,11 +7,9 @@ it has loaded the last one, and shows none.
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
 
 def picture_html(picture: NDArray[np.uint8], alt: str) -> str:
