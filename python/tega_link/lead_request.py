@@ -6,17 +6,13 @@ import secrets
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import msgspec
 
 from tega.errors import DeviceUnavailableError
+from tega_link.link import Link
 from tega_link.messages import Join, Refused, Welcome, decode, encode
-
-if TYPE_CHECKING:
-    from tega_link.link import Link
-    from tega_link.settings import NetSection
-
+from tega_link.settings import NetSection
 
 _ASK_NS = 250_000_000
 _ASK_AGAIN_NS = 2_000_000_000

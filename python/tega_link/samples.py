@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tega.devices.base import EmgChunk
 from tega.records import EmgSamples
+from tega_link.clock import Offset
+from tega_link.ends import FarMuscles
 from tega_link.gate import StampGate
 from tega_link.messages import Samples, encode
-
-if TYPE_CHECKING:
-    from tega_link.clock import Offset
-    from tega_link.ends import FarMuscles
-
 
 _AT_ONCE_NS = 50_000_000
 _NEVER_OLD_NS = 10**12

@@ -23,12 +23,10 @@ control: the same reflex receives the true speed of the slide.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias, get_args
+from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
-if TYPE_CHECKING:
-    from tega.haptics import Layout, MotorLevels
-    from tega_sim.operator.shams import Sham, ShamName
-
+from tega.haptics import Layout, MotorLevels
+from tega_sim.operator.shams import Sham, ShamName
 
 Condition = Literal[
     "haptic",

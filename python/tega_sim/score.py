@@ -6,15 +6,12 @@ when it goes beyond what holding that object takes. They were set before the fir
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 
 from tega.stages.events.outcomes import LIFT_WINDOW_S, LiftRule, success
-
-if TYPE_CHECKING:
-    from tega_sim.seams import WorldTruth
-
+from tega_sim.seams import WorldTruth
 
 ON_MARK_M, UPRIGHT = 0.02, 0.9
 """Put down on its mark: this close to it, metres, and its axis this much upwards (a cosine). Proposals."""

@@ -10,13 +10,12 @@ middle, x to the right and y down in the upright picture, z out of the gel; righ
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from tega.haptics import MotorLevels
+from tega.haptics import MotorLevels
 
 
 class Indenter(NamedTuple):

@@ -7,31 +7,25 @@ same way.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
 import msgspec
 
 from tega.config import FINGERS, StageConfig, StagesSection
+from tega.config.calibration import TouchMaxima
 from tega.config.choose import felt_map, vest_mapping
 from tega.errors import InvalidValueError
+from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
-from tega_sim.conditions import ARMS
-from tega_sim.plan import FULL_N
+from tega.stages.base import Mapping as MappingStage
+from tega.stages.base import VestSetup
+from tega_sim.conditions import ARMS, Reports
+from tega_sim.lab import Lab
+from tega_sim.plan import FULL_N, TrialPlan
 from tega_sim.score import REST_M_S, REST_S, SLIP_M_S
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from tega.config.calibration import TouchMaxima
-    from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
-    from tega.stages.base import Mapping as MappingStage
-    from tega.stages.base import VestSetup
-    from tega_sim.conditions import Reports
-    from tega_sim.lab import Lab
-    from tega_sim.plan import TrialPlan
-    from tega_sim.seams import WorldTruth
-
+from tega_sim.seams import WorldTruth
 
 _FORCE: Final = {"front": "force_n", "back": "force_n", "front_max": FULL_N, "back_max": FULL_N}
 _DISPLAYED: Final[dict[Reports, StageConfig]] = {

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import ClassVar, Final
 
 import numpy as np
 
 from tega.arm.pose import Pose, StampedPose
 from tega.arm.rotation import Floats, between, exp, multiply, unit
+from tega.records import ArmTurn
 from tega.runtime.device_items import DeviceInfo, Kind, Options
 from tega.runtime.lifecycle import Opened
-
-if TYPE_CHECKING:
-    from tega.records import ArmTurn
 
 SPEED_M_S: Final = 0.1
 TURN_RAD_S: Final = 0.5

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.config import SessionConfig
 from tega.loop.emg_adaptation import ChannelAdaptation, Switches
+from tega.loop.inbox.prepared import Muscles
 from tega.records import Button, Contact, HeardMarker, RunState
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.loop.inbox.prepared import Muscles
-    from tega.records.bus import Bus
+from tega.records.bus import Bus
 
 UNDO_SEAT: Final = "undo"
 _TARGET = "target:"

@@ -24,17 +24,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.config.calibration import EmgMaxima
+from tega.config.stage_sections import AdaptationSection
 from tega.records import Adaptation, AdaptationSwitch, Intent
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config.calibration import EmgMaxima
-    from tega.config.stage_sections import AdaptationSection
 
 MOST_GAIN: Final = 1.5
 MOST_OFFSET: Final = 0.1

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.loop.inbox.sources import SourceReport
 from tega.records import Button, Contact
-
-if TYPE_CHECKING:
-    from tega.loop.inbox.sources import SourceReport
-    from tega.records.bus import Bus
-    from tega.stages.base import Metric
+from tega.records.bus import Bus
+from tega.stages.base import Metric
 
 REZERO_SEAT: Final = "rezero"
 REZERO_KEY: Final = "b"

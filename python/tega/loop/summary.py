@@ -5,23 +5,20 @@ No time of day, host or folder is in a summary, so that equal runs give equal by
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
+from tega.config import Pace
 from tega.devices.base import optional
 from tega.errors import TegaError
+from tega.haptics import Layout
 from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.latency import LatencyTrace
+from tega.loop.loop_report import LoopReport
+from tega.loop.pacing import PacingReport
+from tega.loop.reflex import ReflexArc
+from tega.loop.rig import Rig
 from tega.loop.touch import STALE_NS
-
-if TYPE_CHECKING:
-    from tega.config import Pace
-    from tega.haptics import Layout
-    from tega.loop.inbox.sources import SourceReport
-    from tega.loop.latency import LatencyTrace
-    from tega.loop.loop_report import LoopReport
-    from tega.loop.pacing import PacingReport
-    from tega.loop.reflex import ReflexArc
-    from tega.loop.rig import Rig
-
 
 SUMMARY_FORMAT = "tega-run"
 _COUNTS = ("dropped", "missing", "duplicate", "identical", "stuck", "unfit")

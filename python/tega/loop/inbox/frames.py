@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING
 
+import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
+from tega.devices.base import TactileFrame, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
 from tega.loop.inbox.picture_votes import CameraVote, picture_fault, untouched_lines
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stuck_frames import STUCK_FRAMES, KeptPicture, is_repeat, kept_picture
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.devices.base import TactileFrame, TactileSource
-    from tega.records import Contact
-    from tega.stages.base import Metric
+from tega.records import Contact
+from tega.stages.base import Metric
 
 # Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
 # otherwise keep a core busy with asking.

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from tega import records
 from tega.devices.base import InputEvent, InputReading, InputSource
-
-if TYPE_CHECKING:
-    from tega.loop.pacing import Pacer
-    from tega.records.bus import Bus
-
+from tega.loop.pacing import Pacer
+from tega.records.bus import Bus
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 

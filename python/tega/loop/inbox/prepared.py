@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from tega.config.calibration import Calibration, EmgMaxima
-    from tega.devices.base import EmgSource, TactileSource
-    from tega.loop.inbox.sources import SourceReport
-    from tega.loop.inbox.stream import Stream
-    from tega.records import Contact, HandLook, Intent
-    from tega.stages.base import Decoder
+from tega.config.calibration import Calibration, EmgMaxima
+from tega.devices.base import EmgSource, TactileSource
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.stream import Stream
+from tega.records import Contact, HandLook, Intent
+from tega.stages.base import Decoder
 
 
 class Finger(NamedTuple):

@@ -5,26 +5,21 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
 from tega.emg.votes import ChannelVotes
 from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.hand import nearest_level
+from tega.loop.emg_adaptation import ChannelAdaptation
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.records import EmgSamples, Intent, Picture
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config.calibration import EmgMaxima
-    from tega.loop.emg_adaptation import ChannelAdaptation
-    from tega.stages.base import Decoder
-
+from tega.stages.base import Decoder
 
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0

@@ -6,14 +6,12 @@ therefore a sign that no picture is being taken any more, whatever the frame's n
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from tega.records import Contact
-
+from tega.records import Contact
 
 # So many equal pictures in a row, the first included, and a live sensor is called stuck. Two may come of a camera
 # that is read faster than it exposes.

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
 from tega.config.calibration.folder import Unfinished
 from tega.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from tega.setup.calibration.times import Sitting
+from tega.setup.calibration.times import Sitting
 
 _Kept = TypeVar("_Kept")
 

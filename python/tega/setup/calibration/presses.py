@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from tega.records import Contact
-
+from tega.records import Contact
 
 PRESSES = 3
 """Repetitions of each object: one spike, or one odd press, must not decide."""

@@ -9,17 +9,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from tega.arm.heading import ForearmSweep, ForwardCheck, check_forward, kept_yaw, yaw_from_sweep
+from tega.devices.base import Tracker
 from tega.errors import CalibrationError
 from tega.runtime.guide import Bar, Guide, Undecided
 from tega.setup.calibration.settling import until_good
-
-if TYPE_CHECKING:
-    from tega.devices.base import Tracker
 
 WAIT_S: Final = 30.0
 """Time to wait for a movement."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from tega.errors import ConfigError
 from tega.haptics.motor_layout import find_layout
 from tega.records import Contact, Intent, VestFrame
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
+from tega.records.bus import Bus
 
 
 class FingerCourse(NamedTuple):

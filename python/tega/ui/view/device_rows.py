@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from tega.hand import split_level
+from tega.loop.snapshot import LoopView
 from tega.runtime.number_text import number_text
-
-if TYPE_CHECKING:
-    from tega.loop.snapshot import LoopView
 
 SILENT_NS: Final = 400_000_000
 """A decoded level older than this is not current, nanoseconds: twice the time after which a block is late."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-if TYPE_CHECKING:
-    from tega.loop.snapshot import LoopView
+from tega.loop.snapshot import LoopView
 
 _WITH_HAND: Final = {
     "idle": "the hand is open",

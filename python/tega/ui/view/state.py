@@ -7,16 +7,14 @@ write into them after offering a state.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.loop.snapshot import LoopView
 from tega.records import Contact
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.loop.snapshot import LoopView
-    from tega.stages.base import TouchMap
+from tega.stages.base import TouchMap
 
 ShapeKind: TypeAlias = Literal["sphere", "capsule", "cylinder", "box", "plane"]
 

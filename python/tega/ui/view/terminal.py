@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -13,16 +13,13 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from tega.haptics import CONTACT_RULES, FINGERS
+from tega.haptics import CONTACT_RULES, FINGERS, MotorLevels
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
 from tega.ui.view.device_rows import device_rows
 from tega.ui.view.labels import ContactLabels
 from tega.ui.view.rate_meter import RateMeter
 from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
-
-if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
-    from tega.loop.snapshot import LoopView
 
 _WIDEST, _WIDE, _TALL = 120, 104, 30
 _REFRESH_S = 0.1
