@@ -29,10 +29,9 @@ from tega.loop.controls import Controls
 from tega.loop.inbox.prepared import Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
-from tega.loop.lapsing import Lapsing
 from tega.loop.motor_tests import MotorTests
 from tega.loop.parts import Part, RunStart
-from tega.loop.program_arm import ProgramArm
+from tega.loop.program_arm import Lapsing, ProgramArm
 from tega.loop.session import run_session
 from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import Intent, ProgramFrame

@@ -114,8 +114,7 @@ def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, a
 
     from tega.config.calibration.folder import CalibrationFolder
     from tega.config.calibration.records import PracticeRecord
-    from tega_practice.kept import FittsRecord, compare_kept, kept_records
-    from tega_practice.kept_tracking import compare_tracked
+    from tega_practice.kept import FittsRecord, compare_kept, compare_tracked, kept_records
 
     home, named = CalibrationFolder(folder), decoders or ()
     tracked = compare_tracked(kept_records(PracticeRecord, home, person), named)

@@ -22,10 +22,9 @@ from tega.records.bus import Bus
 from tega_study.episodes.journal import EpisodeJournal, EpisodeLine, EpisodeStep
 from tega_study.episodes.pedal import EpisodePedal, pedal_names
 from tega_study.lead.experimenter import ENTER, Desk, Screen
-from tega_study.lead.rest_tasks import RunningTask
+from tega_study.lead.rest_tasks import RunningTask, start_task
 from tega_study.lead.running_trial import in_thread
 from tega_study.lead.screens import doing
-from tega_study.lead.to_start import start_task
 
 GO_ON, DISCARD, AGAIN = "g", "x", "r"
 _STEPS: Final[dict[str, EpisodeStep]] = {GO_ON: "kept", DISCARD: "discarded", AGAIN: "discarded"}

@@ -94,8 +94,7 @@ class LabBench:
         self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
     ) -> None:
         from tega.runtime.lifecycle import require
-        from tega_study.lead.squeeze import squeeze_task
-        from tega_study.lead.to_start import start_task
+        from tega_study.lead.rest_tasks import squeeze_task, start_task
 
         require("foxglove", driver="recording", extra="record")
         if config.emg is None or not config.tactile.in_use():

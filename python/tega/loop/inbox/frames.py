@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 
 from tega.devices.base import TactileFrame, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.loop.inbox.picture_votes import CameraVote, picture_fault, untouched_lines
+from tega.loop.inbox.picture_votes import (
+    STUCK_FRAMES,
+    CameraVote,
+    KeptPicture,
+    is_repeat,
+    kept_picture,
+    picture_fault,
+    untouched_lines,
+)
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.loop.inbox.sources import SourceReport
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, KeptPicture, is_repeat, kept_picture
 from tega.records import Contact
 from tega.stages.base import Metric
 

@@ -7,13 +7,11 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
-from tega.ui.view.browser.annotation_keys import add_annotation_keys
-from tega.ui.view.browser.camera_pictures import CameraPictures, cameras_html
+from tega.ui.view.browser.camera_pictures import CameraPictures, cameras_html, picture_html
 from tega.ui.view.browser.charts import CourseChart, MuscleCharts
 from tega.ui.view.browser.delays import Delays
-from tega.ui.view.browser.picture_html import picture_html
 from tega.ui.view.browser.scene import Point, Scene
-from tega.ui.view.browser.seek import SeekSlider
+from tega.ui.view.browser.seek import SeekSlider, add_annotation_keys
 from tega.ui.view.browser.state_html import (
     BEATS_PER_S,
     FONT,
