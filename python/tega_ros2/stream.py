@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from types import TracebackType
 from typing import Any, Final, Self
 
 from tega.recording.mcap_reader import Message
@@ -70,9 +69,7 @@ class Ros2Stream:
             self._bus.subscribe(kind, self._take, name="ros2", backlog=self._backlog)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Leave the domain."""
         self._backlog.close()
         self.url = ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
 from typing import Any, Final, Self
 
 from tega.errors import DeviceUnavailableError
@@ -76,9 +75,7 @@ class FoxgloveStream:
                 self._bus.subscribe(kind, self._take, name="foxglove", backlog=self._backlog)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Stop serving."""
         self._backlog.close()
         server, self._server, self.url = self._server, None, ""

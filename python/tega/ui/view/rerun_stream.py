@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
@@ -70,9 +69,7 @@ class RerunStream:
         self._bus.subscribe(Record, self._take, name="rerun", backlog=self._backlog)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Send the waiting records, for a second at most, and disconnect."""
         self._backlog.close()
         stream, self._stream, self.url = self._stream, None, ""

@@ -6,7 +6,6 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from tega.errors import InvalidValueError
@@ -162,9 +161,7 @@ class BrowserView:
         self._waiting.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Stop serving; painting errors are in :attr:`problem`."""
         self._over.set()
         self._waiting.close()
