@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices import driver_class
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.hand import JOINT_NAMES
 from tega.haptics.motor_layout import find_layout
+from tega.loop.program import ProgramSession
 from tega.records import (
     ArmMeasured,
     ArmTarget,
@@ -37,11 +39,6 @@ from tega_lerobot.streams import (
     columns_of,
     touch_numbers,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.loop.program import ProgramSession
 
 OBSERVED: Final = ("state", "touch", "touch_si", "emg_levels", "vest", "arm")
 """Features that an observation has where the settings name their devices; ``image_age`` besides, on request."""

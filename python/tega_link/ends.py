@@ -6,24 +6,20 @@ import contextlib
 import queue
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputReading, TactileFrame
 from tega.hand import split_level
+from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.stream import LiveStream
+from tega.records import Intent
 from tega.runtime.lifecycle import Elsewhere
+from tega.wire import CanFrame
 from tega_link.pictures import unpacked
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.arm.pose import StampedPose
-    from tega.loop.inbox.prepared import Muscles
-    from tega.loop.inbox.stream import LiveStream
-    from tega.records import Intent
-    from tega.wire import CanFrame
-
 
 _STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _JOINTS = 16

@@ -6,24 +6,21 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec.structs import replace
 
+from tega.arm.pose import PoseSource
+from tega.config import SessionConfig
 from tega.devices.registry import driver_class
 from tega.devices.tracker.sources.rates import RatePoses
 from tega.errors import ConfigError
+from tega.loop.inbox.inputs import Inputs, Seat
 from tega.records import Intent, PoseNumbers
+from tega.safety.guard import Guard
 from tega_link.ends import FarHand
 from tega_link.messages import ArmMessage, HandMessage, encode
 from tega_link.settings import net_of
-
-if TYPE_CHECKING:
-    from tega.arm.pose import PoseSource
-    from tega.config import SessionConfig
-    from tega.loop.inbox.inputs import Inputs, Seat
-    from tega.safety.guard import Guard
-
 
 _KEPT = 1024
 

@@ -5,18 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.loop.inbox.prepared import Prepared
 from tega.records import Picture
 from tega_link.link import Channel, Link
 from tega_link.messages import Image, encode
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.loop.inbox.prepared import Prepared
-
 
 _LEAVE_S = 2.0
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from tega.records import (
     ArmMeasured,
@@ -21,13 +21,10 @@ from tega.records import (
     SentFrame,
     VestFrame,
 )
+from tega.records.bus import Backlog, Bus
 from tega.records.schema import MessageField, fields
 from tega.runtime.lsl import load_lsl, to_monotonic_s
-
-if TYPE_CHECKING:
-    from tega.records.bus import Backlog, Bus
-    from tega_markers.settings import LslStreamName
-
+from tega_markers.settings import LslStreamName
 
 _KINDS: Final[Mapping[LslStreamName, tuple[type[Record], ...]]] = {
     "emg": (EmgSamples,),

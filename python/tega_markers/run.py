@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.runtime.lsl import load_lsl, to_monotonic_s
 from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
 from tega_markers.lsl_streams import LslStreams
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
-    from tega_markers.settings import MarkersSection
-
+from tega_markers.settings import MarkersSection
 
 # What was pushed last is on its way when the stream is taken away.
 _LINGER_S = 0.2

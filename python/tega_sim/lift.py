@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tega.config.choose import chosen_stage
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
-from tega.haptics import MotorLevels
+from tega.haptics import Layout, MotorLevels
 from tega.loop.beside import measure_beside_on
 from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import HandPolls
 from tega.loop.loop import DualLoop
+from tega.loop.sink import Sink
 from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
@@ -26,27 +26,19 @@ from tega.runtime.number_text import number_text
 from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
 from tega.stages.events.outcomes import LIFT_WINDOW_S
-from tega.ui.view.state import EmgTail, ViewState
+from tega.ui.view.state import EmgTail, Shape, ViewState
 from tega_sim.conditions import ARMS, worn
 from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
-from tega_sim.lab import EMG_HZ
+from tega_sim.lab import EMG_HZ, Lab
 from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.recorded import LiftRecorder
 from tega_sim.reflex import trial_reflex
-from tega_sim.rig import SimulatedPacer, TrialRig
+from tega_sim.rig import SimulatedPacer, TrialRig, TrialSteering
 from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
+from tega_sim.seams import Act, Percept
+from tega_sim.streams import Streams
 from tega_sim.true_touch import TrueTouch, stages_of, touch_of
-
-if TYPE_CHECKING:
-    from tega.haptics import Layout
-    from tega.loop.sink import Sink
-    from tega.ui.view.state import Shape
-    from tega_sim.lab import Lab
-    from tega_sim.recorded import LiftRecorder
-    from tega_sim.rig import TrialSteering
-    from tega_sim.seams import Act, Percept
-    from tega_sim.streams import Streams
-
 
 # Time to put the object down and let go, after the window in which it has to be lifted, seconds.
 _AFTER_S = 15.0

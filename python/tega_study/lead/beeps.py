@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from tega.errors import InvalidValueError
 from tega_study.lead.keys import keys_of
-
-if TYPE_CHECKING:
-    from tega_study.masking_sound import MaskingSound
+from tega_study.masking_sound import MaskingSound
 
 
 def check_answer_key(key: str, pedals: str) -> None:

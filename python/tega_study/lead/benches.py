@@ -5,26 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import msgspec
 
+from tega.config import SessionConfig
 from tega.config.stage_sections import StageConfig
 from tega.config.text import config_text
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale, load_poses
 from tega.runtime.files.whole_file import write_whole
 from tega_scene.settings import cameras_of
+from tega_sim.seams import Act, Percept
 from tega_sim.streams import Streams
+from tega_study.lead.rest_tasks import RestTask
+from tega_study.lead.running_trial import Going
 from tega_study.masking_settings import MaskingSection
+from tega_study.plan import PlannedTrial, StudyPlan
 from tega_study.state import Where
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega_sim.seams import Act, Percept
-    from tega_study.lead.rest_tasks import RestTask
-    from tega_study.lead.running_trial import Going
-    from tega_study.plan import PlannedTrial, StudyPlan
 
 _POLL_S = 0.01
 _CONDITIONS = ("haptic", "non-haptic", "event-gated")

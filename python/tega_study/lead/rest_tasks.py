@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,15 +15,11 @@ from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError, TegaError
 from tega.loop.homing import go_to_start
 from tega.loop.prepare import prepare
-from tega.runtime.guide import Shows
+from tega.runtime.guide import Bar, Shows
 from tega.setup.calibration.effort import Chain, judge_squeezes
 from tega.setup.calibration.steps_emg import collect, drain
+from tega_study.journal import Kind
 from tega_study.lead.running_trial import in_thread
-
-if TYPE_CHECKING:
-    from tega.runtime.guide import Bar
-    from tega_study.journal import Kind
-
 
 _POLL_S = 0.02
 

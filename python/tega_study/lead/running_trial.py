@@ -5,22 +5,19 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from tega.hand.poses import ClosureScale
 from tega.hand.tips import tip_heights_mm
+from tega.loop.snapshot import LoopView
+from tega.records import MuscleCondition
+from tega.runtime.clock import Clock
 from tega.stages.events.settings import SETTINGS
 from tega_study.attempt_rows import HandRow, TouchRow
 from tega_study.coupling import TouchCourse
 from tega_study.lead.arm_lift import ARM, ArmLift
-
-if TYPE_CHECKING:
-    from tega.hand.poses import ClosureScale
-    from tega.loop.snapshot import LoopView
-    from tega.records import MuscleCondition
-    from tega.runtime.clock import Clock
-
 
 SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
 

@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import msgspec
 
@@ -20,14 +20,11 @@ from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.removed import without_removed
+from tega_sim.operator import RulesVersion
+from tega_sim.operator.person import Parameter
 from tega_sim.operator.vision import ViewName
 from tega_sim.removed import REMOVED_FIELDS
-
-if TYPE_CHECKING:
-    from tega_sim.operator import RulesVersion
-    from tega_sim.operator.person import Parameter
-    from tega_sim.world import ObjectSpec
-
+from tega_sim.world import ObjectSpec
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 PACKAGE: Final = Path(tega.__file__).parent

@@ -11,27 +11,23 @@ import hashlib
 import shutil
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.files.whole_file import write_whole
+from tega_sim.lab import Lab
+from tega_sim.operator import Parameters
+from tega_sim.plan import TrialResult
+from tega_sim.streams import Streams
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import Journal, events_path
 from tega_study.plan import PlannedTrial, StudySettings
 from tega_study.silico.assumptions import Assumptions
 from tega_study.touch_picture import FingerPicture, picture_path, write_touch_picture
 from tega_study.trials import course_path
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega_sim.lab import Lab
-    from tega_sim.operator import Parameters
-    from tega_sim.plan import TrialResult
-    from tega_sim.streams import Streams
-
 
 COURSE_HZ = 30.0
 PEOPLE_APART = 1000

@@ -5,9 +5,10 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tega.errors import InvalidValueError
+from tega_sim.world import ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.silico.assumptions import (
@@ -19,9 +20,6 @@ from tega_study.silico.assumptions import (
 from tega_study.silico.session import RUNNING, SessionJob
 from tega_study.silico.spread import Progress, run_sessions
 from tega_study.state import derive
-
-if TYPE_CHECKING:
-    from tega_sim.world import ObjectSpec
 
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
