@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.arm.pose import StampedPose
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputReading, TactileFrame
 from tega.hand import split_level
 from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent
 from tega.runtime.lifecycle import Elsewhere
@@ -95,10 +97,6 @@ class FarMuscles(Elsewhere):
 
 def far_muscles(source: Any, blocks: LiveStream[Intent]) -> Muscles:
     """Return the EMG side of a run with samples and levels that come over the link."""
-    from tega.config.calibration import EmgMaxima
-    from tega.loop.inbox.prepared import Muscles
-    from tega.loop.inbox.sources import SourceReport
-
     report = SourceReport()
     blocks.on_loss = report.drop
     # One channel, whose sample is the level itself: 5 is as far as it goes.

@@ -78,9 +78,6 @@ class FarTouch:
 
     def fingers(self, welcome: Welcome) -> dict[str, Finger]:
         """Return the fingertips as a run starts with them."""
-        from tega.loop.inbox.prepared import Finger
-        from tega.loop.inbox.sources import SourceReport
-
         fingers = {}
         for name, rate_hz in welcome.fingers.items():
             report = SourceReport()

@@ -26,6 +26,7 @@ from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
 from tega.haptics import Layout, MotorLevels
+from tega_sim.operator import sham_vest
 from tega_sim.operator.shams import Sham, ShamName
 
 Condition = Literal[
@@ -140,6 +141,4 @@ def worn(
     Raises:
         InvalidValueError: ``replayed`` has nothing to replay.
     """
-    from tega_sim.operator import sham_vest
-
     return sham_vest(ARMS[condition].sham, seed=seed, layout=layout, recorded=recorded)

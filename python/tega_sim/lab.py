@@ -27,7 +27,21 @@ from tega.stages.base import Decoder, Metric
 from tega_sim.conditions import ARMS
 from tega_sim.filling import HOLD_S
 from tega_sim.gel import Gel, ball, board
-from tega_sim.operator import Calibrated, ForearmEmg, Operator, Parameters, RulesVersion, ScriptedOperator
+from tega_sim.operator import (
+    Calibrated,
+    ForearmEmg,
+    Operator,
+    Parameters,
+    RulesVersion,
+    ScriptedOperator,
+    calibrate,
+    clear_skin,
+    draw_person,
+    load_parameters,
+    people_digest,
+)
+from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.scripted import COURSES
 from tega_sim.plan import FULL_N, TrialPlan, loop_settings
 from tega_sim.seams import Indenter
 
@@ -68,8 +82,6 @@ class Lab:
         *,
         settings: Sequence[str] = (),
     ) -> None:
-        from tega_sim.operator import calibrate, draw_person, load_parameters
-
         self._seed, self.preset = seed, preset
         self.config = loop_settings(preset, settings)
         self._parameters = parameters or load_parameters()
@@ -85,14 +97,10 @@ class Lab:
 
     def digest(self, rules: RulesVersion) -> str:
         """Return the first digits of the SHA-256 that says who the people are who follow these rules."""
-        from tega_sim.operator import people_digest
-
         return people_digest(self._parameters.digest, rules)[:16]
 
     def emg(self, lift: str) -> ForearmEmg:
         """Return the forearm's EMG for one lift, by its name: other lifts, other noise."""
-        from tega_sim.operator import ForearmEmg
-
         return ForearmEmg(self._someone, seed=self._seed, label=lift, rate_hz=EMG_HZ)
 
     def person(self, plan: TrialPlan) -> Operator | ScriptedOperator:
@@ -101,10 +109,6 @@ class Lab:
         Raises:
             InvalidValueError: The plan's is at a keyboard.
         """
-        from tega_sim.operator import Operator, ScriptedOperator, clear_skin
-        from tega_sim.operator.forearm import AWAY_M
-        from tega_sim.operator.scripted import COURSES
-
         full_effort = self.calibrated.full_effort
         if plan.operator == "scripted":
             return ScriptedOperator(COURSES[plan.task], full_effort=full_effort)

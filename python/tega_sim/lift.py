@@ -31,6 +31,8 @@ from tega_sim.conditions import ARMS, worn
 from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ, Lab
+from tega_sim.operator import Operator
+from tega_sim.operator.forearm import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.recorded import LiftRecorder
 from tega_sim.reflex import trial_reflex
@@ -39,6 +41,7 @@ from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
 from tega_sim.seams import Act, Percept
 from tega_sim.streams import Streams
 from tega_sim.true_touch import TrueTouch, stages_of, touch_of
+from tega_sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
 
 # Time to put the object down and let go, after the window in which it has to be lifted, seconds.
 _AFTER_S = 15.0
@@ -85,9 +88,6 @@ class Lift:
         skip_untouched: bool = True,
         lift_by_s: float = LIFT_WINDOW_S,
     ) -> None:
-        from tega_sim.operator import Operator
-        from tega_sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
-
         spec = plan.object_spec
         self._lab, self._plan, self._person = lab, plan, person
         self._streams, self._recorder = streams, recorder
@@ -246,8 +246,6 @@ class Lift:
 
     def _hand_polls(self) -> HandPolls:
         """Return the looks at hand and arm, as their sensors report them."""
-        from tega_sim.world import GRASP_POSES_RAD
-
         rig, world = self.rig, self.rig.world
         return HandPolls(
             lambda: encoded(world.angles_rad),
@@ -258,8 +256,6 @@ class Lift:
 
     def _placed(self) -> tuple[bool, float]:
         """Whether the object stands on its second mark, and how far from it, metres."""
-        from tega_sim.operator.forearm import AWAY_M
-
         rig, world = self.rig, self.rig.world
         middle, axis = world.object_pose
         off_m = float(np.linalg.norm((middle - world.mark_m(AWAY_M))[:2]))
@@ -350,8 +346,6 @@ def _remembers(lab: Lab) -> bool:
 @lru_cache(maxsize=1)  # a practice and the lift after it are replayed the same
 def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, MotorLevels]]:
     """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet."""
-    from tega_sim.streams import Streams
-
     other, streams = plan.other, Streams()
     person = lab.person(other)
     lift = Lift(lab, other, person, number, streams=streams)

@@ -13,6 +13,7 @@ from tega.config.calibration.folder import CalibrationFolder, Part, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
 from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
+from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, TegaError
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
@@ -278,8 +279,6 @@ def live_info(section: Any, kind: Kind) -> DeviceInfo | None:
 
 def closed_info(section: Any, kind: Kind) -> DeviceInfo | None:
     """Return the description that a device gives while it is closed; ``None`` where a table names none."""
-    from tega.devices.registry import driver_class
-
     if section is None or section.driver is None:
         return None
     try:

@@ -19,6 +19,7 @@ from tega.arm.settings import (
     MappingSettings,
     WatchdogSettings,
 )
+from tega.arm.workspace import Workspace
 from tega.config.stage_sections import Section, StagesSection
 from tega.errors import ConfigError
 from tega.haptics import FINGERS, Layout
@@ -270,9 +271,6 @@ class ArmConfig(Section, frozen=True):
         import math
 
         import numpy as np
-
-        from tega.arm.pose import Pose
-        from tega.arm.workspace import Workspace
 
         if self.start_m is None:
             return None

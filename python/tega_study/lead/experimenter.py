@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 import click
 
+from tega.runtime.keys import Keys
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.live import Live
-
-    from tega.runtime.keys import Keys
 
 
 ENTER = "\n"
@@ -156,8 +156,6 @@ class TerminalDesk:
     def __enter__(self) -> Self:
         """Take the terminal."""
         from rich.live import Live
-
-        from tega.runtime.keys import Keys
 
         self._keys = Keys()
         self._keys.__enter__()

@@ -20,9 +20,10 @@ from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.removed import without_removed
-from tega_sim.operator import RulesVersion
+from tega_sim.operator import RulesVersion, load_parameters, people_digest
 from tega_sim.operator.person import Parameter
 from tega_sim.operator.vision import ViewName
+from tega_sim.plan import loop_settings
 from tega_sim.removed import REMOVED_FIELDS
 from tega_sim.world import ObjectSpec
 
@@ -75,8 +76,6 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         Raises:
             RecordingError: The statement has no such object, or one that cannot be.
         """
-        from tega_sim.world import ObjectSpec
-
         try:
             return msgspec.convert(without_removed(self.objects[name], REMOVED_FIELDS), ObjectSpec)
         except (KeyError, ConfigError, msgspec.ValidationError) as error:
@@ -104,8 +103,6 @@ def assume(
         RecordingError: The file cannot be read.
     """
     from tega._native import __version__
-    from tega_sim.operator import load_parameters, people_digest
-    from tega_sim.plan import loop_settings
 
     source = files("tega_sim.operator") / PARAMETERS if parameters is None else parameters
     try:
@@ -177,8 +174,6 @@ def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
     Raises:
         RecordingError: The file is damaged.
     """
-    from tega_sim.operator.person import Parameter
-
     path = folder / PARAMETERS
     if not path.exists():
         return {}

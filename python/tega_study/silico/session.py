@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tega.runtime.files.whole_file import write_whole
 from tega_sim.lab import Lab
 from tega_sim.operator import Parameters
-from tega_sim.plan import TrialResult
+from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.streams import Streams
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import Journal, events_path
@@ -83,11 +83,8 @@ def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes
 
 
 def _go(job: SessionJob, folder: Path) -> None:
-    from tega_sim.lab import Lab
     from tega_sim.lift import Lift
-    from tega_sim.plan import TrialPlan
     from tega_sim.practice import practise
-    from tega_sim.streams import Streams
 
     stated = job.assumptions
     same = {

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import InvalidValueError
-from tega_sim.world import ObjectSpec
+from tega_sim.conditions import SESSION_CONDITIONS
+from tega_sim.operator import load_parameters
+from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.silico.assumptions import (
@@ -121,9 +123,6 @@ def made_study(
         InvalidValueError: A name is unknown, or the folder has another study.
         ConfigError: As of :func:`tega_study.silico.assumptions.assume`.
     """
-    from tega_sim.conditions import SESSION_CONDITIONS
-    from tega_sim.world import OBJECTS
-
     for subject, names, known in (
         ("objects", objects, [*OBJECTS, *(objects if isinstance(objects, Mapping) else ())]),
         ("conditions", conditions, SESSION_CONDITIONS),
@@ -151,8 +150,6 @@ def jobs_of(
     folder: Path, plan: StudyPlan, stated: Assumptions, people: Sequence[str], *, pictures: bool = True
 ) -> list[SessionJob]:
     """Return the sessions of these people that are not over."""
-    from tega_sim.operator import load_parameters
-
     loaded = load_parameters(folder / PARAMETERS).of_everyone(stated.everyone)
     still = set(unfinished(folder, plan))
     first = plan.participants[0]

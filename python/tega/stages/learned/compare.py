@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from tega.emg import GraspIntent, InputKind, channel_maxima
 from tega.emg.score import PERCENTILES
 from tega.errors import ConfigError, InvalidValueError, ShapeError
+from tega.stages.base import MuscleSetup
 from tega.stages.learned.features import as_samples
 from tega.stages.learned.judge import DecoderFigures, judge
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.training import DEFAULT_FEATURES, fit
+from tega.stages.registry import stage_class
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
     "learned": "ridge",
@@ -194,9 +196,6 @@ def _run(
             decoder = decoder.recalibrated(today.samples, today.target)
         closure = decoder.process(judged.samples)
         return closure, decoder.levels.astype(float), decoder.confidence, decoder.held
-    from tega.stages.base import MuscleSetup
-    from tega.stages.registry import stage_class
-
     preset: Literal["paper", "live"] = "paper" if name == "rules-paper" else "live"
     kind: Any = stage_class("decoder", "rules" if name == "rules-paper" else name)
     setup = MuscleSetup(

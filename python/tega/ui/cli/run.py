@@ -11,7 +11,7 @@ import click
 
 from tega.runtime.features import features, load_target
 from tega.ui.cli.options import json_option, sets_option, stop_keys, worn_by
-from tega.ui.cli.page import view_options
+from tega.ui.cli.page import open_page, run_viewed, view_options
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -129,7 +129,6 @@ def run_settings(
     from tega.records.bus import Bus
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.page import open_page, run_viewed
     from tega.ui.cli.report import echo_summary
     from tega.ui.cli.run_view import stage
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from tega.errors import ConfigError
 from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import sets_option, worn_by
 
@@ -46,7 +47,6 @@ def identify(
     mirrored, set front_mirror (bhaptics-ble). The person's own values (threshold, step, mirror) are not applied.
     """
     from tega.config import DEFAULT_LAYOUT, load_config
-    from tega.errors import ConfigError
     from tega.haptics import vest_frame
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
