@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import echo_json, json_option, progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -207,7 +207,6 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.options import progress_bar
     from tega_bench.vest_latency.measure import log_of, play_bursts, watched_vest
 
     settings = wanted.settings

@@ -11,9 +11,10 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError, RecordingError
 from tega.recording.copies import note_copy
@@ -36,10 +37,6 @@ from tega_lerobot.video import (
     EpisodeCamera,
     VideoPlace,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"
@@ -77,9 +74,6 @@ def export_lerobot(
         scenes: Videos of scene cameras with their time codes, by the cameras' names; none for the films in the
             recordings.
         progress: Called as a file is read: once for its numbers, then for its pictures.
-
-    Returns:
-        The folder.
 
     Raises:
         ConfigError: The folder holds something.

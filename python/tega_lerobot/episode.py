@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.recording.compute_ahead import PICTURES, compute_ahead
@@ -26,10 +27,6 @@ from tega_lerobot.streams import (
     columns_of,
     touch_numbers,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _S = 1_000_000_000
 # One wrong time would ask for memory for all the frames up to it.
@@ -121,11 +118,6 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
 
     The first frame is when every stream has begun, the last one when the loop ended. A frame has the newest item of
     each stream that had been received, or that the loop had taken in, by its time.
-
-    Args:
-        path: The recording.
-        fps: Frames per second.
-        progress: Called as the file is read.
 
     Raises:
         RecordingError: It cannot be read, or is shorter than a frame or longer than 24 h.

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices import driver_class
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.hand import JOINT_NAMES
 from tega.haptics.motor_layout import find_layout
+from tega.loop.program import ProgramSession
 from tega.records import (
     ArmMeasured,
     ArmTarget,
@@ -38,11 +40,6 @@ from tega_lerobot.streams import (
     touch_numbers,
 )
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.loop.program import ProgramSession
-
 OBSERVED: Final = ("state", "touch", "touch_si", "emg_levels", "vest", "arm")
 """Features that an observation has where the settings name their devices; ``image_age`` besides, on request."""
 
@@ -60,10 +57,6 @@ def emg_channel_count(config: SessionConfig) -> int:
 
 def feature_names(config: SessionConfig, *, emg_channels: int) -> dict[str, list[str]]:
     """Return the names of the numbers of each feature of a session, before any device is open.
-
-    Args:
-        config: The settings.
-        emg_channels: How many channels the EMG has.
 
     Returns:
         Names by feature, as the export writes them: ``observation.state`` and so on, and ``action``.
@@ -94,11 +87,7 @@ class _Item(NamedTuple):
 
 
 class Live:
-    """The newest values of a session, from its bus.
-
-    Args:
-        session: The session, not yet begun.
-    """
+    """The newest values of a session, from its bus."""
 
     def __init__(self, session: ProgramSession) -> None:
         self._session = session
@@ -192,11 +181,6 @@ class Live:
         self, wanted: Mapping[str, Sequence[str] | None], fingers: Sequence[str], *, patience_s: float
     ) -> None:
         """Wait until the run is active, every feature has a value and every finger a picture.
-
-        Args:
-            wanted: Names of the numbers by feature; ``None`` for any.
-            fingers: Names of the fingers.
-            patience_s: For how long at most.
 
         Raises:
             ConfigError: A feature has other numbers than those.

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.plain_name import plain_name
+from tega_lerobot.episode import Episode
 from tega_scene.own_film import filmed_cameras
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.record import export_camera
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega_lerobot.episode import Episode
 
 _BEFORE_S: Final = 1.0
 """A picture older than this at the first frame is none of the episode; likewise at the last."""
@@ -45,10 +42,6 @@ def check_scene(video: Path) -> tuple[int, int]:
 
 def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
     """Write the films of a recording's own scene cameras as videos with time codes, and return them by name.
-
-    Args:
-        recording: The recording.
-        beside: Folder for the videos.
 
     Raises:
         RecordingError: It is damaged.

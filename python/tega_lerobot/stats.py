@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.opencv import load_cv2
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.hand import JOINT_NAMES, joined_level
+from tega.records import Contact
 from tega.records.arm import PoseNumbers
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.records import Contact
 
 ARM_MEASURED, ARM_TARGET = "/arm/measured", "/arm/target"
 CLOSURE = ("grasp_level", "closure")
@@ -50,7 +47,6 @@ class Stream:
         rows: Their numbers; ``None`` for a picture.
 
     Attributes:
-        times: Time of each item.
         width: Numbers of an item; ``None`` before the first.
     """
 

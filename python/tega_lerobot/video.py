@@ -5,17 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import restored
 from tega_lerobot.stats import Colours
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 """Where a file is, below its folder."""
@@ -40,13 +38,11 @@ class Video:
     """A video that grows by pictures.
 
     Args:
-        path: The file.
         fps: Frames per second.
         height: Height of the frames, pixels, an even number.
         width: Width of the frames, pixels, an even number.
 
     Attributes:
-        n_frames: How many it has.
         n_bytes: Size of what has left the encoder, which keeps pictures back; the file is there only from then on.
 
     Raises:
@@ -105,12 +101,6 @@ class VideoPlace:
 
 class EpisodeCamera:
     """One finger's videos.
-
-    Args:
-        folder: Folder of the dataset.
-        key: Name of the feature.
-        fps: Frames per second.
-        shape: Height and width of the pictures, even numbers of pixels.
 
     Attributes:
         total: Colours of all pictures.

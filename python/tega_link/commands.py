@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import msgspec
 
@@ -12,13 +12,10 @@ from tega.arm.pose import StampedPose
 from tega.loop.inbox.histogram import Histogram
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent
+from tega_link.clock import Offset
+from tega_link.ends import FarTracker
 from tega_link.gate import StampGate, refused_by
 from tega_link.messages import ArmMessage, HandMessage
-
-if TYPE_CHECKING:
-    from tega_link.clock import Offset
-    from tega_link.ends import FarTracker
-
 
 _Command = TypeVar("_Command", HandMessage, ArmMessage)
 _RATE_NS = 1_000_000_000
@@ -71,12 +68,7 @@ class Commands:
         self.rate_hz = 0.0
 
     def start(self, start_ns: int, stamp: Callable[[int, int], None] | None) -> None:
-        """Give the loop what comes from now on.
-
-        Args:
-            start_ns: Start of the session.
-            stamp: Called with the times at which each block was complete and was received; ``None`` without tracing.
-        """
+        """Give the loop what comes from now on."""
         self._start_ns = start_ns
         if stamp is not None:
             self._stamp = stamp

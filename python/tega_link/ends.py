@@ -6,24 +6,22 @@ import contextlib
 import queue
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.arm.pose import StampedPose
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputReading, TactileFrame
 from tega.hand import split_level
+from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.stream import LiveStream
+from tega.records import Intent
 from tega.runtime.lifecycle import Elsewhere
+from tega.wire import CanFrame
 from tega_link.pictures import unpacked
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.arm.pose import StampedPose
-    from tega.loop.inbox.prepared import Muscles
-    from tega.loop.inbox.stream import LiveStream
-    from tega.records import Intent
-    from tega.wire import CanFrame
-
 
 _STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _JOINTS = 16
@@ -33,13 +31,7 @@ _MOST_CHUNKS = 64
 
 
 class FarFinger(Elsewhere):
-    """A fingertip at the robot's station: contacts come as a stream, frames for display with lower priority.
-
-    Args:
-        name: The finger.
-        robot: Name of the robot.
-        rate_hz: Pictures a second there; 0 where that is not known.
-    """
+    """A fingertip at the robot's station: contacts come as a stream, frames for display with lower priority."""
 
     def __init__(self, name: str, robot: str, *, rate_hz: float) -> None:
         label = f"{name} of {robot!r}"
@@ -71,7 +63,6 @@ class FarMuscles(Elsewhere):
 
     Args:
         driver: Name of the way on which the levels come.
-        label: Where they are made.
         note: Note about their origin, for the summary.
     """
 
@@ -106,10 +97,6 @@ class FarMuscles(Elsewhere):
 
 def far_muscles(source: Any, blocks: LiveStream[Intent]) -> Muscles:
     """Return the EMG side of a run with samples and levels that come over the link."""
-    from tega.config.calibration import EmgMaxima
-    from tega.loop.inbox.prepared import Muscles
-    from tega.loop.inbox.sources import SourceReport
-
     report = SourceReport()
     blocks.on_loss = report.drop
     # One channel, whose sample is the level itself: 5 is as far as it goes.
@@ -121,7 +108,6 @@ class FarHand(Elsewhere):
     """The robot's hand, seen from the operator's station: keeps the requested closure, for the link to send.
 
     Args:
-        robot: Name of the robot.
         answered: Called with a monotonic time; returns it and when a command was first sent at or after it, ``None``
             before that.
     """
@@ -158,7 +144,6 @@ class FarSwitch(Elsewhere):
     """A switch that the operator holds.
 
     Args:
-        name: Name of the switch.
         check: Returns when it was last received, whether that is fresh, and whether it is held.
     """
 
@@ -188,7 +173,6 @@ class FarTracker(Elsewhere):
     Args:
         frame: Axes of the poses; the link refuses an operator with others.
         driver: Name of the way on which the poses come.
-        label: Where they are measured.
     """
 
     problem = ""  # the link tells by itself what is wrong with it

@@ -6,33 +6,27 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec.structs import replace
 
+from tega.arm.pose import PoseSource
+from tega.config import SessionConfig
 from tega.devices.registry import driver_class
 from tega.devices.tracker.sources.rates import RatePoses
 from tega.errors import ConfigError
+from tega.loop.inbox.inputs import Inputs, Seat
 from tega.records import Intent, PoseNumbers
+from tega.safety.guard import Guard
 from tega_link.ends import FarHand
 from tega_link.messages import ArmMessage, HandMessage, encode
 from tega_link.settings import net_of
-
-if TYPE_CHECKING:
-    from tega.arm.pose import PoseSource
-    from tega.config import SessionConfig
-    from tega.loop.inbox.inputs import Inputs, Seat
-    from tega.safety.guard import Guard
-
 
 _KEPT = 1024
 
 
 class ForearmReader:
     """Reads tracker and switches; the tracker is made at once, to know its axes, and opened later.
-
-    Args:
-        config: The session's settings.
 
     Attributes:
         frame: Axes of the poses; ``""`` where nothing leads an arm.
@@ -96,10 +90,6 @@ class ForearmReader:
 
 class IntentSender:
     """Puts the newest level, forearm and switches into commands.
-
-    Args:
-        forearm: Tracker and switches.
-        stamp: Returns what every message of a stream begins with.
 
     Attributes:
         hand: The robot's hand as the loop sees it; ``None`` where there is none.

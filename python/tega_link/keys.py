@@ -102,10 +102,6 @@ def expiry(folder: Path) -> datetime:
 def check_expiry(folder: Path, *, now: datetime | None = None) -> str:
     """Return that a station's certificate ends soon, ``""`` if it does not.
 
-    Args:
-        folder: The station's.
-        now: The time, UTC; the machine's when ``None``.
-
     Raises:
         ConfigError: It has ended, or cannot be read.
     """

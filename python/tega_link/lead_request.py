@@ -6,17 +6,13 @@ import secrets
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import msgspec
 
 from tega.errors import DeviceUnavailableError
+from tega_link.link import Link
 from tega_link.messages import Join, Refused, Welcome, decode, encode
-
-if TYPE_CHECKING:
-    from tega_link.link import Link
-    from tega_link.settings import NetSection
-
+from tega_link.settings import NetSection
 
 _ASK_NS = 250_000_000
 _ASK_AGAIN_NS = 2_000_000_000
@@ -35,7 +31,6 @@ class Lead:
     Attributes:
         session: Number of the session; 0 for none.
         has: Whether the lead is ours.
-        welcome: The newest there was.
         refusal: Why the robot's station said no, as last said; ``None`` if it did not.
         n: How often the lead was given.
     """
@@ -92,10 +87,6 @@ class Lead:
 
     def await_yes(self, net: NetSection, stop: Callable[[], bool]) -> None:
         """Wait for the first answer.
-
-        Args:
-            net: The station's settings, which say for how long.
-            stop: Asked meanwhile.
 
         Raises:
             DeviceUnavailableError: There is none, or it is no.

@@ -18,14 +18,12 @@ class Leadership:
     """Gives the lead to the first who asks, until that operator's sign of life is gone; no clock, no thread.
 
     Args:
-        robot: The robot's name.
         operators: Names of the operators who may lead; empty means any.
         frame: Axes in which the arm's poses are wanted; ``""`` without an arm.
         hand: Whether there is a hand to be closed.
 
     Attributes:
         session: Session of the leader; 0 for none.
-        name: The leader's name.
     """
 
     def __init__(
@@ -115,7 +113,6 @@ class Reception:
     """Answers operators who ask to lead, and notices when one is gone.
 
     Args:
-        leader: The leadership.
         lock: The station's; held while who leads changes.
         robot: The robot's name.
         begin: Called with a session that begins, or ``None`` when there is none any more, with the lock held.

@@ -50,9 +50,6 @@ def root_key(robot: str) -> str:
 class Link(Opened):
     """Zenoh session of this station.
 
-    Args:
-        net: The settings.
-
     Attributes:
         root: What all its keys begin with.
         n_unsent: Messages that were not sent: the transport refused them, or too many waited.

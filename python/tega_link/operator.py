@@ -5,14 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 import tega
+from tega.config import SessionConfig
 from tega.errors import ConfigError
+from tega.loop.inbox.inputs import Inputs
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.parts import RunStart
+from tega.loop.sinks import Sinks
+from tega.loop.snapshot import LoopView
 from tega.records import EmgSamples, Intent
+from tega.records.bus import Bus
 from tega_link.gate import StampGate
 from tega_link.intent import ForearmReader, IntentSender
 from tega_link.lead_request import Lead
@@ -22,23 +28,9 @@ from tega_link.samples import SampleSender
 from tega_link.station import Station
 from tega_link.touch import FarTouch, with_touch
 
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.loop.inbox.inputs import Inputs
-    from tega.loop.inbox.prepared import Prepared
-    from tega.loop.sinks import Sinks
-    from tega.loop.snapshot import LoopView
-    from tega.records.bus import Bus
-
 
 class OperatorStation(Station):
-    """The operator's end of the link.
-
-    Args:
-        config: The session's settings.
-        bus: Source of the session's records, and receiver of the link's records for a recording.
-        stop: Asked while the robot is looked for.
-    """
+    """The operator's end of the link."""
 
     def __init__(self, config: SessionConfig, bus: Bus, stop: Callable[[], bool]) -> None:
         super().__init__(config, bus)

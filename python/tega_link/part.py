@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from tega.config import SessionConfig
 from tega.errors import ConfigError
+from tega.loop.parts import PartContext
+from tega.records.bus import Bus
 from tega.records.display import Notice
 from tega.runtime.threads import run_realtime
 from tega_link.keys import check_expiry
@@ -13,11 +15,6 @@ from tega_link.operator import OperatorStation
 from tega_link.robot import RobotStation
 from tega_link.settings import net_of
 from tega_link.station import Station
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.loop.parts import PartContext
-    from tega.records.bus import Bus
 
 
 def open_part(context: PartContext) -> Station | None:

@@ -5,18 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.loop.inbox.prepared import Prepared
 from tega.records import Picture
 from tega_link.link import Channel, Link
 from tega_link.messages import Image, encode
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.loop.inbox.prepared import Prepared
-
 
 _LEAVE_S = 2.0
 
@@ -25,9 +22,7 @@ class PictureSender:
     """Sends the newest picture of each fingertip, as often as is asked; the ones between are left out.
 
     Args:
-        link: Open.
         session: The robot station's.
-        rate_hz: Pictures a second of each fingertip.
         quality: Quality of the JPEG, 1 to 100.
         wanted: Whether anybody looks.
 
@@ -67,11 +62,7 @@ class PictureSender:
         return {name: cv2.imencode(".png", f.baseline)[1].tobytes() for name, f in prepared.fingers.items()}
 
     def start(self, start_ns: int) -> None:
-        """Begin to send.
-
-        Args:
-            start_ns: The session's start, from which pictures are stamped.
-        """
+        """Begin to send."""
         self._start_ns = start_ns
         self._thread = threading.Thread(target=self._run, name="tega-net-pictures", daemon=True)
         self._thread.start()

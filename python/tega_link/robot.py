@@ -11,16 +11,21 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 import tega
+from tega.config import SessionConfig
+from tega.devices.base import Tracker
 from tega.loop.inbox.inputs import Inputs, Seat
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.inbox.reader import Reader, read_items
 from tega.loop.inbox.sources import samples_of
 from tega.loop.parts import RunStart
 from tega.records import Contact, Picture, RunState
+from tega.records.bus import Bus
+from tega.runtime.device_items import EmgChunk
 from tega_link.commands import Commands
 from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
 from tega_link.leader import Leadership, Reception
@@ -29,14 +34,6 @@ from tega_link.messages import Change, Feature, State, Welcome, encode
 from tega_link.pictures import PictureSender
 from tega_link.samples import SampleReceiver
 from tega_link.station import Station
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import Tracker
-    from tega.loop.inbox.prepared import Prepared
-    from tega.records.bus import Bus
-    from tega.runtime.device_items import EmgChunk
-
 
 _STATE_NS = 100_000_000
 

@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tega.devices.base import EmgChunk
 from tega.records import EmgSamples
+from tega_link.clock import Offset
+from tega_link.ends import FarMuscles
 from tega_link.gate import StampGate
 from tega_link.messages import Samples, encode
-
-if TYPE_CHECKING:
-    from tega_link.clock import Offset
-    from tega_link.ends import FarMuscles
-
 
 _AT_ONCE_NS = 50_000_000
 _NEVER_OLD_NS = 10**12
 
 
 class SampleSender:
-    """Sends the amplifier's samples, about twenty times a second, while the robot's station records.
-
-    Args:
-        stamp: Returns what every message of the stream begins with.
-        wanted: Whether the robot's station records.
-    """
+    """Sends the amplifier's samples, about twenty times a second, while the robot's station records."""
 
     def __init__(self, stamp: Callable[[], dict[str, Any]], wanted: Callable[[], bool]) -> None:
         self._stamp, self._wanted = stamp, wanted
@@ -73,11 +65,7 @@ class SampleSender:
 
 
 class SampleReceiver:
-    """Takes in the EMG samples that come over the link.
-
-    Args:
-        muscles: Where they are read for the recording.
-    """
+    """Takes in the EMG samples that come over the link."""
 
     def __init__(self, muscles: FarMuscles) -> None:
         self._muscles = muscles

@@ -88,7 +88,6 @@ class Endpoint(NamedTuple):
     Attributes:
         scheme: ``tcp`` or ``tls``.
         host: Name or address.
-        port: Its port.
     """
 
     scheme: str

@@ -5,33 +5,24 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tega.config import SessionConfig
 from tega.loop.parts import Part
-from tega.loop.snapshot import Snapshot
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import RunState
+from tega.records.bus import Bus
 from tega.records.display import Notice
 from tega.runtime.lifecycle import Opened
 from tega_link.clock import PeerClock
 from tega_link.link import Link
 from tega_link.settings import NetSection, net_of
 
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.loop.snapshot import LoopView
-    from tega.records.bus import Bus
-
-
 _LEAVE_S = 2.0
 
 
 class Station(Part, Opened):
-    """One end of the link in a session: it puts the other station's devices in place.
-
-    Args:
-        config: The session's settings; ``net`` is set.
-        bus: Bus of the session.
-    """
+    """One end of the link in a session: it puts the other station's devices in place."""
 
     endless = brings_input = True
 

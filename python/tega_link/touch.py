@@ -5,31 +5,28 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 
+from tega.config.calibration import Calibration
+from tega.devices.base import TactileFrame
 from tega.errors import CalibrationError
 from tega.loop.inbox.histogram import Histogram
+from tega.loop.inbox.prepared import Finger, Prepared
 from tega.loop.inbox.reader import Reader, read_items
-from tega.loop.inbox.sources import picture_of
+from tega.loop.inbox.sources import SourceReport, picture_of
 from tega.loop.inbox.stream import LiveStream
+from tega.loop.latency import LatencyTrace
+from tega.records import Contact
+from tega.records.bus import Bus
+from tega.runtime.wake import Bell
+from tega_link.clock import Offset
 from tega_link.ends import FarFinger
 from tega_link.gate import StampGate, refused_by
 from tega_link.messages import Feature, Image, Welcome, decode
 from tega_link.pictures import unpacked
-
-if TYPE_CHECKING:
-    from tega.config.calibration import Calibration
-    from tega.devices.base import TactileFrame
-    from tega.loop.inbox.prepared import Finger, Prepared
-    from tega.loop.inbox.sources import SourceReport
-    from tega.loop.latency import LatencyTrace
-    from tega.records import Contact
-    from tega.records.bus import Bus
-    from tega.runtime.wake import Bell
-    from tega_link.clock import Offset
 
 
 def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:
@@ -59,10 +56,6 @@ def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Cal
 class FarTouch:
     """All fingertips of a robot.
 
-    Args:
-        robot: Its name.
-        ttl_ns: How old what comes may be.
-
     Attributes:
         route: How long touch was on its way, by the clock's estimate.
     """
@@ -85,9 +78,6 @@ class FarTouch:
 
     def fingers(self, welcome: Welcome) -> dict[str, Finger]:
         """Return the fingertips as a run starts with them."""
-        from tega.loop.inbox.prepared import Finger
-        from tega.loop.inbox.sources import SourceReport
-
         fingers = {}
         for name, rate_hz in welcome.fingers.items():
             report = SourceReport()

@@ -46,12 +46,10 @@ class LslMarkersIn:
     Two streams of one name are refused: one of them may be what an experiment that crashed has left behind.
 
     Args:
-        name: Name of the stream.
         receive: Called with each marker, in that thread.
 
     Attributes:
         problem: Problem, one sentence; ``""`` while exactly one stream is there and its stamps are plausible.
-        n_received: Markers so far.
         n_unstamped: Markers so far with stamps of another clock.
         correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
 

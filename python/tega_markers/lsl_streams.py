@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from tega.records import (
     ArmMeasured,
@@ -21,13 +21,10 @@ from tega.records import (
     SentFrame,
     VestFrame,
 )
+from tega.records.bus import Backlog, Bus
 from tega.records.schema import MessageField, fields
 from tega.runtime.lsl import load_lsl, to_monotonic_s
-
-if TYPE_CHECKING:
-    from tega.records.bus import Backlog, Bus
-    from tega_markers.settings import LslStreamName
-
+from tega_markers.settings import LslStreamName
 
 _KINDS: Final[Mapping[LslStreamName, tuple[type[Record], ...]]] = {
     "emg": (EmgSamples,),
@@ -47,9 +44,7 @@ class LslStreams:
     states; all other streams have an irregular rate.
 
     Args:
-        names: Names of the streams to send.
         prefix: What every stream's name begins with.
-        bus: Source of the records.
         backlog: Where records wait, so that a slow network delays no loop.
         at_ns: Turns a time of the session into one of the monotonic clock.
 
@@ -80,11 +75,7 @@ class LslStreams:
         self._types = {kind: _TYPES.get(name, "TEGA") for name in names for kind in _KINDS[name]}
 
     def begin(self, emg_hz: float | None) -> None:
-        """Begin to send.
-
-        Args:
-            emg_hz: Samples a second of the EMG source; ``None`` where it states none.
-        """
+        """Begin to send."""
         self._emg_hz = emg_hz or self._lsl.IRREGULAR_RATE
 
     def close(self) -> None:

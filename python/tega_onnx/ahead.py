@@ -8,14 +8,12 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MOST_WAITING: Final = 8
 
@@ -30,11 +28,9 @@ class Ahead:
     Args:
         compute: Returns the result of an input, float64 (outputs,); called in the thread.
         first: Result until the first input is old enough.
-        delay_ms: The delay.
         every_ms: Least time from one input to the next; those between are not computed.
 
     Attributes:
-        n_late: Results that were not ready in time.
         problem: Last error of a computation; ``""`` for none.
     """
 

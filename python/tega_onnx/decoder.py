@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError
 from tega.records import Intent
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
 from tega_onnx.ahead import Ahead
 from tega_onnx.model import EmgInput, OnnxModel
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class OnnxDecoderOptions(StageOptions, frozen=True):

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError
-from tega.records import NamedValue
+from tega.records import Contact, NamedValue
 from tega.runtime.opencv import load_cv2
 from tega.stages.base import FingerSetup, StageOptions
 from tega.stages.metrics import LiveMetric, LiveOptions
 from tega_onnx.ahead import Ahead
 from tega_onnx.model import OnnxModel, PictureInput
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.records import Contact
 
 _Ms = Annotated[float, msgspec.Meta(ge=1, le=1000)]
 

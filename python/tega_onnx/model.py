@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MOST_MIB: Final = 64
 _Side = Annotated[int, msgspec.Meta(ge=1, le=2048)]
@@ -96,14 +94,6 @@ def read_card(path: Path) -> Card:
 
 class OnnxModel:
     """A model that has been checked against its card; runs on one core.
-
-    Args:
-        model: File of the model.
-        card: File of its card.
-        kind: Kind of input it has to take: ``PictureInput`` or ``EmgInput``.
-
-    Attributes:
-        card: The card.
 
     Raises:
         ConfigError: A file cannot be read, is another one than the card names, or does not fit it.

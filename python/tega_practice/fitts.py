@@ -41,8 +41,6 @@ import msgspec
 
 from tega.errors import InvalidValueError
 
-__all__ = ["CONDITIONS", "FittsCondition", "FittsScore", "Movement", "fitts_score", "index_of_difficulty"]
-
 CONDITIONS: Final[tuple[tuple[float, float, float], ...]] = (
     (0.25, 0.5, 0.2),
     (0.5, 0.75, 0.12),

@@ -10,8 +10,6 @@ from typing import Final, NamedTuple
 from tega.errors import InvalidValueError
 from tega_practice.fitts import CONDITIONS, Movement
 
-__all__ = ["DWELL_S", "TIMEOUT_S", "FittsCourse", "FittsMovement", "Target", "fitts_plan"]
-
 DWELL_S: Final = 1.0
 TIMEOUT_S: Final = 10.0
 _ROUNDING: Final = 1e-9
@@ -47,7 +45,6 @@ class FittsMovement(NamedTuple):
     """One movement as it is asked for.
 
     Attributes:
-        target: Where to.
         distance: From the last target's centre, closure.
         counts: Whether it is scored; the first of a condition only leads to where that begins.
     """
@@ -59,10 +56,6 @@ class FittsMovement(NamedTuple):
 
 def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
     """Return the movements of a test: each condition to and fro, the conditions in an order of chance.
-
-    Args:
-        seed: Seed of the order.
-        movements: That count, of each condition.
 
     Raises:
         InvalidValueError: There are no movements.
@@ -78,11 +71,6 @@ def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
 
 class FittsCourse:
     """A test that goes on.
-
-    Args:
-        requested: The movements.
-        dwell_s: So long the cursor has to stay in a target.
-        timeout_s: After so long the next target comes anyway.
 
     Attributes:
         movements: Those that were made so far and count, oldest first.

@@ -11,8 +11,6 @@ import msgspec
 from tega.errors import InvalidValueError
 from tega.runtime.scientific import scipy_stats
 
-__all__ = ["Interval", "mean_interval", "with_first"]
-
 
 class Interval(msgspec.Struct, frozen=True, kw_only=True):
     """Mean with its 95 % interval.

@@ -17,8 +17,6 @@ from tega_practice.fitts import FittsScore, Movement, fitts_score
 from tega_practice.interval import Interval, with_first
 from tega_practice.vest_kept import VestSkillRecord
 
-__all__ = ["DecoderSkill", "FittsRecord", "by_person", "compare_kept", "keep_record", "kept_records"]
-
 _Kept = TypeVar("_Kept", bound=CalibrationRecord)
 
 _NONE: Final = -1.0
@@ -112,11 +110,6 @@ def keep_record(record: FittsRecord | VestSkillRecord, folder: CalibrationFolder
 def kept_records(kind: type[_Kept], folder: CalibrationFolder, person: str | None = None) -> list[_Kept]:
     """Return the results of a person, or of everybody, oldest first.
 
-    Args:
-        kind: Type of the results.
-        folder: The calibrations.
-        person: Participant ID; ``None`` for everybody.
-
     Raises:
         CalibrationError: A file is damaged.
     """
@@ -209,3 +202,59 @@ def by_person(
     for person in groups:
         mine = [record for record in records if person in {None, record.person}]
         yield person, {name: [record for record in mine if record.decoder == name] for name in names}
+
+
+class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
+    """Error of force tracking with one decoder.
+
+    Attributes:
+        decoder: Its name.
+        person: Participant ID; ``None``: over people.
+        practices: How many.
+        unit: Unit of the intervals: ``practices`` of one person, or ``people``.
+        rms_error_levels: Root of the mean square of level less curve, mean over the units.
+        in_target: Share of the time on the level asked for, mean over the practices.
+        difference_levels: Error less that with the first decoder, paired by person; over people alone.
+    """
+
+    decoder: str
+    person: str | None
+    practices: int
+    unit: Literal["practices", "people"]
+    rms_error_levels: Interval
+    in_target: float
+    difference_levels: Interval | None = None
+
+
+def compare_tracked(records: Sequence[PracticeRecord], decoders: Sequence[str] = ()) -> list[TrackingSkill]:
+    """Compare decoders: within each person over practices, and over people where there are two or more.
+
+    Args:
+        records: Practices; those of earlier versions, without a decoder, are passed over.
+        decoders: Names of the decoders; the others are compared with the first. None means all, by name.
+    """
+    found = []
+    for person, practices in by_person([one for one in records if one.decoder], decoders):
+        units: dict[str, dict[Hashable, float]] = {}
+        for name, mine in practices.items():
+            errors = [(one.person, one.rms_error_levels) for one in mine]
+            if person is None:
+                people = {who for who, _ in errors}
+                units[name] = {
+                    one: fmean(error for who, error in errors if who == one) for one in sorted(people)
+                }
+            else:  # practices of two decoders are no pairs
+                units[name] = {(name, k): error for k, (_, error) in enumerate(errors)}
+        for name, (error, paired) in with_first(units).items():
+            found.append(
+                TrackingSkill(
+                    decoder=name,
+                    person=person,
+                    practices=len(practices[name]),
+                    unit="people" if person is None else "practices",
+                    rms_error_levels=error,
+                    in_target=fmean(one.in_target_percent for one in practices[name]) / 100,
+                    difference_levels=paired,
+                )
+            )
+    return found

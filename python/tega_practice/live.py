@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.config import SessionConfig
 from tega.config.calibration.records import utc_now
 from tega.config.choose import decoder_choice
 from tega.config.person import whose
@@ -12,14 +13,8 @@ from tega.errors import DeviceUnavailableError
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.muscle_loop import MuscleLoop
 from tega_practice.fitts import FittsScore, fitts_score
-from tega_practice.fitts_course import FittsCourse, fitts_plan
+from tega_practice.fitts_course import FittsCourse, Target, fitts_plan
 from tega_practice.kept import FittsRecord, keep_record, movement_row
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega_practice.fitts_course import Target
-
-__all__ = ["CLOSURE_STEP", "LEVEL_STEP", "cursor_of", "fitts_test"]
 
 LEVEL_STEP: Final = 0.25
 """Step of the cursor of a decoder with five levels."""

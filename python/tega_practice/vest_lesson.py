@@ -5,21 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from tega.config import DEFAULT_LAYOUT
+from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import chosen_stage, felt_map, vest_mapping
-from tega.devices.base import BudgetedVest
+from tega.devices.base import BudgetedVest, VestSink
 from tega.errors import CalibrationError, DeviceUnavailableError
 from tega.haptics import FINGERS, MotorLevels
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
 from tega.runtime.clock import Clock, SystemClock
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import VestSink
 
 _REFRESH_NS = 33_333_333
 _TOUCHES_S, _CHANGES_S, _LETS_GO_S, _ENDS_S = 0.2, 0.8, 1.4, 2.6
@@ -131,8 +127,6 @@ class Lesson:
 
     Args:
         config: The settings; threshold and step of the vest are the person's.
-        vest: The open vest.
-        clock: Time.
 
     Attributes:
         aspects: Aspects of touch that the mapping shows differently, and questions can cover.

@@ -34,9 +34,6 @@ def export_bag(path: Path, folder: Path) -> Path:
         path: The recording.
         folder: Folder of the bag, which does not exist yet.
 
-    Returns:
-        The folder.
-
     Raises:
         RecordingError: The recording cannot be read, or a message has no form in ROS 2; no bag is left behind.
         MissingExtraError: A package of the extra ``ros2`` is not installed.

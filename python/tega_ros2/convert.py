@@ -33,10 +33,6 @@ class Converted(NamedTuple):
 class Converter:
     """Converts the messages of one recording or run.
 
-    Args:
-        source: Name of the recording, for errors.
-        epoch_ns: Time of day at the start of the session, nanoseconds since 1970.
-
     Attributes:
         definitions: Message types that were used so far.
         epoch_ns: As given; a run that has just begun sets it with its first record.

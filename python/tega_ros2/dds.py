@@ -88,9 +88,6 @@ class Received(NamedTuple):
 class DdsNode:
     """A participant of the domain, with writers and readers of ROS 2's messages.
 
-    Args:
-        definitions: Message types.
-
     Raises:
         ConfigError: ``ROS_DOMAIN_ID`` is no number of a domain.
         DeviceUnavailableError: The domain cannot be joined.

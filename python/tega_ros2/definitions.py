@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from types import ModuleType
+from typing import Any, Final
 
 from tega.errors import RecordingError
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 PACKAGE: Final = "tega_msgs"
 """ROS package of TEGA's own messages."""
@@ -51,9 +49,6 @@ class Definitions:
     """Message types of one bag: those of ROS 2 Jazzy, and TEGA's own as they are met.
 
     A field that may be absent has a flag ``has_NAME`` beside it; an absent number is NaN, or 0.
-
-    Args:
-        source: Name of the recording, for errors.
     """
 
     def __init__(self, source: str) -> None:

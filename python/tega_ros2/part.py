@@ -6,10 +6,12 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from tega.devices.base import Tracker
 from tega.errors import ConfigError
 from tega.loop.hand_poll import hand_closure as closure_scale
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.records.display import Notice
 from tega.runtime.threads import run_realtime
@@ -19,10 +21,6 @@ from tega_ros2.settings import Ros2Table
 from tega_ros2.targets import MOST_BYTES, age_ns, arm_pose, hand_closure
 from tega_websocket.commands import Commands
 from tega_websocket.messages import Arm, Hand, MessageError
-
-if TYPE_CHECKING:
-    from tega.devices.base import Tracker
-    from tega.loop.inbox.prepared import Prepared
 
 _WAIT_S: Final = 0.05
 _JOIN_S: Final = 5.0
@@ -34,10 +32,6 @@ class Ros2Part(Part):
     """Takes commands by DDS, in a thread of its own, and hands them to the loop.
 
     The program that commands first leads until it leaves. Its dead-man and clutch are the settings' own inputs.
-
-    Args:
-        context: Context of the run.
-        table: Its settings.
 
     Raises:
         ConfigError: Another table lets clients lead the same.

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import logging
 import time
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 from tega.recording.mcap_reader import Message
 from tega.recording.mcap_schemas import decoder, message_class, unit_table
 from tega.recording.record_channels import RecordChannels
 from tega.records import HandExchange, Record
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.records.schema import own_schema, schema_name
 from tega.records.types import record_types
 from tega.runtime.threads import run_realtime
 from tega_ros2.convert import Converted, Converter
 from tega_ros2.dds import DdsNode, loopback_only
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
 
 _LOG: Final = logging.getLogger(__name__)
 _JPEG_QUALITY: Final = 80
@@ -36,9 +32,6 @@ class Ros2Stream:
     Pictures have the QoS of sensor data (best effort), everything else ROS 2's default (reliable, volatile, depth 10).
     A record waits in a queue for a thread of its own; the oldest is dropped when the queue is full, and a message is
     dropped that a subscriber does not acknowledge in time.
-
-    Args:
-        bus: The run's.
 
     Attributes:
         url: The domain; empty while closed.
@@ -76,9 +69,7 @@ class Ros2Stream:
             self._bus.subscribe(kind, self._take, name="ros2", backlog=self._backlog)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Leave the domain."""
         self._backlog.close()
         self.url = ""

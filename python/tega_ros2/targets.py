@@ -31,10 +31,6 @@ def hand_closure(message: Any, scale: ClosureScale) -> float:
     It names either ``closure`` alone or all joints of the hand, in any order, rad. Joint angles are clipped to the
     hand's limits, and the closure is that of the nearest pose between open and closed.
 
-    Args:
-        message: The message.
-        scale: Reads a closure off joint angles.
-
     Raises:
         MessageError: Names or lengths do not fit, or a value is not finite or far outside.
     """

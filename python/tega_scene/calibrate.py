@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import CalibrationError
 from tega.runtime.opencv import load_cv2
 from tega_scene.corners import tag_dictionary
 from tega_scene.lens import Lens
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 N_VIEWS: Final = 20
 """Views that a calibration takes."""
@@ -54,15 +52,7 @@ def board_size_mm() -> tuple[float, float]:
 
 
 class LensCalibration:
-    """Collects views of the board that differ, until they cover the picture.
-
-    Args:
-        width: Width of the frames, pixels.
-        height: Height of the frames, pixels.
-
-    Attributes:
-        views: Those that were taken.
-    """
+    """Collects views of the board that differ, until they cover the picture."""
 
     def __init__(self, width: int, height: int) -> None:
         self._cv2 = cv2 = load_cv2("scene")

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.opencv import load_cv2
 from tega_scene.layout import Family
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _DICTIONARIES: Final[dict[Family, str]] = {
     "apriltag-36h11": "DICT_APRILTAG_36h11",
@@ -48,10 +46,6 @@ class TagFinder:
     OpenCV's detector finds and reads them. Each side is then measured again, where brightness changes most along
     lines across it, and a corner is the intersection of two sides. This uses whole sides of dozens of pixels instead
     of the few pixels about a corner.
-
-    Args:
-        family: Which tags.
-        wanted: Numbers to look for; others are passed over.
     """
 
     def __init__(self, family: Family, wanted: frozenset[int]) -> None:

@@ -7,18 +7,16 @@ second.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega_scene.layout import TagBody, TagLayout
 from tega_scene.resting import TALL_M, likely_error
 from tega_scene.smoothing import Course, joined, smoothed, trended, where_seen
 from tega_scene.track import BodyTrack, SceneTrack
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 GRID_S: Final = 0.01
 """Seconds between two moments of a course."""
@@ -51,11 +49,6 @@ def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTra
     A box on its lid is never quite parallel to it: the tilt at rest is removed, about the middle of its tags. The
     base is then over or under the table by the error of the place, nearly all of it along the view. It is moved along
     the view by that part (conditional mean of a normal error), and by the remainder straight down.
-
-    Args:
-        track: Poses.
-        layout: Which tags are where.
-        begin_s: Start of the trial on the video's clock.
 
     Raises:
         RecordingError: The object is not seen at the start, so that there is nothing to measure against.

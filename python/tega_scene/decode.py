@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from array import array
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.lifecycle import require
 from tega_scene.settings import MOST_CAMERAS
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _DECODERS: Final = {"h264": "h264", "av1": "libdav1d"}
 # Four times as many as Full HD has: a packet of some bytes may claim a picture of gigabytes.

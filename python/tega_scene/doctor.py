@@ -5,19 +5,16 @@ from __future__ import annotations
 import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.config import SessionConfig
 from tega.errors import TegaError
 from tega.setup.doctor.case import holders
 from tega.setup.doctor.findings import Finding
 from tega_scene.filming import Filming
 from tega_scene.layout import load_layout
 from tega_scene.lens import load_lens
-from tega_scene.settings import cameras_of, is_camera
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega_scene.settings import SceneConfig
+from tega_scene.settings import SceneConfig, cameras_of, is_camera
 
 _POLL_S, _REQUESTED_S = 2.0, 0.02
 # A camera that is open may send what it kept before what is of now.

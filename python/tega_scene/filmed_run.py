@@ -42,7 +42,6 @@ class RunCameras:
     """Films from :meth:`begin` to :meth:`end`.
 
     Args:
-        cameras: The settings'.
         bus: Receives every encoded frame, and small frames if there is a viewer.
         stack: Ends the processes, should the run not begin.
         stop: Asked whether to give up.
@@ -114,11 +113,7 @@ class RunCameras:
 
 
 class _FilmingProcess:
-    """One camera's process, and a thread that reads its output and restarts it when it dies.
-
-    Attributes:
-        camera: Its settings.
-    """
+    """One camera's process, and a thread that reads its output and restarts it when it dies."""
 
     def __init__(self, camera: SceneConfig, bus: Bus, *, shows: bool) -> None:
         self.camera = camera

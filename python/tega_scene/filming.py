@@ -13,19 +13,17 @@ from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.reopening import Reopening
 from tega_scene.settings import SceneConfig, is_camera
 from tega_scene.sources import open_pictures
 from tega_scene.video import SceneEncoder, shrunk
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _LATE: Final = 1.5
 _LEAVE_S: Final = 5.0
@@ -66,7 +64,6 @@ class Filming:
     """Films with one camera from :meth:`begin` to :meth:`leave`.
 
     Args:
-        camera: Its settings.
         give: Called in a thread with encoded data: times on the monotonic clock and packets.
         show: Called in another thread with a small frame five times a second, uint8 (H, W, 3) BGR; ``None`` for no
             viewer.

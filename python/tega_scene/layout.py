@@ -29,20 +29,18 @@ import tomllib
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 import numpy as np
 import tomlkit
+from numpy.typing import NDArray
 
 from tega.config.errors import wrong_value
 from tega.errors import ConfigError
 from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_text import tree_item
 from tega.runtime.files.whole_file import write_whole
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 Family = Literal["apriltag-36h11", "apriltag-25h9", "apriltag-16h5", "aruco-4x4-50", "aruco-5x5-100"]
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import CalibrationError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.opencv import load_cv2
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 _Pixels = Annotated[float, msgspec.Meta(gt=0, le=100_000)]
 _Term = Annotated[float, msgspec.Meta(ge=-10, le=10)]

@@ -15,9 +15,10 @@ import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
@@ -26,9 +27,6 @@ from tega.runtime.files.whole_file import write_whole
 from tega_scene.decode import SceneDecoder
 from tega_scene.offset_file import LEAST_LATE_S, MOST_LATE_S, CameraOffset
 from tega_scene.record import scene_epoch
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _LEAST_EDGES: Final = 6
 _ROWS, _COLUMNS = 12, 16
@@ -102,11 +100,6 @@ def read_flashes(path: Path) -> list[tuple[int, bool]]:
 @reports_damage
 def measure_offset(recording: Path, name: str, flashes: Path) -> CameraOffset:
     """Estimate a camera's offset from its recorded video.
-
-    Args:
-        recording: The MCAP file that ``scene record`` wrote.
-        name: The camera's name.
-        flashes: When the light was switched, on the clock of the same machine.
 
     Raises:
         RecordingError: The recording is damaged or has no such camera, or no part of its pictures follows the light.

@@ -204,7 +204,6 @@ class SceneRule:
     """Feeds the measured courses to the rule of a trial, moment by moment.
 
     Args:
-        courses: The measured courses.
         harm_m: Narrowing from which the object counts as deformed, metres.
         window_s: End of the window of the lift on the video's clock, seconds.
 

@@ -19,7 +19,6 @@ class OwnFilm(NamedTuple):
     """What one camera filmed of one run.
 
     Attributes:
-        camera: Its name.
         video: The video, with its time code beside it.
         lens: The camera's intrinsics, as the recording has them; ``None`` without.
         layout: Which tags are where, likewise.

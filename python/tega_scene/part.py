@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.records.display import DisplayPicture
 from tega_scene.filmed_run import RunCameras
 from tega_scene.records import SceneVideo
 from tega_scene.settings import cameras_of
-
-if TYPE_CHECKING:
-    from tega.loop.inbox.prepared import Prepared
 
 
 class ScenePart(Part):

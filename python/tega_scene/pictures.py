@@ -7,16 +7,13 @@ import io
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.video import VideoFrames
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MOST_TIMES_MIB = 256
 
@@ -63,11 +60,6 @@ def read_pictures(
 
     With a time code beside it (:func:`times_path`) times are those of the machine that recorded; without one they are
     seconds from the beginning of the file, as the file says.
-
-    Args:
-        video: The file.
-        begin_s: Pictures before are passed over, seconds.
-        end_s: Pictures after are left out.
 
     Returns:
         Seconds, and uint8 (H, W, 3), blue, green, red.

@@ -4,29 +4,25 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.loop.inbox.stream import NEVER_NS
 from tega.recording.mcap_index import open_indexed
+from tega.recording.mcap_reader import Message
 from tega.recording.replay.followed_file import FollowedFile, Follower, PlayedMoment
+from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import reports_damage
 from tega_scene.decode import SceneDecoder, note_key
 from tega_scene.offset_file import read_offsets
 from tega_scene.record import scene_epoch
 from tega_scene.records import SceneVideo
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.recording.mcap_reader import Message
-    from tega.records.bus import Bus
 
 VIDEO: Final = "foxglove.CompressedVideo"
 # A picture that is older than this is none of the moment.

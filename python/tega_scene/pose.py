@@ -7,16 +7,14 @@ corners' variance, taken from the residuals, but with at least :data:`CORNER_PX`
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.opencv import load_cv2
 from tega_scene.layout import TagBody
 from tega_scene.lens import Lens
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 CORNER_PX: Final = 0.05
 """Least error of a corner in a fit, pixels: errors common to all corners do not show in the residuals."""
@@ -71,10 +69,6 @@ class _Sight(NamedTuple):
 
 class BodyFitter:
     """Fits the poses of one body.
-
-    Args:
-        body: Its tags.
-        lens: Lens of the camera.
 
     Attributes:
         ids: Numbers of its tags.

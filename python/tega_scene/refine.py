@@ -8,15 +8,13 @@ whole set of tags sits on its body; :mod:`tega_scene.outcomes` measures against 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega_scene.lens import Lens
 from tega_scene.pose import CORNER_PX, FittedPose, corner_weights, residuals, rotation_about
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SHIFT_M: Final = 0.0003
 TURN_RAD: Final = float(np.radians(0.5))

@@ -7,10 +7,11 @@ counts as let go once the hand has moved away.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega.stages.events.outcomes import STABLE_S
@@ -18,9 +19,6 @@ from tega_scene.layout import TagLayout
 from tega_scene.smoothing import smoothed
 from tega_scene.track import BodyTrack, SceneTrack
 from tega_sim.score import ON_MARK_M, REST_M_S, UPRIGHT
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 LOST_M: Final = 0.03
 """Way of the object against the palm from which the hand does not hold it, metres."""

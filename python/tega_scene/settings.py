@@ -105,11 +105,6 @@ def full_source(source: str) -> str:
 def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tuple[SceneConfig, ...]:
     """Return the cameras of settings with absolute paths.
 
-    Args:
-        cameras: As given.
-        base: Folder to which relative paths refer.
-        pace: The session's.
-
     Raises:
         ConfigError: Two have one name or one device, a side is odd, a password is written out, or the
             session does not keep to the clock.

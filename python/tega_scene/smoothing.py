@@ -8,12 +8,10 @@ over long, and sudden motion stays sudden.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 KERNEL_S: Final = 0.035
 _NEAR_S: Final = 0.05

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.fingertip.video_nodes import camera_place
 from tega.devices.jpeg_stream import MOST_SPOILED, keep_own_size, read_picture
@@ -18,9 +19,6 @@ from tega_scene.calibrate import LensCalibration
 from tega_scene.lens import Lens
 from tega_scene.pictures import read_pictures
 from tega_scene.settings import ADDRESSES, full_source, is_camera
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _OPEN_MS, _READ_MS = 5000, 3000
 _MOST_PICTURES: Final = 3000
@@ -110,11 +108,6 @@ def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
 
 def calibrate_from(source: str, size: tuple[int, int], *, notify: Callable[[str], None]) -> Lens:
     """Calibrate a lens from a camera, a video or a folder, and say meanwhile where the board is wanted.
-
-    Args:
-        source: As of :func:`open_pictures`.
-        size: As of :func:`open_pictures`.
-        notify: Called with a line for the person who holds the board.
 
     Raises:
         CalibrationError: There are too few views, or they do not fit a flat board.

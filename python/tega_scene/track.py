@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega_scene.corners import TagFinder
@@ -13,9 +14,6 @@ from tega_scene.layout import TagLayout
 from tega_scene.lens import Lens
 from tega_scene.pose import CORNER_PX, BodyFitter, FittedPose
 from tega_scene.refine import refined_corners
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MARGIN_PX: Final = 70
 _WHOLE_EVERY: Final = 30
@@ -63,8 +61,6 @@ class SceneTrack(NamedTuple):
 
     Attributes:
         t_s: float64 (n,), times of the pictures.
-        object: Poses of the lifted object.
-        hand: Poses of the hand.
         view: float64 (3,), direction in which the camera looks, in the table's axes.
         eye_m: float64 (3,), where it stands.
         table_rms_px: Residual of the table's tags.
@@ -147,11 +143,6 @@ def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> S
 
     The table's tags are taken over all pictures together: the camera stands still. Where each tag truly sits on its
     body is found from the pictures, too (:mod:`tega_scene.refine`).
-
-    Args:
-        sightings: As of :func:`sight_tags`.
-        lens: Lens of the camera.
-        layout: Which tags are where.
 
     Raises:
         RecordingError: The table's tags are never seen.

@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import os
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import restored
 from tega_scene.settings import CRF, VideoFormat
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _ENCODERS: Final[dict[VideoFormat, str]] = {"h264": "libx264", "av1": "libsvtav1"}
 _TICKS: Final = Fraction(1, 1_000_000)

@@ -23,12 +23,11 @@ control: the same reflex receives the true speed of the slide.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias, get_args
+from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
-if TYPE_CHECKING:
-    from tega.haptics import Layout, MotorLevels
-    from tega_sim.operator.shams import Sham, ShamName
-
+from tega.haptics import Layout, MotorLevels
+from tega_sim.operator import sham_vest
+from tega_sim.operator.shams import Sham, ShamName
 
 Condition = Literal[
     "haptic",
@@ -142,6 +141,4 @@ def worn(
     Raises:
         InvalidValueError: ``replayed`` has nothing to replay.
     """
-    from tega_sim.operator import sham_vest
-
     return sham_vest(ARMS[condition].sham, seed=seed, layout=layout, recorded=recorded)

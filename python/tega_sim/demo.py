@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
 from tega.config import FINGERS
+from tega.ui.view.figures import SessionCourse, TouchPicture, draw_course, draw_touch, new_figure
 from tega_sim.conditions import ARMS
 from tega_sim.lab import lab_of
 from tega_sim.plan import TrialPlan, TrialResult
@@ -18,9 +19,65 @@ from tega_sim.trial import run_trial
 from tega_sim.world.scene import import_mujoco
 
 if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.figure import SubFigure
+    from numpy.typing import NDArray
+
     from tega.ui.view.state import ViewState
     from tega_sim.recorded import LiftRecorder
     from tega_sim.rig import TrialSteering
+
+
+_EVENT_COLOURS = {"slip": "#c8202f", "deformation": "#8a4fbf", "drop": "#000000"}
+
+
+class TrialPicture(NamedTuple):
+    """Contacts and course of one trial, to be drawn.
+
+    Attributes:
+        title: Heading of its row.
+        touch: Firmest contact by finger; a finger that touched nothing has an untouched picture.
+        course: Touch and level over time.
+        height_t_s: Times of the heights, seconds, float64 (n,).
+        height_m: Height of the object, metres, float64 (n,).
+        events: Kind and time of each event.
+    """
+
+    title: str
+    touch: Mapping[str, TouchPicture]
+    course: SessionCourse
+    height_t_s: NDArray[np.float64]
+    height_m: NDArray[np.float64]
+    events: Sequence[tuple[str, float]]
+
+
+def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> None:
+    """Write the picture of simulated trials.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    figure = new_figure(figsize=(16, 0.5 + 2.4 * len(trials)))
+    figure.suptitle(title, fontsize=12)
+    rows: list[SubFigure] = list(figure.subfigures(len(trials), 1, squeeze=False)[:, 0])
+    for row, trial in zip(rows, trials, strict=True):
+        row.suptitle(trial.title, fontsize=10, x=0.01, ha="left")
+        left, right = row.subfigures(1, 2, width_ratios=[1.6, 1], squeeze=False)[0]
+        axes = left.subplots(1, 2 * len(trial.touch), squeeze=False)[0]
+        for index, (finger, picture) in enumerate(trial.touch.items()):
+            draw_touch(axes[2 * index : 2 * index + 2], finger, picture)
+            marked = axes[2 * index + 1]
+            marked.set_title(marked.get_title(), fontsize=7.5)
+        ax = right.subplots()
+        ax.fill_between(
+            trial.height_t_s, trial.height_m / 0.25, color="0.88", zorder=0, label="height / 0.25 m"
+        )
+        draw_course(ax, trial.course)
+        for kind, t_s in trial.events:
+            if kind in _EVENT_COLOURS:
+                ax.axvline(t_s, color=_EVENT_COLOURS[kind], lw=0.9, ls=":")
+                ax.text(t_s, 1.0, f" {kind}", color=_EVENT_COLOURS[kind], fontsize=8, va="top")
+    figure.savefig(path, dpi=85, metadata={"Software": None})
 
 
 DEMO_FORMAT = "tega-demo"
@@ -71,9 +128,6 @@ def run_demo(
         stop: Asked all the time whether to end; the running trial then counts as it stands.
         paused: Asked all the time whether to stand still.
         muted: Returns whether the user has switched the vest off.
-
-    Returns:
-        The report, and the course of each trial in it.
 
     Raises:
         MissingExtraError: A package of the extra ``sim`` is not installed.
@@ -134,13 +188,7 @@ def demo_outputs(folder: Path) -> list[Path]:
 
 
 def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
-    """Write the summary, and each trial's tables into a folder of its own.
-
-    Args:
-        folder: Where to; it must exist.
-        report: Report of the demo.
-        courses: The course of each trial in it.
-    """
+    """Write the summary, and each trial's tables into a folder of its own."""
     for number, (result, streams) in enumerate(zip(report.trials, courses, strict=True), start=1):
         below = folder / f"{number}-{result.object}"
         below.mkdir(exist_ok=True)
@@ -152,16 +200,9 @@ def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> 
 def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
     """Draw every trial: each finger's firmest contact, and the course of touch, pose and height.
 
-    Args:
-        path: The PNG to write.
-        report: Report of the demo.
-        courses: The course of each trial in it.
-
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    from tega.ui.view.trials import TrialPicture, trials_figure
-
     rows = []
     for result, streams in zip(report.trials, courses, strict=True):
         lab = lab_of(result.seed, result.preset, result.settings)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from struct import Struct
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.hand import HandController
 from tega.wire import (
     ALLEGRO_RAD_PER_COUNT,
     AllegroServo,
@@ -16,12 +17,6 @@ from tega.wire import (
     allegro_limp_frames,
     allegro_torque_frames,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.hand import HandController
-
 
 COUNTS_PER_TORQUE = 1200.0
 # Torques come a thousand times as often as anything else, and in sets: the firmware takes their words as they lie.
@@ -73,9 +68,6 @@ class SimulatedAllegro:
         Args:
             level: Closure level, 1 to 5.
             added: Levels that a reflex adds.
-
-        Returns:
-            The four SET TORQUE frames of this tick.
         """
         frames = self._controller.step_encoded(self._read(), level, added=added, device_id=self._device_id)
         return [_tuple(CanFrame, frame) for frame in frames]

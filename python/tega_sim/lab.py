@@ -7,36 +7,43 @@ five presses on each fingertip, by the rule that a recording of presses is calib
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import FINGERS
-from tega.config.calibration import EmgMaxima
+from tega.config.calibration import EmgMaxima, TouchMaxima
 from tega.config.choose import block_s, finger_metric, muscle_decoder
 from tega.errors import InvalidValueError
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import guided_maxima
 from tega.runtime.device_items import TactileFrame
+from tega.stages.base import Decoder, Metric
 from tega_sim.conditions import ARMS
 from tega_sim.filling import HOLD_S
 from tega_sim.gel import Gel, ball, board
-from tega_sim.plan import FULL_N, loop_settings
+from tega_sim.operator import (
+    Calibrated,
+    ForearmEmg,
+    Operator,
+    Parameters,
+    RulesVersion,
+    ScriptedOperator,
+    calibrate,
+    clear_skin,
+    draw_person,
+    load_parameters,
+    people_digest,
+)
+from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.scripted import COURSES
+from tega_sim.plan import FULL_N, TrialPlan, loop_settings
 from tega_sim.seams import Indenter
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from tega.config.calibration import TouchMaxima
-    from tega.stages.base import Decoder, Metric
-    from tega_sim.operator import Calibrated, ForearmEmg, Operator, Parameters, RulesVersion, ScriptedOperator
-    from tega_sim.plan import TrialPlan
-
 
 EMG_HZ = 1000.0
 """Rate of the EMG."""
@@ -56,7 +63,6 @@ class Lab:
     """Gels, electrodes and calibration of one person, which last longer than a trial.
 
     Args:
-        seed: Seed of the person.
         preset: Readings of the loop.
         parameters: Parameters of the population; ``None`` means the package's own.
         settings: Settings of the loop, see :class:`tega_sim.plan.TrialPlan`.
@@ -76,8 +82,6 @@ class Lab:
         *,
         settings: Sequence[str] = (),
     ) -> None:
-        from tega_sim.operator import calibrate, draw_person, load_parameters
-
         self._seed, self.preset = seed, preset
         self.config = loop_settings(preset, settings)
         self._parameters = parameters or load_parameters()
@@ -93,14 +97,10 @@ class Lab:
 
     def digest(self, rules: RulesVersion) -> str:
         """Return the first digits of the SHA-256 that says who the people are who follow these rules."""
-        from tega_sim.operator import people_digest
-
         return people_digest(self._parameters.digest, rules)[:16]
 
     def emg(self, lift: str) -> ForearmEmg:
         """Return the forearm's EMG for one lift, by its name: other lifts, other noise."""
-        from tega_sim.operator import ForearmEmg
-
         return ForearmEmg(self._someone, seed=self._seed, label=lift, rate_hz=EMG_HZ)
 
     def person(self, plan: TrialPlan) -> Operator | ScriptedOperator:
@@ -109,10 +109,6 @@ class Lab:
         Raises:
             InvalidValueError: The plan's is at a keyboard.
         """
-        from tega_sim.operator import Operator, ScriptedOperator, clear_skin
-        from tega_sim.operator.forearm import AWAY_M
-        from tega_sim.operator.scripted import COURSES
-
         full_effort = self.calibrated.full_effort
         if plan.operator == "scripted":
             return ScriptedOperator(COURSES[plan.task], full_effort=full_effort)

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tega.config.choose import chosen_stage
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
-from tega.haptics import MotorLevels
+from tega.haptics import Layout, MotorLevels
 from tega.loop.beside import measure_beside_on
 from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import HandPolls
 from tega.loop.loop import DualLoop
+from tega.loop.sink import Sink
 from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
@@ -26,27 +26,22 @@ from tega.runtime.number_text import number_text
 from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
 from tega.stages.events.outcomes import LIFT_WINDOW_S
-from tega.ui.view.state import EmgTail, ViewState
+from tega.ui.view.state import EmgTail, Shape, ViewState
 from tega_sim.conditions import ARMS, worn
 from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
-from tega_sim.lab import EMG_HZ
+from tega_sim.lab import EMG_HZ, Lab
+from tega_sim.operator import Operator
+from tega_sim.operator.forearm import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.recorded import LiftRecorder
 from tega_sim.reflex import trial_reflex
-from tega_sim.rig import SimulatedPacer, TrialRig
+from tega_sim.rig import SimulatedPacer, TrialRig, TrialSteering
 from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
+from tega_sim.seams import Act, Percept
+from tega_sim.streams import Streams
 from tega_sim.true_touch import TrueTouch, stages_of, touch_of
-
-if TYPE_CHECKING:
-    from tega.haptics import Layout
-    from tega.loop.sink import Sink
-    from tega.ui.view.state import Shape
-    from tega_sim.lab import Lab
-    from tega_sim.recorded import LiftRecorder
-    from tega_sim.rig import TrialSteering
-    from tega_sim.seams import Act, Percept
-    from tega_sim.streams import Streams
-
+from tega_sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
 
 # Time to put the object down and let go, after the window in which it has to be lifted, seconds.
 _AFTER_S = 15.0
@@ -59,12 +54,9 @@ class Lift:
 
     Args:
         lab: The person's lab.
-        plan: The trial.
-        person: Operator of the lift.
         number: Number of the lift in the trial; another number gives other random numbers.
         fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
         streams: Where to keep truth and sensors.
-        recorder: What records it.
         watched: Whether :meth:`go` has an observer.
         muted: Returns whether the user has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
@@ -96,9 +88,6 @@ class Lift:
         skip_untouched: bool = True,
         lift_by_s: float = LIFT_WINDOW_S,
     ) -> None:
-        from tega_sim.operator import Operator
-        from tega_sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
-
         spec = plan.object_spec
         self._lab, self._plan, self._person = lab, plan, person
         self._streams, self._recorder = streams, recorder
@@ -257,8 +246,6 @@ class Lift:
 
     def _hand_polls(self) -> HandPolls:
         """Return the looks at hand and arm, as their sensors report them."""
-        from tega_sim.world import GRASP_POSES_RAD
-
         rig, world = self.rig, self.rig.world
         return HandPolls(
             lambda: encoded(world.angles_rad),
@@ -269,8 +256,6 @@ class Lift:
 
     def _placed(self) -> tuple[bool, float]:
         """Whether the object stands on its second mark, and how far from it, metres."""
-        from tega_sim.operator.forearm import AWAY_M
-
         rig, world = self.rig, self.rig.world
         middle, axis = world.object_pose
         off_m = float(np.linalg.norm((middle - world.mark_m(AWAY_M))[:2]))
@@ -360,15 +345,7 @@ def _remembers(lab: Lab) -> bool:
 
 @lru_cache(maxsize=1)  # a practice and the lift after it are replayed the same
 def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, MotorLevels]]:
-    """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet.
-
-    Args:
-        lab: The person's lab.
-        plan: The trial in which it is to be replayed.
-        number: Number of the lift.
-    """
-    from tega_sim.streams import Streams
-
+    """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet."""
     other, streams = plan.other, Streams()
     person = lab.person(other)
     lift = Lift(lab, other, person, number, streams=streams)

@@ -157,7 +157,6 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         slid_m: Way slid in all, metres.
         deformation_m: Largest narrowing, metres.
         mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
-        events: What happened when.
         simulated_s: Time simulated, practice included, seconds.
         person: First digits of the SHA-256 of the people's parameters and, from version 2, the version of their rules;
             empty without a simulated person.

@@ -9,20 +9,14 @@ through the levels.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from tega.haptics import MotorLevels
 from tega_sim.conditions import ARMS
+from tega_sim.lab import Lab
 from tega_sim.operator.acting import PRACTICE_S, PRACTISED_LEVELS, Operator
 from tega_sim.operator.scripted import ScriptedOperator, Step
-from tega_sim.rig import ACT_NS
-
-if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
-    from tega_sim.lab import Lab
-    from tega_sim.plan import TrialPlan
-    from tega_sim.rig import TrialSteering
-    from tega_sim.seams import Act, Percept
-
+from tega_sim.plan import TrialPlan
+from tega_sim.rig import ACT_NS, TrialSteering
+from tega_sim.seams import Act, Percept
 
 _REACHED_S = 1.5
 _END_S = _REACHED_S + PRACTICE_S * len(PRACTISED_LEVELS)
@@ -57,12 +51,6 @@ def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) 
     """Let a person of the second version of the rules practise with a trial's object and vest; others do not.
 
     A person without a vest, or with one that pulses at events, learns nothing, and the bench is not run.
-
-    Args:
-        lab: The person's lab.
-        plan: The trial.
-        person: The simulated person.
-        number: Number of the next lift.
 
     Returns:
         Time simulated, seconds.

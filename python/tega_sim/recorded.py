@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
-from tega.config import FINGERS, RecordingSection
+from tega.config import FINGERS, RecordingSection, StagesSection
 from tega.config.calibration.store import Calibration, FingerMaxima
+from tega.haptics import Layout
+from tega.loop.loop_report import LoopReport
 from tega.recording.session import Recording
+from tega.records.bus import Bus
 from tega.runtime.device_items import DeviceInfo
 from tega_sim.gel import CAMERA_HZ
-from tega_sim.lab import EMG_HZ
-
-if TYPE_CHECKING:
-    from tega.config import StagesSection
-    from tega.haptics import Layout
-    from tega.loop.loop_report import LoopReport
-    from tega.records.bus import Bus
-    from tega_sim.lab import Lab
-    from tega_sim.plan import TrialResult
-
+from tega_sim.lab import EMG_HZ, Lab
+from tega_sim.plan import TrialResult
 
 _NAME = "simulated"
 

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 
-from tega.config import FINGERS, ReflexSection
+from tega.config import FINGERS, ReflexSection, SessionConfig
 from tega.config.choose import grip_reflex
 from tega.loop.reflex import ReflexArc, ReflexInputs
-from tega.records import Contact, NamedValue
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.records import Event
-    from tega.records.bus import Bus
-    from tega.stages.base import Reflex
-    from tega_sim.conditions import ReflexReports
-
+from tega.records import Contact, Event, NamedValue
+from tega.records.bus import Bus
+from tega.stages.base import Reflex
+from tega_sim.conditions import ReflexReports
 
 FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
 """Reflex of the arms that have one, where the settings name none; authority of it, where they give none."""
@@ -30,8 +25,6 @@ class TrueSlipArc(ReflexArc):
     It receives the speed of the slide.
 
     Args:
-        reflex: The stage.
-        settings: Its bounds.
         snapshot: As of :class:`tega.loop.reflex.ReflexArc`.
         slip_mm_s: Returns the present speed of the object through the grasp, mm/s.
         forces_n: Returns the true force on each pad, newtons, thumb first.

@@ -14,37 +14,33 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import FINGERS
 from tega.hand.poses import ClosureScale
+from tega.haptics import MotorLevels
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, picture_of, samples_of
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
 from tega.loop.pacing import Pacer
 from tega.records import Contact, EmgSamples, Intent, Picture
+from tega.records.bus import Bus
+from tega.runtime.clock import Clock
 from tega.runtime.device_items import EmgChunk, TactileFrame
-from tega.stages.base import MeasuredPicture
+from tega.stages.base import Decoder, MeasuredPicture
 from tega.ui.view.state import TouchImage
+from tega_sim.filling import Filling
 from tega_sim.gel import CAMERA_HZ
 from tega_sim.hand import encoded
+from tega_sim.lab import Lab
+from tega_sim.operator import ForearmEmg
+from tega_sim.operator.shams import Sham
+from tega_sim.score import TrialScorer
 from tega_sim.seams import Act, Indenter, Percept
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.haptics import MotorLevels
-    from tega.records.bus import Bus
-    from tega.runtime.clock import Clock
-    from tega.stages.base import Decoder
-    from tega_sim.filling import Filling
-    from tega_sim.lab import Lab
-    from tega_sim.operator import ForearmEmg
-    from tega_sim.operator.shams import Sham
-    from tega_sim.score import TrialScorer
-    from tega_sim.world import World
-
+from tega_sim.world import World
 
 ACT_NS = 10_000_000
 """Between two looks of the person at the world, nanoseconds; also the length of an EMG block."""
@@ -81,7 +77,6 @@ class TrialRig:
         world: Hand and object, at the trial's beginning.
         poses_rad: The hand's closure poses, float64 (5, 16).
         decoder: Turns EMG into levels.
-        person: The simulated person.
         emg: Turns excitation into EMG.
         worn: The vest, in the trial's condition.
         scorer: Counts what happens.
@@ -99,7 +94,6 @@ class TrialRig:
         contacts: Stream of measured frames, by finger, for the loop.
         levels: Stream of intents, for the loop.
         frames: The newest picture of each finger that was painted.
-        measured: The contact in it.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
         act: The person's current action.
@@ -285,14 +279,7 @@ class SimulatedPacer(Pacer):
         self._advance = advance
 
     def wait(self, t_ns: int) -> bool:
-        """Wait for a deadline and let the world catch up with it.
-
-        Args:
-            t_ns: The deadline, counted from the start.
-
-        Returns:
-            Always true.
-        """
+        """Wait for a deadline and let the world catch up with it."""
         if not super().wait(t_ns):
             self.start_ns += self.elapsed_ns() - t_ns
         self._advance(t_ns)

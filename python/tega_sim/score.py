@@ -6,15 +6,12 @@ when it goes beyond what holding that object takes. They were set before the fir
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 
 from tega.stages.events.outcomes import LIFT_WINDOW_S, LiftRule, success
-
-if TYPE_CHECKING:
-    from tega_sim.seams import WorldTruth
-
+from tega_sim.seams import WorldTruth
 
 ON_MARK_M, UPRIGHT = 0.02, 0.9
 """Put down on its mark: this close to it, metres, and its axis this much upwards (a cosine). Proposals."""
@@ -45,10 +42,6 @@ class TrialEvent(msgspec.Struct, frozen=True):
 class TrialScorer:
     """Counts the events of a trial; receives the truth about a hundred times a second.
 
-    Args:
-        harm_m: Narrowing of the object from which it counts as deformed, metres.
-        window_s: End of the window in which the object has to be lifted, seconds.
-
     Attributes:
         rule: The rule of lift and hold.
         events: What happened; in the order of its beginning once the trial is closed.
@@ -69,13 +62,7 @@ class TrialScorer:
         self._squeeze: tuple[float, float] | None = None
 
     def take(self, t_s: float, truth: WorldTruth, *, placing: bool) -> None:
-        """Take the current true state.
-
-        Args:
-            t_s: Time since the trial's start, seconds.
-            truth: The true state.
-            placing: Whether the object is being put down, when it may slide and lie on the table again.
-        """
+        """Take the current true state."""
         self.peak_force_n = max(self.peak_force_n, *truth.pad_force_n)
         self._deform(t_s, truth.deformation_m)
         if not truth.lift_off:

@@ -10,13 +10,12 @@ middle, x to the right and y down in the upright picture, z out of the gel; righ
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from tega.haptics import MotorLevels
+from tega.haptics import MotorLevels
 
 
 class Indenter(NamedTuple):
@@ -69,7 +68,6 @@ class Percept(NamedTuple):
 
     Attributes:
         t_s: Simulated time since the trial began, seconds.
-        scene: The scene in view.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
         closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None`` where it is not shown.
         angles_rad: Its 16 joint angles, for logs of the sensors only; no person sees them. ``None`` in the same case.

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import FINGERS
+from tega.haptics import MotorLevels
 from tega.records import BesideContact, BesideIntent, Contact, Intent, NamedValue
 from tega.records.table import columns, numbers
 from tega.runtime.files.csv_writer import CsvWriter
+from tega.stages.base import MeasuredPicture
 from tega.ui.view.figures import Firmest, SessionCourse, TouchPicture
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.haptics import MotorLevels
-    from tega.stages.base import MeasuredPicture
-    from tega.ui.view.state import TouchImage
-    from tega_sim.lab import Lab
-    from tega_sim.seams import Act, Percept
-
+from tega.ui.view.state import TouchImage
+from tega_sim.lab import Lab
+from tega_sim.seams import Act, Percept
 
 _CHANNELS = tuple(f"ch{k}" for k in (1, 2, 3))
 _COLUMNS: dict[str, tuple[str, ...]] = {
@@ -171,11 +167,7 @@ class Streams:
         )
 
     def write_tables(self, folder: Path) -> None:
-        """Write each table as a CSV file of its name.
-
-        Args:
-            folder: Where to; it must exist.
-        """
+        """Write each table as a CSV file of its name."""
         for table, rows in self.rows.items():
             if table in _AT_NEED and not rows:
                 continue

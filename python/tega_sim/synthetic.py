@@ -48,10 +48,6 @@ _TOUCH_DELAY_S = 0.35
 def effort_at(t_s: float, duration_s: float) -> float:
     """Return the grasp's effort at a time, 0 to 1: a reach, a closing in three steps, a hold, a release.
 
-    Args:
-        t_s: Seconds since the start.
-        duration_s: How long the whole grasp lasts.
-
     Example:
         >>> effort_at(0.0, 10.0) < 0.1 < effort_at(6.0, 10.0)
         True

@@ -10,18 +10,15 @@ are those of a run with devices. Example::
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from tega.ui.view.state import ViewState
 from tega_sim.lab import lab_of
 from tega_sim.lift import Lift
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.practice import practise
-
-if TYPE_CHECKING:
-    from tega.ui.view.state import ViewState
-    from tega_sim.recorded import LiftRecorder
-    from tega_sim.rig import TrialSteering
-    from tega_sim.streams import Streams
+from tega_sim.recorded import LiftRecorder
+from tega_sim.rig import TrialSteering
+from tega_sim.streams import Streams
 
 __all__ = ["TrialPlan", "TrialResult", "run_trial"]
 

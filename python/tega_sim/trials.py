@@ -17,6 +17,7 @@ import msgspec
 from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
+from tega_sim.operator import load_parameters, people_digest
 from tega_sim.removed import trial_fields
 from tega_sim.trial import TrialPlan, TrialResult, run_trial
 from tega_sim.workers import over_cores
@@ -76,9 +77,6 @@ def run_trials(
             added as they end. Results of other plans in it are kept.
         progress: Called with the number of finished trials.
 
-    Returns:
-        The results in the order of the plans.
-
     Raises:
         MissingExtraError: A package of the extra ``sim`` is not installed.
         RecordingError: ``out`` holds something else, or results of persons with other parameters or rules.
@@ -111,9 +109,6 @@ def run_trials(
 def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
     """Read a file of results; a last line that was cut off is passed over, a missing file holds none.
 
-    Args:
-        path: The file.
-
     Raises:
         RecordingError: Another line is no result of this version.
     """
@@ -140,8 +135,6 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
 
 def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
     """Refuse results of simulated persons with other parameters, or rules, than today's."""
-    from tega_sim.operator import load_parameters, people_digest
-
     numbers = load_parameters().digest
     for result in results:
         today = people_digest(numbers, result.rules)

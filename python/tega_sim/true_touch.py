@@ -7,31 +7,25 @@ same way.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
 import msgspec
 
 from tega.config import FINGERS, StageConfig, StagesSection
+from tega.config.calibration import TouchMaxima
 from tega.config.choose import felt_map, vest_mapping
 from tega.errors import InvalidValueError
+from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
-from tega_sim.conditions import ARMS
-from tega_sim.plan import FULL_N
+from tega.stages.base import Mapping as MappingStage
+from tega.stages.base import VestSetup
+from tega_sim.conditions import ARMS, Reports
+from tega_sim.lab import Lab
+from tega_sim.plan import FULL_N, TrialPlan
 from tega_sim.score import REST_M_S, REST_S, SLIP_M_S
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from tega.config.calibration import TouchMaxima
-    from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
-    from tega.stages.base import Mapping as MappingStage
-    from tega.stages.base import VestSetup
-    from tega_sim.conditions import Reports
-    from tega_sim.lab import Lab
-    from tega_sim.plan import TrialPlan
-    from tega_sim.seams import WorldTruth
-
+from tega_sim.seams import WorldTruth
 
 _FORCE: Final = {"front": "force_n", "back": "force_n", "front_max": FULL_N, "back_max": FULL_N}
 _DISPLAYED: Final[dict[Reports, StageConfig]] = {
@@ -50,9 +44,7 @@ class TrueTouch(TouchLoop):
     reach 3 mm, which cannot be known at the start.
 
     Args:
-        reports: Kind of truth.
         maxima: As of :class:`tega.loop.touch.TouchLoop`, like the following.
-        layout: Which motors the vest has.
         mirror: Which faces have their columns reversed.
         felt: Thresholds and steps of the wearer, where they are known.
         mapping: Makes the mapping of measured contacts, for display.
@@ -115,13 +107,7 @@ def stages_of(lab: Lab, plan: TrialPlan) -> StagesSection:
 
 
 def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
-    """Return the source of the vest's frames in a trial: the measurements or the truth.
-
-    Args:
-        lab: The person's lab.
-        plan: The trial.
-        layout: The vest's layout.
-    """
+    """Return the source of the vest's frames in a trial: the measurements or the truth."""
     config, reports = lab.config, ARMS[plan.condition].reports
     mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror
     felt = felt_map(config.vest)

@@ -26,7 +26,6 @@ class TouchRow(NamedTuple):
 
     Attributes:
         t_s: Since the trial's start, seconds.
-        finger: Which.
         in_contact: 1 where something is touched.
         eda: Contact area, pixels (Eq 4).
         mass: Sum of the pressure map.

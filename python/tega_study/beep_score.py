@@ -31,12 +31,7 @@ class BeepScore(NamedTuple):
 
 
 def score_beeps(events: Sequence[JournalEvent], end_ns: int) -> BeepScore:
-    """Score an attempt's beeps and answers.
-
-    Args:
-        events: The attempt's.
-        end_ns: When the trial ended, on the events' clock, nanoseconds.
-    """
+    """Score an attempt's beeps and answers."""
     least_ns, most_ns = (round(limit_s * 1e9) for limit_s in ANSWER_S)
     open_ns = sorted(event.t_ns for event in events if event.kind == "beep")
     reactions_s: list[float] = []

@@ -97,7 +97,6 @@ class WrittenBundle(NamedTuple):
     """A bundle that was written.
 
     Attributes:
-        manifest: The bundle's manifest.
         left_out: Files and links of the person that it does not hold: links, and names that no other computer takes.
     """
 
@@ -109,7 +108,6 @@ class OpenedBundle(NamedTuple):
     """A bundle that was opened; each of its files had the right hash.
 
     Attributes:
-        manifest: The bundle's manifest.
         trials: Worked out from its events by this version of TEGA.
     """
 

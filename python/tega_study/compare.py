@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tega_study.counts import adjusted_ratio, poisson_rates, shares
 from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
 from tega_study.rank import holm, mann_whitney, shift
 from tega_study.trials import Trial
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 Level = Literal["as printed", "these trials", "people", "adjusted", "cross-over"]
 

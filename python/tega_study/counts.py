@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tega.runtime.scientific import scipy_stats, statsmodels
 from tega_study.people import Ratio, ratio_by_t
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 class Shares(NamedTuple):

@@ -12,18 +12,15 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.scientific import scipy_stats
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 GRID_HZ = 10.0
 """Rate at which courses are compared: a pose lasts at least a tenth of a second, so more would add no information."""
@@ -52,7 +49,6 @@ class Correlation(NamedTuple):
 
     Attributes:
         r: The correlation; NaN where a series does not change.
-        n: Samples.
         n_eff: Independent samples that they are worth (Bartlett).
         low: Lower end of the 95 % interval by Fisher's z with ``n_eff``; NaN below four.
         high: Upper end.
@@ -86,12 +82,7 @@ def read_course(path: Path) -> TouchCourse:
 
 
 def write_course(path: Path, course: TouchCourse) -> None:
-    """Write a course, whole or not at all.
-
-    Args:
-        path: The file; its folder is made.
-        course: The course.
-    """
+    """Write a course, whole or not at all."""
     rows = np.column_stack(course)
     text = "t_s,cci,eda,pose\n" + "".join(f"{t:.3f},{c:.5f},{e:.5f},{p:.0f}\n" for t, c, e, p in rows)
     write_whole(path, text)
@@ -142,12 +133,7 @@ def effective_n(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int) ->
 
 
 def correlate(x: NDArray[np.float64], y: NDArray[np.float64]) -> Correlation:
-    """Correlate two series, judged by as many independent samples as they are worth.
-
-    Args:
-        x: A series.
-        y: Another, as long.
-    """
+    """Correlate two series, judged by as many independent samples as they are worth."""
     r, n = pearson(x, y), len(x)
     if math.isnan(r):
         return Correlation(r, n, math.nan, math.nan, math.nan, math.nan)

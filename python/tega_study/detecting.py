@@ -79,9 +79,6 @@ def events_of(
         touch: Frames of its fingertips.
         hand: Looks at its hand and arm.
         live: Say only what could have been said at the time, as the run does.
-
-    Returns:
-        Events in the order of time.
     """
     detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
     found: list[DetectedEvent] = []
@@ -108,11 +105,6 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
     """Find the events of a study's attempts and write them beside each session's own.
 
     What an earlier call has written is replaced.
-
-    Args:
-        folder: The study's folder.
-        participants: IDs of the participants; all if none is given.
-        live: As of :func:`events_of`.
 
     Raises:
         InvalidValueError: Unknown participant ID.

@@ -50,12 +50,6 @@ def outcome(
     """Return the mean over people of each one's mean under the first condition less that under the second.
 
     All trials that count take part, also failed ones, as in the paper.
-
-    Args:
-        trials: The study's.
-        metric: Which outcome.
-        name: Name of the object.
-        conditions: The first is compared with the second.
     """
     sides: list[dict[str, list[float]]] = [{}, {}]
     for trial in trials:

@@ -96,12 +96,7 @@ def undone_numbers(events: Sequence[JournalEvent]) -> set[int]:
 def attempts(
     events: Sequence[JournalEvent], *, with_data: bool = False
 ) -> list[tuple[JournalEvent, JournalEvent]]:
-    """Return start and end of every attempt that has ended, in the order of the ends.
-
-    Args:
-        events: A session's events.
-        with_data: Only attempts that ended as done or failed.
-    """
+    """Return start and end of every attempt that has ended, in the order of the ends."""
     starts = {(e.trial, e.attempt): e for e in events if e.kind == "trial_start"}
     ends = [e for e in events if e.kind == "trial_end" and (e.trial, e.attempt) in starts]
     return [(starts[e.trial, e.attempt], e) for e in ends if not with_data or e.status in WITH_DATA]
@@ -115,9 +110,6 @@ def counting(events: Sequence[JournalEvent], trial: int, attempt: int) -> list[J
 
 class Journal(JsonLines[JournalEvent]):
     """A session's events, open to be added to; one program at a time.
-
-    Args:
-        path: The file; it and its folder are made where they are missing.
 
     Raises:
         RecordingError: The file holds something else, or is a link.

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import Opened
 from tega.runtime.sound_card import load_sounddevice
 
 if TYPE_CHECKING:
@@ -68,13 +69,8 @@ def beep_tone(level_dbfs: float) -> NDArray[np.float32]:
     return tone
 
 
-class MaskingSound:
-    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears, and beeps.
-
-    Args:
-        settings: Level and loudspeaker; a level is set, unless there are beeps.
-        beeps: Whether beeps are played as well.
-    """
+class MaskingSound(Opened):
+    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears, and beeps."""
 
     def __init__(self, settings: MaskingSection, *, beeps: bool = False) -> None:
         if settings.level_dbfs is None and not beeps:
@@ -92,15 +88,6 @@ class MaskingSound:
         self._fading = False
         self._silent = False
         self._stream: Any = None
-
-    def __enter__(self) -> Self:
-        """Begin to play."""
-        self.open()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Fade out and end."""
-        self.close()
 
     @property
     def words(self) -> str:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_scene.layout import TagLayout
@@ -33,9 +34,6 @@ from tega_study.observe.observing import checked_rater
 from tega_study.observers import RECORDED, WHOLE, observer_path
 from tega_study.plan import read_plan
 from tega_study.withdrawn import check_stays
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
 """Kinds of events that a person may add."""
@@ -170,13 +168,7 @@ def between(
 def write_measured(
     path: Path, signed: str, found: Sequence[tuple[JournalEvent, JournalEvent, MeasuredTrial]]
 ) -> None:
-    """Replace the camera's events of a session.
-
-    Args:
-        path: The file, :func:`~tega_study.measured.measured_path`.
-        signed: Checksum of the plan.
-        found: Start, end and outcome of each attempt.
-    """
+    """Replace the camera's events of a session."""
     with replaced_journal(path) as journal:
         journal.add("session_start", t_ns=found[0][0].t_ns, source=CAMERA, text=signed)
         for start, end, seen in found:

@@ -22,7 +22,6 @@ class Slot(NamedTuple):
     Attributes:
         block: Number of its block, from 1: trials in a row with the same object and condition.
         object: Name of the object to lift.
-        condition: Vest condition.
     """
 
     block: int
@@ -73,9 +72,6 @@ def allocate(
         objects: Up to three are taken in all orders, more in a Williams design.
         conditions: Taken in a Williams design.
         seed: The study's seed.
-
-    Returns:
-        For each person the order of objects and the order of conditions.
     """
     n = len(objects)
     rows = list(itertools.permutations(range(n))) if n <= 3 else williams(n)

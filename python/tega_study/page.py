@@ -43,10 +43,6 @@ _UNITS = {
 def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
     """Return the page.
 
-    Args:
-        analysis: All numbers.
-        figures: Drawings as SVG, by name.
-
     Raises:
         MissingExtraError: Jinja2 is not installed.
     """

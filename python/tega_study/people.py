@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.runtime.scientific import scipy_stats
 from tega_study.rank import CONFIDENCE, rank_sum_counts
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 FLIPS_UP_TO = 24
 DRAWS = 99_999
@@ -66,9 +63,6 @@ def sign_flip(differences: ArrayLike) -> float:
 
     Exact up to 24 people; beyond, 99,999 random changes and the one that is there.
 
-    Args:
-        differences: One per person.
-
     Example:
         >>> sign_flip([-1.0, -2.0, -1.5, -3.0, -2.5, -1.0])
         0.03125
@@ -104,10 +98,6 @@ def ratio_of_means(first: ArrayLike, second: ArrayLike) -> Ratio | None:
     is the bias-reduced one (robust times n / (n - 1)), and t with n - 1 degrees of freedom replaces its z,
     which rejects a true null four times too often with six people.
 
-    Args:
-        first: Each person's mean under the first condition.
-        second: Under the second.
-
     Returns:
         ``None`` where a condition has no event at all, there are fewer than two people, or everybody is the same.
     """
@@ -138,13 +128,7 @@ def paired_log_ratio(first: ArrayLike, second: ArrayLike) -> Ratio | None:
 
 
 def ratio_by_t(log_ratio: float, se: float, df: int) -> Ratio | None:
-    """Return a ratio with its interval and p by Student's t; ``None`` without an error to judge by.
-
-    Args:
-        log_ratio: Natural logarithm of the ratio.
-        se: Its standard error.
-        df: Degrees of freedom.
-    """
+    """Return a ratio with its interval and p by Student's t; ``None`` without an error to judge by."""
     if se < 1e-8:  # nobody differs from anybody: there is no error to judge by
         return None
     t_of = scipy_stats().t
@@ -185,11 +169,6 @@ def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]]) -> float:
 
 def cross_over(first: ArrayLike, second: ArrayLike, began_with_first: ArrayLike) -> CrossOver | None:
     """Compare two conditions with the effect of their order taken out.
-
-    Args:
-        first: Each person's mean under the first condition.
-        second: Under the second.
-        began_with_first: Whether the person had the first condition first.
 
     Returns:
         ``None`` unless at least two people began with each and they are not all the same.

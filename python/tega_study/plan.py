@@ -279,11 +279,6 @@ def _toml(settings: StudySettings) -> str:
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
     """Write a plan into a new folder, whole or not at all.
 
-    Args:
-        plan: The plan; its trials are signed again.
-        folder: Must not exist, or be empty.
-        files: What else goes into it, by name.
-
     Raises:
         InvalidValueError: There is something already.
     """

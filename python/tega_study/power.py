@@ -11,16 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega_study.compare import people_p
 from tega_study.rank import holm
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class EffectSpread(NamedTuple):
@@ -88,11 +86,6 @@ def least_people(metric: str, *, tests: int, alpha: float = 0.05) -> int | None:
 
     The report's test is run on the most extreme data: every person differs in the same direction. The other tests of
     the family are taken to find nothing, so that the correction is the strongest.
-
-    Args:
-        metric: Metric of the test.
-        tests: Number of tests that are corrected together.
-        alpha: Two-sided level.
 
     Returns:
         ``None`` if :data:`MOST_PEOPLE` are too few.

@@ -52,13 +52,7 @@ class Withdrawal(NamedTuple):
 
 
 def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
-    """Record a file that the program made of a person outside of the study's folder, for a withdrawal to list.
-
-    Args:
-        folder: The study's folder.
-        participant: Participant ID.
-        path: A file or a folder.
-    """
+    """Record a file that the program made of a person outside of the study's folder, for a withdrawal to list."""
     path, notes = path.absolute(), events_path(folder, participant).parent / ELSEWHERE
     if path.is_relative_to(folder.absolute()) or str(path) in _noted(notes):
         return
@@ -97,10 +91,6 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     The ID stays in the plan and in ``withdrawn.txt``, so that the study's flow can be reported. Links are deleted and
     not followed. Copies made elsewhere, and the disk's own (journals, snapshots, worn flash cells), are not reached.
     Call it again to finish an interrupted deletion.
-
-    Args:
-        folder: The study's folder.
-        participant: Participant ID.
 
     Returns:
         The deleted and the remaining files.

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import ShapeError
 from tega.runtime.scientific import scipy_stats
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 CONFIDENCE = 0.95
 """Level of every interval of a report."""
@@ -69,10 +66,6 @@ class Shift(NamedTuple):
 
 def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
     """Compare two independent groups, two-sided.
-
-    Args:
-        x: First group.
-        y: Second group.
 
     Raises:
         ShapeError: A group is empty.
@@ -155,10 +148,6 @@ def shift(x: ArrayLike, y: ArrayLike) -> Shift:
     """Estimate how far the first group lies over the second.
 
     The interval runs between the k-th differences from both ends, k from the exact distribution of U.
-
-    Args:
-        x: First group.
-        y: Second group.
 
     Raises:
         ShapeError: A group is empty.

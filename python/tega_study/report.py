@@ -5,18 +5,56 @@ from __future__ import annotations
 import csv
 import shutil
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
+import numpy as np
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import read_words
+from tega.ui.view.figures import draw_map
 from tega_study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_study
-from tega_study.figure_3 import figure_3
-from tega_study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
+from tega_study.figures import figure_7, figure_8, lag_figure, new_figure, pose_figure, svg
+from tega_study.finger_rows import FingerRow
 from tega_study.page import report_html
 from tega_study.tables import csv_files
+from tega_study.touch_picture import FingerPicture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def figure_3(rows: Sequence[FingerRow], pictures: Mapping[str, FingerPicture]) -> Figure | None:
+    """Draw Fig 3: untouched gel, frame, difference, the metric's map with the marks of CCI and EDA."""
+    if not rows:
+        return None
+    figure = new_figure(7.0, 2.05 * len(rows) + 0.3)
+    axes = figure.subplots(len(rows), 4, squeeze=False)
+    for number, row in enumerate(rows):
+        _row(axes[number], row, pictures[row.trial], titled=number == 0)
+    return figure
+
+
+def _row(axes: Sequence[Axes], row: FingerRow, picture: FingerPicture, *, titled: bool) -> None:
+    frame, metrics, touch_map = picture.touch
+    off = np.abs(frame.astype(np.int16) - picture.baseline).mean(axis=2)
+    axes[0].imshow(picture.baseline[..., ::-1])
+    axes[1].imshow(frame[..., ::-1])
+    axes[2].imshow(off, cmap="gray", vmin=0, vmax=max(float(off.max()), 1.0))
+    draw_map(axes[3], frame.shape, metrics, touch_map)
+    for ax, title in zip(axes, ("untouched", "touched", "difference", "touch map"), strict=True):
+        ax.set_xticks([])
+        ax.set_yticks([])
+        if titled:
+            ax.set_title(title, fontsize=9)
+    axes[0].set_ylabel(f"{row.object}, {row.finger}", fontsize=9)
+    axes[2].set_xlabel(f"up to {off.max():.0f} of 255", fontsize=9)
+    cci, eda = ("–" if one is None else f"{one:.2f}" for one in (row.cci_norm, row.eda_norm))
+    axes[3].set_xlabel(f"CCI {cci}   EDA {eda}", fontsize=9)
+
 
 FIGURES = ("fig3", "fig7", "fig8", "lags", "poses")
 
@@ -27,7 +65,6 @@ class Report(NamedTuple):
     Attributes:
         page: The HTML file.
         tables: The folder of CSV files, figures and ``analysis.json``.
-        analysis: The analysis that the report shows.
     """
 
     page: Path

@@ -43,7 +43,6 @@ class SitesTable(NamedTuple):
     """Table I over sites.
 
     Attributes:
-        sites: The sites.
         rows: A head, then a line for each site, condition and metric; those of ``all`` last, if there are several.
     """
 

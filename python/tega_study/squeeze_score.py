@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from tega_study.journal import JournalEvent
+from tega_study.journal import JournalEvent
 
 
 def squeeze_shares(events: Sequence[JournalEvent]) -> dict[int, float]:

@@ -64,10 +64,6 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
     A trial that was broken off for technical reasons is repeated after the others of its block until it has data, is
     stopped for safety, or is given up (``skipped``). One that the experimenter wants again (``redo``) is repeated, too.
 
-    Args:
-        trials: The person's, in their order.
-        events: What has happened, in its order.
-
     Raises:
         RecordingError: The events don't fit the plan or one another.
     """
@@ -133,13 +129,6 @@ def resume(
     """Open a person's session, new or after a stop at any moment.
 
     A trial that was going on when everything stopped is closed as broken off for technical reasons.
-
-    Args:
-        folder: The study's folder.
-        plan: Its plan.
-        participant: Participant ID of the session.
-        t_ns: Now, on the session's clock, nanoseconds.
-        where: Where its trials run, which the events then say.
 
     Returns:
         The journal to go on with, and how the session stands.

@@ -43,12 +43,7 @@ def table_of(cells: Sequence[Cell], objects: Sequence[str], conditions: Sequence
 
 
 def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, str]:
-    """Return every CSV file by name.
-
-    Args:
-        analysis: The analysis.
-        courses: By trial id, for the numbers behind Fig 8.
-    """
+    """Return every CSV file by name."""
     from tega_study.figures import figure_8_trials
 
     files = {} if analysis.blind else {"table1.csv": csv_text(table_1(analysis))}

@@ -5,24 +5,19 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config.choose import finger_metric, preset_metric
 from tega.errors import MissingExtraError, RecordingError
 from tega.records import Contact
 from tega.runtime.files.foreign_file import read_foreign
-from tega.stages.base import TouchMap
+from tega.stages.base import Metric, TouchMap
 from tega.ui.view.state import TouchImage
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.stages.base import Metric
-    from tega_study.plan import PlannedTrial
-    from tega_study.trials import Trial
-
+from tega_study.plan import PlannedTrial
+from tega_study.trials import Trial
 
 Preset: TypeAlias = Literal["paper", "live"]
 
@@ -35,8 +30,6 @@ class FingerPicture(NamedTuple):
     """One fingertip, at the frame in which the sum of its touch map is largest.
 
     Attributes:
-        finger: Which.
-        preset: Preset of the loop.
         baseline: The untouched gel, BGR, uint8 (H, W, 3).
         touch: The gel when touched most, with the contact and the map of the metric that the loop used.
         cci_max: CCI that counts as full; 0 where it is not known.

@@ -15,10 +15,6 @@ JOURNAL = "journal.jsonl"
 def note_unblinding(folder: Path, text: str) -> None:
     """Write into the study's journal that its conditions are compared now.
 
-    Args:
-        folder: The study's folder.
-        text: How far the study is.
-
     Raises:
         RecordingError: The journal is damaged.
         DeviceUnavailableError: Another program has it open.

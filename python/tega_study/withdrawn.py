@@ -6,14 +6,11 @@ import logging
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega_study.journal import events_path
-
-if TYPE_CHECKING:
-    from tega_study.plan import StudyPlan
+from tega_study.plan import StudyPlan
 
 _LOG = logging.getLogger(__name__)
 

@@ -33,10 +33,8 @@ class Commands:
         arm: Axes of the arm's mapping; ``None`` where clients may not lead the arm.
         clock: Returns the monotonic time, nanoseconds.
         name: Table of the settings, for messages.
-        peer: Word for a client.
 
     Attributes:
-        n: Commands that were obeyed.
         refused: Commands that were not obeyed, by reason.
     """
 

@@ -7,12 +7,14 @@ import secrets
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import tega
+from tega.devices.base import Tracker
 from tega.loop.inbox.inputs import Inputs
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.parts import Part, PartContext, RunStart
-from tega.loop.snapshot import Snapshot
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import HandExchange, HeardMarker, Picture, Record
 from tega.records.bus import Backlog
 from tega.records.display import Notice
@@ -32,22 +34,12 @@ from tega_websocket.messages import (
 from tega_websocket.server import Served, Server
 from tega_websocket.settings import WebSocketTable, read_token
 
-if TYPE_CHECKING:
-    from tega.devices.base import Tracker
-    from tega.loop.inbox.prepared import Prepared
-    from tega.loop.snapshot import LoopView
-
 _MOST_WAITING: Final = 2048
 _JPEG_QUALITY: Final = 80
 
 
 class WebSocketPart(Part):
-    """The server of one run.
-
-    Args:
-        context: Context of the run.
-        table: Its settings.
-    """
+    """The server of one run."""
 
     def __init__(self, context: PartContext, table: WebSocketTable) -> None:
         config, self._bus, self._table = context.config, context.bus, table

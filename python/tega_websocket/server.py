@@ -10,16 +10,14 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from types import ModuleType
+from typing import Any, Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
 from tega.ui.view.same_machine import foreign
 from tega_websocket.messages import MOST_BYTES, Command, MessageError, decode, encode
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 _MOST_CLIENTS: Final = 8
 _START_S: Final = 10.0
@@ -53,7 +51,6 @@ class Client:
 
     Args:
         number: Its number, from 1.
-        connection: Its WebSocket.
         most: Messages that wait at most; the oldest is dropped beyond that.
     """
 
@@ -93,7 +90,6 @@ class Server:
 
     Attributes:
         port: TCP port, once open.
-        n_clients: Clients so far.
         n_dropped: Messages dropped for clients that are gone.
     """
 

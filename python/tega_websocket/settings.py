@@ -80,12 +80,6 @@ def check_table(table: WebSocketTable, context: TableContext) -> WebSocketTable:
 def check_claims(name: str, config: SessionConfig, *, hand: bool, arm: bool) -> None:
     """Check the claims of a table to lead hand or arm against the other settings.
 
-    Args:
-        name: The table.
-        config: The other settings.
-        hand: Whether the table's clients may lead the hand.
-        arm: Whether they may lead the arm.
-
     Raises:
         ConfigError: Two inputs claim hand or arm, there is no arm, or the session is not in real time.
     """

@@ -16,8 +16,14 @@ from tega.config.calibration.records import PracticeRecord, read_record
 from tega.errors import CalibrationError, TegaError
 from tega_practice.fitts import Movement
 from tega_practice.interval import mean_interval
-from tega_practice.kept import FittsRecord, compare_kept, keep_record, kept_records, movement_row
-from tega_practice.kept_tracking import compare_tracked
+from tega_practice.kept import (
+    FittsRecord,
+    compare_kept,
+    compare_tracked,
+    keep_record,
+    kept_records,
+    movement_row,
+)
 
 MADE = datetime(2026, 11, 23, 12, 0, 0, tzinfo=UTC)
 

@@ -26,8 +26,7 @@ from tega_emulators.vests import seen_by
 from tega_figures.felt.information import Discriminant
 from tega_figures.felt.skin import BatchSkin
 from tega_practice.kept import kept_records
-from tega_practice.two_down_one_up import LONGEST, TwoDownOneUp
-from tega_practice.vest_course import learn_vest
+from tega_practice.vest_course import LONGEST, TwoDownOneUp, learn_vest
 from tega_practice.vest_kept import VestSkillRecord
 from tega_practice.vest_lesson import Lesson
 from tega_sim.operator.person import typical_person

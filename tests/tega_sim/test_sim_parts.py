@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError
+from tega.loop.inbox.picture_votes import is_repeat, kept_picture
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
-from tega.loop.inbox.stuck_frames import is_repeat, kept_picture
 from tega.records import Contact, Intent
 from tega.runtime.clock import ManualClock, PausableClock
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames

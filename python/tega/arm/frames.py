@@ -51,9 +51,6 @@ class ToBase:
     asked for (left and right are the operator's), then the turn from the operator's axes to those of the base. As a
     quaternion R' is (det(M) M v, w): a matrix that mirrors turns the sense of rotation as well.
 
-    Args:
-        settings: Frame, both yaws, forearm and robot hand.
-
     Attributes:
         matrix: M, float64 (3, 3).
     """

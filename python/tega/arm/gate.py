@@ -35,9 +35,6 @@ def malformed(pose: StampedPose, settings: GateSettings) -> str:
 class PoseGate:
     """Looks at poses one after the other.
 
-    Args:
-        settings: Conditions for accepting a pose.
-
     Attributes:
         last_ns: Stamp of the last pose that was believed; ``None`` before the first.
     """

@@ -119,11 +119,9 @@ class Follower:
 
     Args:
         limits: Limits of speed and acceleration, and of the distance to the measured pose.
-        workspace: Where it has to stay.
         start: Where it is at first, at rest; has to be inside.
 
     Attributes:
-        pose: Where the target is.
         velocity_m_s: float64 (3,).
         velocity_rad_s: float64 (3,), about the base's axes.
     """

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import ClassVar, Final
 
 import numpy as np
 
 from tega.arm.pose import Pose, StampedPose
 from tega.arm.rotation import Floats, between, exp, multiply, unit
+from tega.records import ArmTurn
 from tega.runtime.device_items import DeviceInfo, Kind, Options
 from tega.runtime.lifecycle import Opened
-
-if TYPE_CHECKING:
-    from tega.records import ArmTurn
 
 SPEED_M_S: Final = 0.1
 TURN_RAD_S: Final = 0.5
@@ -36,12 +34,8 @@ class MoveToStart(Opened):
     The arm moves only in state ``following``, and its path starts from the target that the chain has actually set. So
     the chain's gate, clutch, dead-man, workspace, clip, limits and watchdogs apply as on any other path.
 
-    Args:
-        start: Pose to move to.
-
     Attributes:
         state: Newest state of the chain; ``""`` before.
-        reason: Why it is so.
         left_m: How far the target is from the start; ``None`` before it was known.
         off_m: Distance of the arm itself from the start, as measured; ``None`` before it was known.
         there: Whether the target rests at the start.

@@ -31,9 +31,7 @@ class OneEuro:
     """Filters places or rotations.
 
     Args:
-        cutoff_hz: Cutoff at rest.
         beta: Rise of the cutoff, Hz per m/s; of rotations Hz per rad/s.
-        speed_cutoff_hz: Cutoff of the speed.
         turns: Whether the samples are unit quaternions; each filtered one is on the side of the last.
 
     Example:
@@ -61,11 +59,7 @@ class OneEuro:
 
 
 class PoseFilter:
-    """Filters poses by their own stamps.
-
-    Args:
-        settings: The filter's.
-    """
+    """Filters poses by their own stamps."""
 
     def __init__(self, settings: FilterSettings) -> None:
         self._s = settings

@@ -27,7 +27,6 @@ class Trouble(NamedTuple):
     """Trouble with the poses or the arm, and its consequence.
 
     Attributes:
-        level: Consequence of the trouble.
         reason: In words for the operator.
         silent: Whether it is that no poses come.
     """
@@ -38,11 +37,7 @@ class Trouble(NamedTuple):
 
 
 class ArmWatch:
-    """Keeps the times of the last poses and of the arm's last report.
-
-    Args:
-        settings: Times without news, and their consequences.
-    """
+    """Keeps the times of the last poses and of the arm's last report."""
 
     def __init__(self, settings: WatchdogSettings) -> None:
         self._s = settings

@@ -18,9 +18,6 @@ _GIVE_RAD = 1e-8
 class Workspace:
     """Limits poses to a box for the place and a cone for the lean.
 
-    Args:
-        limits: Their sizes.
-
     Attributes:
         tool_axis: float64 (3,), unit length, in the hand's axes.
         upright: float64 (3,), unit length, in the base's axes.

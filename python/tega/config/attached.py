@@ -9,15 +9,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import msgspec
 
+from tega.config.stage_sections import StagesSection
 from tega.runtime.files.foreign_file import read_foreign
-
-if TYPE_CHECKING:
-    from tega.config.stage_sections import StagesSection
-
 
 _GROUPS: Final = ("metric", "decoder", "mapping", "reflex")
 _MOST_MIB = 64

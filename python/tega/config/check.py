@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
 from tega.config.errors import Overridden, explain
 from tega.config.guests import TableContext, guest_tables, read_guest_tables
-from tega.config.magnitude import check_magnitudes
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
 from tega.config.removed import check_removed, without_constants
 from tega.config.sections import (
@@ -33,6 +32,39 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
 from tega.stages.registry import stage_class
+
+LEAST: Final = 1e-12
+"""The smallest size of a number in the settings that is not 0, in the unit of its key."""
+
+MOST: Final = 1e15
+"""The largest size."""
+
+
+def check_magnitudes(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
+    """Check every number of the settings.
+
+    Raises:
+        ConfigError: One is not 0 and smaller than :data:`LEAST`, or larger than :data:`MOST`.
+    """
+    for key, value in _numbers(tree, ""):
+        if value != 0 and not LEAST <= abs(value) <= MOST:
+            size = "small" if abs(value) < LEAST else "large"
+            raise ConfigError(
+                f"{where(origins, key)}: {key} = {value!r} is too {size}",
+                f"numbers are 0, or {LEAST:g} to {MOST:g} in size: is the unit right?",
+            )
+
+
+def _numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
+    """Return every finite number with its key; the schema checks other values."""
+    if isinstance(value, Mapping):
+        for name, one in value.items():
+            yield from _numbers(one, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list | tuple):
+        for k, one in enumerate(value):
+            yield from _numbers(one, f"{key}[{k}]")
+    elif isinstance(value, float) and abs(value) < float("inf"):
+        yield key, value
 
 
 @contextmanager

@@ -39,16 +39,6 @@ StageKind = Literal["metric", "decoder", "mapping", "reflex"]
 class Chosen:
     """A stage of the settings: its class and its options.
 
-    Args:
-        group: metric, decoder, mapping or reflex.
-        section: Its table in the settings.
-        preset: The session's preset, which provides the stage if the table names none.
-
-    Attributes:
-        name: Its name.
-        kind: Its class.
-        options: Its options.
-
     Raises:
         ConfigError: No installed package brings it, or its options do not fit.
     """

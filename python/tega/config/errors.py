@@ -55,9 +55,6 @@ def explain(
         wanted: The type it looked for.
         prefix: Dotted key at which the tree stands, or ``""``.
         origins: Where each dotted key came from.
-
-    Returns:
-        The error to raise.
     """
     subject, steps = _parts(error)
     value, kind, key = tree, wanted, prefix
@@ -88,12 +85,7 @@ def explain(
 
 
 def wrong_value(error: msgspec.ValidationError, tree: Any) -> str:
-    """Return a validation error in plain words, such as ``mass_kg = 0.1: expected a number >= 0.15 (kilograms)``.
-
-    Args:
-        error: Error raised by msgspec.
-        tree: The values that it checked.
-    """
+    """Return a validation error in plain words, such as ``mass_kg = 0.1: expected a number >= 0.15 (kilograms)``."""
     subject, steps = _parts(error)
     value, key = tree, ""
     for name, index in steps:

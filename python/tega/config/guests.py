@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from tega.config.sections import SessionConfig
 from tega.runtime.features import Feature, features, load_target
-
-if TYPE_CHECKING:
-    from tega.config.sections import SessionConfig
 
 
 class TableContext(NamedTuple):

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from statistics import median
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.person import closed_info
-
-if TYPE_CHECKING:
-    from tega.config.sections import SessionConfig
-
+from tega.config.sections import SessionConfig
 
 STAGE: Final = "motor onset"
 """How the stage's name begins in a recording; the day it was measured follows."""
@@ -21,9 +18,6 @@ class MotorOnset(NamedTuple):
     """Measured time from the hand-over of a frame to a vest's first vibration.
 
     Attributes:
-        ms: Middle of the motors that were measured.
-        device: The vest.
-        motors: Measured motors.
         made: Day of the oldest of these measurements, such as ``2026-11-21``.
         uncertainty_ms: How far it may be off, by the clock of the recordings.
     """

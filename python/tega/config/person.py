@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
+from tega.config import CalibrationConfig, EmgConfig, SessionConfig
 from tega.config.calibration.folder import CalibrationFolder, Part, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
+from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
+from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, TegaError
-
-if TYPE_CHECKING:
-    from tega.config import CalibrationConfig, EmgConfig, SessionConfig
-    from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
-
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05
@@ -29,7 +27,6 @@ class Personal(NamedTuple):
     """Calibration of a run from a person's records, with warnings.
 
     Attributes:
-        calibration: The maxima.
         name: Name of the maxima's origin.
         warnings: Records that are old, missing or were stored in spite of a problem; one sentence each.
     """
@@ -161,12 +158,7 @@ def driver_settings(config: EmgConfig) -> str:
 
 
 def other_conditions(record: EmgRecord, **today: object) -> str:
-    """Return the first condition that differs from that of the muscles' calibration; ``""`` for none.
-
-    Args:
-        record: The calibration.
-        today: Conditions by the names of the record's fields.
-    """
+    """Return the first condition that differs from that of the muscles' calibration; ``""`` for none."""
     for name, now in today.items():
         if (then := getattr(record, name)) != now:
             return f"EMG: {record.person} was calibrated with {name} = {_text(then)}, the settings have {_text(now)}"
@@ -287,8 +279,6 @@ def live_info(section: Any, kind: Kind) -> DeviceInfo | None:
 
 def closed_info(section: Any, kind: Kind) -> DeviceInfo | None:
     """Return the description that a device gives while it is closed; ``None`` where a table names none."""
-    from tega.devices.registry import driver_class
-
     if section is None or section.driver is None:
         return None
     try:

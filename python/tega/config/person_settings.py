@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
-from tega.config.calibration.folder import device_name
+from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.wearing import site_motors
 from tega.config.origins import LoadedConfig, SettingValue
 from tega.config.person import live_info, tracker_info, whose
+from tega.config.sections import SessionConfig
+from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from tega.config.calibration.folder import CalibrationFolder
-    from tega.config.sections import SessionConfig
-    from tega.devices.base import DeviceInfo
 
 _MOTORS = 40
 
@@ -27,10 +24,6 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
 
     A value that is set explicitly takes precedence. Nothing is opened: devices are identified by their names while
     closed.
-
-    Args:
-        loaded: Checked settings with ``calibration.person`` and ``calibration.folder``.
-        given: Dotted keys that are set explicitly.
 
     Raises:
         InvalidValueError: The person's code cannot be one.
@@ -104,9 +97,6 @@ def felt_by(record: VestCalibration) -> tuple[tuple[float, ...], tuple[float, ..
 
     A motor where nothing was felt, or none was asked about, has the middle of the others: one dead motor must not
     take the range of all. With nothing felt anywhere they are those of no calibration, 0 and 1.
-
-    Args:
-        record: Thresholds and steps of a person.
     """
     thresholds = _each_motor(record, record.threshold_percent)
     steps = _each_motor(record, record.step_percent)

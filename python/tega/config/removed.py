@@ -36,10 +36,6 @@ CONSTANTS: Final[Mapping[str, float]] = {
 def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
     """Refuse a setting that an earlier version had.
 
-    Args:
-        tree: Settings as nested tables.
-        origins: Where each dotted key came from.
-
     Raises:
         ConfigError: A key or a value of :data:`REMOVED` is set.
     """

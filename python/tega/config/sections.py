@@ -6,10 +6,11 @@ How they are read, checked and overridden is :mod:`tega.config.load`.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
+from tega.arm.pose import Pose
 from tega.arm.settings import (
     ArmSettings,
     FilterSettings,
@@ -18,14 +19,11 @@ from tega.arm.settings import (
     MappingSettings,
     WatchdogSettings,
 )
+from tega.arm.workspace import Workspace
 from tega.config.stage_sections import Section, StagesSection
 from tega.errors import ConfigError
-from tega.haptics import FINGERS
+from tega.haptics import FINGERS, Layout
 from tega.safety.settings import SafetySection
-
-if TYPE_CHECKING:
-    from tega.arm.pose import Pose
-    from tega.haptics import Layout
 
 Pace = Literal["steady", "by-frame"]
 
@@ -273,9 +271,6 @@ class ArmConfig(Section, frozen=True):
         import math
 
         import numpy as np
-
-        from tega.arm.pose import Pose
-        from tega.arm.workspace import Workspace
 
         if self.start_m is None:
             return None

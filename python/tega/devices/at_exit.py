@@ -26,11 +26,7 @@ _words: list[str] = []
 
 
 def last_words(text: str) -> None:
-    """Print something that a person has to do now, and repeat it as the program's last output.
-
-    Args:
-        text: One sentence.
-    """
+    """Print something that a person has to do now, and repeat it as the program's last output."""
     logging.getLogger(__name__).critical(text)
     if not _words:
         atexit.register(_print_words)

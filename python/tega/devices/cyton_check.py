@@ -7,12 +7,10 @@ packet says so. Neighbouring samples of one electrode have the same middle and s
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 # Packets in one comparison, half of them of even number: 0.4 s.
 _WINDOW: Final = 100

@@ -12,9 +12,6 @@ from tega.runtime.lifecycle import require
 def hid_module(driver: str) -> Any:
     """Import hidapi.
 
-    Args:
-        driver: Name of the driver that needs it, for the message.
-
     Returns:
         The module with ``enumerate`` and ``device``.
 

@@ -5,12 +5,10 @@ FFmpeg scales every picture of a stream to the size of the first, so a camera th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 MOST_SPOILED: Final = 10
 """Packets in a row that may be no pictures; a stream of more sends something else."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.evidence import Contradiction
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # The newest packets that are compared; a judgement needs half of them.
 _WINDOW: Final = 64

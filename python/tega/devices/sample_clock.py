@@ -38,7 +38,6 @@ class SampleClock:
     """Stamps samples that are counted, and measures how fast they really come.
 
     Args:
-        rate_hz: The rate they are said to come at.
         counter_turn: Number of samples after which the device's counter wraps, needed to detect a loss of whole turns
             from the elapsed time; ``None`` for a device that does not count, where time reveals no losses.
 
@@ -119,10 +118,6 @@ class SampleClock:
         Each may have come up to 16 ms late, or as late as the arrivals themselves show, if that is more. From the
         first to the last, so much more or less time may have passed than between their arrivals: 5 % are proven in a
         third of a second.
-
-        Args:
-            rate_hz: The rate that is to be proven.
-            tolerance: Share by which the true rate may differ.
         """
         points, seconds = list(self._points), self.measured_s
         if seconds <= _LATE_S or points[-1][0] == points[0][0]:

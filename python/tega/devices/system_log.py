@@ -11,11 +11,7 @@ _OVERDUE_S: Final = 5.0
 
 
 class Alarm:
-    """Writes to the system's log if a device does not confirm in time, and how that ended.
-
-    Args:
-        device: The device, as the log names it.
-    """
+    """Writes to the system's log if a device does not confirm in time, and how that ended."""
 
     def __init__(self, device: str) -> None:
         self._device, self._overdue = device, False

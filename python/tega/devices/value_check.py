@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.evidence import Contradiction, Contradictions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # A spoiled sample now and then is no wrong range.
 _BEYOND_SHARE: Final = 0.01
@@ -26,8 +24,6 @@ class ValueCheck:
     """Compares the samples of one source with its settings, half a second at a time.
 
     Args:
-        rate_hz: Samples per second.
-        names: Names of the channels.
         limits: Smallest and largest value of the converter, in the samples' unit; ``None`` where they are unknown.
         free_columns: Whether a column may be something else than a muscle, such as a counter or a time stamp.
 

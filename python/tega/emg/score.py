@@ -157,9 +157,6 @@ def score_recording(
         kind: "raw", "rectified" or "envelope".
         split: Share of the recording used for calibration, between 0 and 1.
 
-    Returns:
-        The scores.
-
     Raises:
         ShapeError: Samples and force differ in length, or the judged part is shorter than three blocks.
         InvalidValueError: ``split`` is not between 0 and 1, or an argument of the chain cannot be used.

@@ -21,18 +21,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega import _native
+from tega.emg.levels import InputKind
 from tega.errors import ShapeError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.emg.levels import InputKind
-
 
 _HOP_S = 0.025
 _STUCK_S = 0.1

@@ -7,26 +7,21 @@ between closure levels and encodes the torques, in one native call. A driver add
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega import _native
+from tega.hand.motion import HandController
 from tega.wire import CanFrame
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.hand.motion import HandController
 
 
 class Received(NamedTuple):
     """A frame as an adapter gives it.
 
     Attributes:
-        id: The identifier.
-        data: The payload.
         remote: Whether it is a request.
         extended: Whether the identifier has 29 bits.
         error: Whether it is an error frame of the controller.
@@ -44,8 +39,6 @@ class HandFault(NamedTuple):
 
     Attributes:
         kind: One word, such as ``wrong-version``, ``no-answer``, ``too-hot``, ``silent``, ``frozen``.
-        message: Description of the fault.
-        hint: Fix for the fault.
     """
 
     kind: str
@@ -92,7 +85,6 @@ class HandState(NamedTuple):
         servo_on: Servo state according to the hand; some firmware is said to ignore SERVO ON and OFF.
         joints_c: Joint temperatures, °C; ``None`` where a sensor does not answer.
         heat_share: Share of the torque limits that the temperature leaves.
-        counts: Counts so far.
     """
 
     phase: str
@@ -116,7 +108,6 @@ class HandLink:
     Args:
         controller: Gains, limits and poses; it is copied.
         device_id: The hand's number on its bus, 0 to 3.
-        side: Side of the mounted hand.
         torque: Whether to switch the motors on; without it the hand is only read.
         silent_after_ms: Without a set of positions for so long the motors go off.
         lowest_rate_hz: Sets of positions a second that are needed.

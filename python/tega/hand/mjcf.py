@@ -7,15 +7,13 @@ order of :data:`tega.hand.motion.JOINT_NAMES`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.hand.motion import JOINT_LIMITS_RAD, TORQUE_LIMITS
 from tega.wire import HAND_FINGERS
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 FULL_DUTY_NM: Final = 1.0
 """Torque of a joint at full motor duty, N·m. Nominal: the value in the vendor's drivers. The older hand's data sheet

@@ -16,10 +16,10 @@ from __future__ import annotations
 import tomllib
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import tomlkit
+from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import ConfigError, TegaError
 from tega.hand.motion import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, JOINT_NAMES, HandController
@@ -27,10 +27,6 @@ from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_text import tree_item
 from tega.runtime.files.whole_file import write_whole
 from tega.wire import HAND_FINGERS
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 POSE_MARGIN_RAD = 0.04
 """Poses keep so far inside the joint limits."""

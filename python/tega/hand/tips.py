@@ -6,16 +6,14 @@ the chain about an axis, and the next joint lies at an offset from it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.hand.mjcf import joint_places
 from tega.haptics import FINGERS
 from tega.wire import HAND_FINGERS
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 # By finger in the hand's order: the first joint's frame, each joint's axis as a cross product, and where what comes
 # after each joint lies.

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.config import SessionConfig
 from tega.loop.emg_adaptation import ChannelAdaptation, Switches
+from tega.loop.inbox.prepared import Muscles
 from tega.records import Button, Contact, HeardMarker, RunState
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.loop.inbox.prepared import Muscles
-    from tega.records.bus import Bus
+from tega.records.bus import Bus
 
 UNDO_SEAT: Final = "undo"
 _TARGET = "target:"
@@ -21,9 +19,6 @@ class AdaptationWatch:
     """Derives the switches of the adaptation from the records on the bus; thread-safe.
 
     Other programs announce a target with a marker, ``target:0.8``, and end it with ``target:``.
-
-    Args:
-        bus: Bus with the run's states, contacts, markers and buttons.
     """
 
     def __init__(self, bus: Bus) -> None:

@@ -32,16 +32,7 @@ _LEAVE_S = 5.0
 
 
 class Steering:
-    """Leads an arm for as long as a run lasts.
-
-    Args:
-        config: The arm's settings.
-        arm: The open arm.
-        source: Source of the poses.
-        tracker: The same source, if it is a tracker; reports the tracker's problems.
-        led_by: Description of the device behind the source.
-        seats: The operator's switches: ``dead_man``, and if there are ``clutch`` and ``recover``.
-    """
+    """Leads an arm for as long as a run lasts."""
 
     def __init__(
         self,

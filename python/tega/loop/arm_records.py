@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 
 from tega.arm.frames import ToBase
+from tega.arm.pose import ArmCommand, StampedPose
 from tega.arm.rotation import from_matrix
-from tega.devices.arm.base import TellingArm
+from tega.arm.settings import MappingSettings
+from tega.arm.turn import Turn
+from tega.devices.arm.base import ArmDriver, TellingArm
 from tega.records import (
     ArmHealth,
     ArmMeasured,
@@ -21,14 +24,7 @@ from tega.records import (
     PoseRecord,
     TrackerAxes,
 )
-
-if TYPE_CHECKING:
-    from tega.arm.pose import ArmCommand, StampedPose
-    from tega.arm.settings import MappingSettings
-    from tega.arm.turn import Turn
-    from tega.devices.arm.base import ArmDriver
-    from tega.records.bus import Bus
-
+from tega.records.bus import Bus
 
 # Names of the two coordinate frames.
 _BASE, _TRACKER = "arm_base", "tracker"
@@ -37,13 +33,7 @@ _HEALTH_NS = 1_000_000_000
 
 
 class ArmRecords:
-    """Publishes every turn of the steering of an arm.
-
-    Args:
-        bus: Bus to publish on.
-        start_ns: Start of the session on the monotonic clock.
-        mapping: Mapping from the tracker's axes to the base's.
-    """
+    """Publishes every turn of the steering of an arm."""
 
     def __init__(self, bus: Bus, start_ns: int, mapping: MappingSettings) -> None:
         self._bus, self._start_ns, self._mapping = bus, start_ns, mapping

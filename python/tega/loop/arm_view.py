@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 from tega.arm.messages import Health
-
-if TYPE_CHECKING:
-    from tega.arm.pose import ArmCommand, ArmState
-    from tega.arm.turn import Turn
-    from tega.devices.arm.base import ArmDriver
-    from tega.records import ArmTurn
+from tega.arm.pose import ArmCommand, ArmState
+from tega.arm.turn import Turn
+from tega.devices.arm.base import ArmDriver
+from tega.records import ArmTurn
 
 
 class ArmView(NamedTuple):
@@ -20,8 +18,6 @@ class ArmView(NamedTuple):
 
     Attributes:
         state: State of the tracking chain.
-        reason: Reason for the state.
-        phase: Phase of the arm itself.
         clutch: Whether the clutch is pressed.
         dead_man: Whether the dead-man switch is held.
         hand_m: Position of the hand, base's axes; ``None`` before it is known.

@@ -10,25 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.config import SessionConfig
+from tega.config.calibration import EmgMaxima, TouchMaxima
 from tega.config.choose import finger_metric, muscle_decoder
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of
 from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.config import SessionConfig
-    from tega.config.calibration import EmgMaxima, TouchMaxima
-    from tega.loop.inbox.prepared import Prepared
-    from tega.records.bus import Bus
-    from tega.stages.base import Metric
-
-__all__ = ["measure_beside_on", "open_beside"]
+from tega.stages.base import Metric
 
 # Pictures that may wait: a second of four fingers at 60 Hz would be 55 MB.
 _MOST_PICTURES = 60
@@ -39,12 +34,6 @@ _DECODED = ("t_ns", "channels", "level", "closure", "confidence")
 
 def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> None:
     """Have the stages of ``stages.beside`` look on.
-
-    Args:
-        stack: Ends their threads.
-        config: The settings.
-        prepared: Baselines, maxima and sources of the run.
-        bus: Bus with frames and samples; the results are published on it.
 
     Raises:
         TegaError: A stage rejects its arguments.

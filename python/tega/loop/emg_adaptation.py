@@ -24,17 +24,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.config.calibration import EmgMaxima
+from tega.config.stage_sections import AdaptationSection
 from tega.records import Adaptation, AdaptationSwitch, Intent
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config.calibration import EmgMaxima
-    from tega.config.stage_sections import AdaptationSection
 
 MOST_GAIN: Final = 1.5
 MOST_OFFSET: Final = 0.1
@@ -305,11 +302,7 @@ class ChannelAdaptation:
 
 
 def read_switches(recorded: Sequence[AdaptationSwitch]) -> Callable[[int], Switches]:
-    """Return the switches that a run read, by the number of samples at which it read them.
-
-    Args:
-        recorded: In the order in which they were recorded.
-    """
+    """Return the switches that a run read, by the number of samples at which it read them."""
     waiting, now = deque(recorded), Switches()
 
     def at(n_samples: int) -> Switches:

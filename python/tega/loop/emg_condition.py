@@ -13,24 +13,20 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy import fft  # it would else be imported by the first look, in the middle of a run
+from numpy.typing import NDArray
 
+from tega.config import SessionConfig
+from tega.config.calibration import EmgMaxima
+from tega.devices.base import EmgChunk
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.inbox.sources import chunk_of
 from tega.records import EmgSamples, MuscleCondition
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config import SessionConfig
-    from tega.config.calibration import EmgMaxima
-    from tega.devices.base import EmgChunk
-    from tega.loop.inbox.prepared import Prepared
-    from tega.records.bus import Bus
 
 FELL_SHARE: Final = 0.15
 """Drop of a median frequency that is reported, as a share of its value in the run's first 20 s of effort."""
@@ -77,11 +73,7 @@ def median_frequency(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np
 
 
 class ConditionWatch:
-    """Watches one source as its samples come.
-
-    Args:
-        maxima: Maxima of the channels, with the kind of the samples.
-    """
+    """Watches one source as its samples come."""
 
     def __init__(self, maxima: EmgMaxima) -> None:
         self._names, self._full = maxima.channels, np.array(maxima.maxima)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.hand import ModelledHand
-from tega.wire import allegro_limp_frames, allegro_torque_frames
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.wire import CanFrame
-
+from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 
 # The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
 HAND_TICK_NS = 3_000_000
@@ -84,9 +80,6 @@ class ModelledAllegro:
         Args:
             level: Closure level, 1 to 5 with fractions between two poses.
             added: Addition of the reflex, levels.
-
-        Returns:
-            The four SET TORQUE frames of this tick.
         """
         self._angles, torques = self._hand.step(level, added)
         return allegro_torque_frames(torques, device_id=self._device_id)

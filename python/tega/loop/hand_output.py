@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from tega.hand import split_level
-from tega.records import Event, HandCommand, Joints, bus_frames
-
-if TYPE_CHECKING:
-    from tega.loop.hand import Hand
-    from tega.loop.latency import LatencyTrace
-    from tega.loop.reflex import ReflexArc
-    from tega.loop.sink import Sink
-    from tega.records import Contact
-    from tega.records.bus import Bus
-    from tega.wire import CanFrame
+from tega.loop.hand import Hand
+from tega.loop.latency import LatencyTrace
+from tega.loop.reflex import ReflexArc
+from tega.loop.sink import Sink
+from tega.records import Contact, Event, HandCommand, Joints, bus_frames
+from tega.records.bus import Bus
+from tega.wire import CanFrame
 
 
 class HandOutput:

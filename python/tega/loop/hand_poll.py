@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.config import SessionConfig
 from tega.devices.base import SteeredHand, optional
 from tega.hand.poses import ClosureScale, load_poses
+from tega.loop.arm import Steering
 from tega.loop.hand import HAND_TICK_NS
 from tega.records import HandLook
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config import SessionConfig
-    from tega.loop.arm import Steering
-
 
 # The rule was fitted on looks 10 ms apart; a hand's process tells angles every 8 ms.
 HAND_POLL_NS: Final = 3 * HAND_TICK_NS
@@ -100,12 +96,6 @@ def open_hand_polls(
     config: SessionConfig, *, hand: SteeredHand | None, arm: Steering | None, now_ns: Callable[[], int]
 ) -> HandPolls | None:
     """Make the looks of a run; ``None`` where hand or arm is not measured, or the settings want touch alone.
-
-    Args:
-        config: The settings.
-        hand: The hand that measures its joints.
-        arm: Steering of the arm; ``None`` without an arm.
-        now_ns: Returns the time since the start of the session, nanoseconds.
 
     Raises:
         ConfigError: The hand's pose file cannot be used.

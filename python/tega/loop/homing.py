@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -12,6 +12,8 @@ import numpy as np
 from tega.arm.move_to_start import SPEED_M_S, TURN_RAD_S, MoveToStart
 from tega.arm.pose import Pose
 from tega.arm.settings import FilterSettings, MappingSettings
+from tega.config import SessionConfig
+from tega.config.sections import ArmConfig
 from tega.devices.base import SteeredHand, optional
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
@@ -21,11 +23,7 @@ from tega.loop.arm import open_arm
 from tega.loop.sinks import open_inputs
 from tega.records import ArmTurn
 from tega.records.bus import Bus
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.config.sections import ArmConfig
-    from tega.runtime.guide import Shows
+from tega.runtime.guide import Shows
 
 WARNING_S: Final = 3.0
 """Time for which a motion is announced before anything may move."""
@@ -137,11 +135,6 @@ def go_to_start(
 
 def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
     """Open the arm of the settings and watch it for a while; nothing may move.
-
-    Args:
-        config: The settings, with an arm and its switches.
-        seconds: Duration.
-        bus: Every turn of the arm is published here.
 
     Raises:
         ConfigError: The settings have no arm, or something that it needs is missing.

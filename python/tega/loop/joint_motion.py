@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-__all__ = ["JointMotion"]
+from numpy.typing import NDArray
 
 _REST_TICKS: Final = 100
 """Looks in which a closure is held and the joints stand before a motion counts: 0.3 s at the hand's rate."""

@@ -33,17 +33,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from tega.config.motor_onset import MotorOnset
+from tega.devices.base import StampingVest
 from tega.loop.inbox.histogram import LEAST_SAMPLES, Histogram
+from tega.loop.joint_motion import JointMotion
 from tega.records.bus import Bus
 from tega.records.latency import INTENT_STAGES, MOTION_STAGES, TOUCH_STAGES, Latency
-
-if TYPE_CHECKING:
-    from tega.config.motor_onset import MotorOnset
-    from tega.devices.base import StampingVest
-    from tega.loop.joint_motion import JointMotion
-
 
 __all__ = ["INTENT_STAGES", "MOTION_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace"]
 

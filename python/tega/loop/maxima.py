@@ -6,10 +6,11 @@ The maxima use the whole recording, so a self-calibrated run is not causal; this
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config.calibration import EmgMaxima, TouchMaxima
 from tega.devices.base import EmgSource
@@ -17,10 +18,6 @@ from tega.emg import channel_maxima
 from tega.errors import CalibrationError, ConfigError
 from tega.loop.inbox.reader import READ_TIMEOUT_S
 from tega.records import Contact
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 SELF_CALIBRATED = "estimated from the whole input, so these results cannot be reproduced live"
 
@@ -59,9 +56,6 @@ def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
 
 def guided_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
     """Derive a finger's maxima from guided presses, round and flat.
-
-    Args:
-        contacts: Their frames.
 
     Returns:
         Those of :func:`touch_maxima`, EDA times :data:`HEADROOM`.

@@ -32,13 +32,7 @@ class MotorAnswer(NamedTuple):
 
 
 def lit_frame(silence: MotorLevels, motor: int, percent: int) -> MotorLevels:
-    """Return a frame in which one motor is on.
-
-    Args:
-        silence: The frame in which all rest.
-        motor: Its place in the frame.
-        percent: Intensity, percent.
-    """
+    """Return a frame in which one motor is on."""
     lit = np.zeros_like(silence.intensities)
     lit[motor] = percent
     lit.flags.writeable = False
@@ -71,11 +65,7 @@ class MotorTests:
         self._refused, self._bus = refused, bus
 
     def ask(self, motor: int) -> MotorAnswer:
-        """Ask for a motor, and wait until the loop has answered; for any thread but the loop's.
-
-        Args:
-            motor: Its place in the frame, from 0.
-        """
+        """Ask for a motor, and wait until the loop has answered; for any thread but the loop's."""
         if not self._one.acquire(blocking=False):
             return MotorAnswer(done=False, words="not tried: another motor is")
         try:
@@ -94,12 +84,7 @@ class MotorTests:
         return self._running is not None or self._wanted is not None
 
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        """Return the frame of a tick, with the motor that is tried in it; called by the loop.
-
-        Args:
-            t_ns: The tick.
-            frame: The frame as it is without.
-        """
+        """Return the frame of a tick, with the motor that is tried in it; called by the loop."""
         why = self._refused()
         wanted, self._wanted = self._wanted, None
         if self._running is not None and (why or t_ns >= self._running[1]):

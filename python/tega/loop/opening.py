@@ -9,15 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
+from tega.config import SessionConfig
 from tega.devices.at_exit import closes_on_exit, release
-from tega.devices.base import HandDriver, SteeredHand, WarmingHand
+from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, WarmingHand
 from tega.devices.registry import driver_class
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import EmgSource, TactileSource
 
 
 class Opening:
@@ -25,7 +21,6 @@ class Opening:
 
     Args:
         stack: Closes the opened devices, once all of them are open.
-        config: The settings.
         sources: Whether the run opens the sources of the settings.
     """
 

@@ -44,7 +44,6 @@ class Pacer:
     """Waits for absolute deadlines on a clock; with a manual clock it never sleeps.
 
     Args:
-        clock: The clock.
         bell: Ends a wait early when rung; ``None`` if only deadlines count.
 
     Attributes:
@@ -76,9 +75,6 @@ class Pacer:
     def doze(self, t_ns: int) -> int:
         """Wait for a deadline, or until something has come before it.
 
-        Args:
-            t_ns: The deadline, counted from the start.
-
         Returns:
             The time it is now where something has come, else the deadline, which :meth:`wait` then finds reached.
         """
@@ -94,9 +90,6 @@ class Pacer:
 
     def wait(self, t_ns: int) -> bool:
         """Wait for a deadline.
-
-        Args:
-            t_ns: The deadline, counted from the start.
 
         Returns:
             Whether the tick should be carried out; false when it is too late for it to make sense.

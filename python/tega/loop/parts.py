@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from tega.config import Pace, SessionConfig
+from tega.devices.base import Tracker
 from tega.errors import DeviceUnavailableError, TegaError
+from tega.haptics import Layout
+from tega.loop.inbox.inputs import Inputs
+from tega.loop.inbox.prepared import Prepared
+from tega.loop.latency import LatencyTrace
+from tega.loop.loop_report import LoopReport
+from tega.loop.sinks import Sinks
+from tega.loop.snapshot import LoopView
+from tega.records.bus import Bus
+from tega.runtime.device_items import DeviceInfo
 from tega.runtime.features import features, targets
-
-if TYPE_CHECKING:
-    from tega.config import Pace, SessionConfig
-    from tega.devices.base import Tracker
-    from tega.haptics import Layout
-    from tega.loop.inbox.inputs import Inputs
-    from tega.loop.inbox.prepared import Prepared
-    from tega.loop.latency import LatencyTrace
-    from tega.loop.loop_report import LoopReport
-    from tega.loop.sinks import Sinks
-    from tega.loop.snapshot import LoopView
-    from tega.records.bus import Bus
-    from tega.runtime.device_items import DeviceInfo
-    from tega.runtime.wake import Bell
-    from tega.safety.guard import Guard
-
+from tega.runtime.wake import Bell
+from tega.safety.guard import Guard
 
 __all__ = ["Part", "PartContext", "RunStart", "open_parts"]
 

@@ -14,40 +14,33 @@ from collections.abc import Callable, Iterator
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tega.config import SessionConfig, load_config
 from tega.config.calibration import EmgMaxima
 from tega.devices.at_exit import closes_on_exit, release
-from tega.devices.base import DeviceInfo, EmgChunk
+from tega.devices.base import DeviceInfo, EmgChunk, Tracker
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels
 from tega.loop.controls import Controls
-from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.prepared import Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
-from tega.loop.lapsing import Lapsing
 from tega.loop.motor_tests import MotorTests
 from tega.loop.parts import Part, RunStart
-from tega.loop.program_arm import ProgramArm
+from tega.loop.program_arm import Lapsing, ProgramArm
 from tega.loop.session import run_session
 from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import Intent, ProgramFrame
 from tega.records.bus import Bus
 from tega.records.display import Notice
-from tega.runtime.clock import ManualClock, SystemClock
+from tega.runtime.clock import Clock, ManualClock, SystemClock
 from tega.runtime.lifecycle import Elsewhere
+from tega.safety.guard import Guard
 from tega.safety.stop import Stop
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from tega.devices.base import Tracker
-    from tega.loop.inbox.prepared import Prepared
-    from tega.runtime.clock import Clock
-    from tega.safety.guard import Guard
 
 __all__ = ["ProgramArm", "ProgramHand", "ProgramSession", "ProgramVest", "session"]
 

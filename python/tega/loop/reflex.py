@@ -11,20 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from threading import Lock
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
+from tega.config import ReflexSection, SessionConfig
 from tega.config.choose import grip_reflex
+from tega.devices.base import SteeredHand
 from tega.loop.hand_poll import fresh_angles_rad, hand_closure
-from tega.records import Button, ReflexGrip
-
-if TYPE_CHECKING:
-    from tega.config import ReflexSection, SessionConfig
-    from tega.devices.base import SteeredHand
-    from tega.loop.snapshot import LoopView
-    from tega.records import Contact, Event
-    from tega.records.bus import Bus
-    from tega.stages.base import Reflex
-
+from tega.loop.snapshot import LoopView
+from tega.records import Button, Contact, Event, ReflexGrip
+from tega.records.bus import Bus
+from tega.stages.base import Reflex
 
 REFLEX_SEAT: Final = "reflex"
 # Up to here the person's own hand is as good as open: a decoder of shares seldom says exactly 1.
@@ -100,15 +96,12 @@ class ReflexArc:
     a quarter of a level or more.
 
     Args:
-        reflex: The stage.
-        settings: Its bounds.
         snapshot: Returns the circumstances of a tick from its time in nanoseconds.
         notify: Called with every tick at which the reflex was asked or added something.
 
     Attributes:
         authority: Share of the largest addition that it might use at the last tick.
         added: Current addition, levels.
-        n_added: Ticks at which something was added.
         most_added: The largest addition so far, levels.
     """
 

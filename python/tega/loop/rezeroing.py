@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.loop.inbox.sources import SourceReport
 from tega.records import Button, Contact
-
-if TYPE_CHECKING:
-    from tega.loop.inbox.sources import SourceReport
-    from tega.records.bus import Bus
-    from tega.stages.base import Metric
+from tega.records.bus import Bus
+from tega.stages.base import Metric
 
 REZERO_SEAT: Final = "rezero"
 REZERO_KEY: Final = "b"
@@ -45,11 +43,7 @@ class FingerRezero:
 
 
 class RezeroKey:
-    """Publishes the press of a terminal's key as a request for a new baseline.
-
-    Args:
-        bus: Publishes contacts, which give the session's time, and takes the button.
-    """
+    """Publishes the press of a terminal's key as a request for a new baseline."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus, self._t_ns, self._n = bus, 0, 0

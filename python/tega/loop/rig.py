@@ -30,10 +30,7 @@ class Rig(NamedTuple):
     """Devices and outputs of a run, all of them open.
 
     Attributes:
-        config: The settings.
-        bus: Bus of the run.
         prepared: The sources, with their baselines and maxima.
-        sinks: The outputs.
         inputs: The operator's input devices.
         guard: Watches over the live devices.
         steering: Leads the arm; ``None`` without one.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.config.choose import finger_metric
@@ -16,6 +16,7 @@ from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import open_hand_polls
+from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
 from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.loop.pacing import Pacer
@@ -28,29 +29,17 @@ from tega.loop.touch import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
 from tega.loop.vest_output import VestOutput
 from tega.records import Alert, Event, RunState, Value
+from tega.records.bus import Bus
 from tega.runtime.clock import Clock, SystemClock
 from tega.runtime.threads import all_along, run_realtime
 from tega.runtime.wake import Bell
-
-if TYPE_CHECKING:
-    from tega.loop.latency import LatencyTrace
-    from tega.records.bus import Bus
-    from tega.safety.guard import Guard
-    from tega.safety.states import Transition
-    from tega.stages.base import Metric
+from tega.safety.guard import Guard
+from tega.safety.states import Transition
+from tega.stages.base import Metric
 
 
 def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) -> dict[str, Any]:
     """Run the dual loop until it ends, close everything that is open, and write the summary.
-
-    Args:
-        stack: Holds everything that the rig has open; closed here, so that tables and recordings are complete.
-        rig: Devices, outputs and parts of the run.
-        clock: The session's clock.
-        controls: Polled at every tick for the end and for permissions.
-
-    Returns:
-        The summary.
 
     Raises:
         TegaError: The error that ended the loop; the summary is written first.

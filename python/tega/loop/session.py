@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tega.config import SessionConfig
 from tega.loop.controls import Controls
 from tega.loop.gc_pause import settled
+from tega.loop.inbox.prepared import Prepared
 from tega.loop.opening import Opening
+from tega.loop.parts import Part
+from tega.loop.prepare import Progress
 from tega.records.bus import Bus
-from tega.runtime.clock import ManualClock, SystemClock
+from tega.runtime.clock import Clock, ManualClock, SystemClock
 from tega.runtime.threads import realtime, short_turns
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.loop.inbox.prepared import Prepared
-    from tega.loop.parts import Part
-    from tega.loop.prepare import Progress
-    from tega.runtime.clock import Clock
 
 
 def run_session(

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from tega.devices.base import HandDriver, SteeredHand, TellingHand, VestSink, optional
+from tega.config import SessionConfig
+from tega.devices.base import DeviceInfo, HandDriver, SteeredHand, TellingHand, VestSink, optional
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import split_level
+from tega.hand.link import Received
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.pacing import refuse_live
+from tega.loop.snapshot import LoopView
 from tega.loop.worn_vest import dose_file, worn_vest
 from tega.records import HandExchange, bus_frames
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import DeviceInfo
-    from tega.hand.link import Received
-    from tega.loop.snapshot import LoopView
-    from tega.records.bus import Bus
-    from tega.wire import CanFrame
+from tega.records.bus import Bus
+from tega.wire import CanFrame
 
 
 class Sinks(NamedTuple):

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from tega.loop.hand import CommandedHand
+from tega.haptics import MotorLevels
+from tega.loop.arm_view import ArmView
+from tega.loop.hand import CommandedHand, Hand
+from tega.loop.inbox.inputs import Inputs, SeatSeen
+from tega.loop.latency import LatencyTrace
+from tega.loop.loop_report import LoopReport
 from tega.loop.touch import STALE_NS
-from tega.records import Event, Record
-
-if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
-    from tega.loop.arm_view import ArmView
-    from tega.loop.hand import Hand
-    from tega.loop.inbox.inputs import Inputs, SeatSeen
-    from tega.loop.latency import LatencyTrace
-    from tega.loop.loop_report import LoopReport
-    from tega.records import Contact, Intent
-    from tega.records.bus import Bus
-    from tega.safety.guard import Guard
-
+from tega.records import Contact, Event, Intent, Record
+from tega.records.bus import Bus
+from tega.safety.guard import Guard
 
 _EVENT_NS = 3_000_000_000
 

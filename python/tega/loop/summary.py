@@ -5,23 +5,20 @@ No time of day, host or folder is in a summary, so that equal runs give equal by
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
+from tega.config import Pace
 from tega.devices.base import optional
 from tega.errors import TegaError
+from tega.haptics import Layout
 from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.latency import LatencyTrace
+from tega.loop.loop_report import LoopReport
+from tega.loop.pacing import PacingReport
+from tega.loop.reflex import ReflexArc
+from tega.loop.rig import Rig
 from tega.loop.touch import STALE_NS
-
-if TYPE_CHECKING:
-    from tega.config import Pace
-    from tega.haptics import Layout
-    from tega.loop.inbox.sources import SourceReport
-    from tega.loop.latency import LatencyTrace
-    from tega.loop.loop_report import LoopReport
-    from tega.loop.pacing import PacingReport
-    from tega.loop.reflex import ReflexArc
-    from tega.loop.rig import Rig
-
 
 SUMMARY_FORMAT = "tega-run"
 _COUNTS = ("dropped", "missing", "duplicate", "identical", "stuck", "unfit")
@@ -33,8 +30,6 @@ class RunFacts(NamedTuple):
     Attributes:
         rig: Devices, outputs and parts of the run.
         layout: Layout of the vest's motors.
-        pace: Pace of the vest.
-        loop: Counts of the loop.
         pacing: Report of how well the deadlines were kept.
         trace: Latency trace of frames and blocks; ``None`` if no input was live.
         real_time: Whether the loop's thread went ahead of others.
@@ -52,15 +47,7 @@ class RunFacts(NamedTuple):
 
 
 def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[str, Any]:
-    """Sum up a run.
-
-    Args:
-        state: Everything it was made of.
-        error: Error that ended the run, if it failed.
-
-    Returns:
-        A tree of plain values, ready for JSON.
-    """
+    """Sum up a run."""
     from tega import __version__
 
     config, loop = state.rig.config, state.loop

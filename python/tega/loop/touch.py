@@ -5,30 +5,22 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from collections.abc import Mapping as AnyMapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import ArrayLike
 
 from tega import _native
-from tega.config import DEFAULT_LAYOUT
+from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.config.calibration import Calibration, TouchMaxima
 from tega.config.choose import felt_map, vest_mapping
 from tega.errors import InvalidValueError
-from tega.haptics import FINGERS, MotorLevels
+from tega.haptics import FINGERS, FeltMap, Layout, Mirror, MotorLevels
 from tega.haptics.motor_layout import find_layout
-from tega.records import Event
+from tega.records import Contact, Event, HandLook
 from tega.stages.base import Mapping, VestSetup
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from tega.config import SessionConfig
-    from tega.haptics import FeltMap, Layout, Mirror
-    from tega.records import Contact, HandLook
-    from tega.stages.events import DetectedEvent, Detector
-
+from tega.stages.events import DetectedEvent, Detector, TouchFrame
 
 # A frame older than this says nothing about the present: the finger's columns fall silent.
 STALE_NS = 100_000_000
@@ -87,8 +79,6 @@ class TouchLoop:
 
     def find_events(self) -> None:
         """Look for events from now on, whether or not the mapping wants them."""
-        from tega.stages.events import Detector
-
         self._detector = self._detector or Detector()
 
     def update(self, finger: str, contact: Contact) -> Contact:
@@ -209,8 +199,6 @@ def touch_loop(
 
 def _events(detector: Detector, contact: Contact) -> Sequence[Event]:
     """Return the events that a contact shows."""
-    from tega.stages.events import TouchFrame
-
     t_ns, finger = contact.t_ns, contact.finger
     touch = TouchFrame(contact.in_contact, contact.eda, contact.mass, contact.peak, *contact.centroid_xy)
     return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch)]

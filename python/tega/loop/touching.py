@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from typing import TYPE_CHECKING, Final, NamedTuple, cast
+from typing import Final, NamedTuple, cast
 
+from tega.devices.base import DeviceInfo, TactileFrame, TactileSource
 from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.prepared import Finger
 from tega.loop.inbox.reader import READ_TIMEOUT_S, ReadAhead
 from tega.loop.touch import STALE_NS
-
-if TYPE_CHECKING:
-    from tega.devices.base import DeviceInfo, TactileFrame, TactileSource
-    from tega.loop.inbox.prepared import Finger
-    from tega.records import Contact
-    from tega.stages.base import Metric
-
+from tega.records import Contact
+from tega.stages.base import Metric
 
 # Pictures that are decoded before their turn, for each finger.
 _AHEAD: Final = 8
@@ -108,9 +105,6 @@ class RecordedFingers:
 
     def measured(self, stopped: Callable[[], bool]) -> Iterator[_Found]:
         """Measure all pictures in the order of their times, in the thread that asks.
-
-        Args:
-            stopped: Asked between two pictures whether to give up.
 
         Raises:
             RecordingError: A picture is unreadable or not of its baseline's size.

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from tega import records
-from tega.devices.base import optional
-
-if TYPE_CHECKING:
-    from tega.devices.base import VestSink
-    from tega.haptics import MotorLevels
-    from tega.loop.latency import LatencyTrace
-    from tega.loop.sink import Sink
-    from tega.loop.touch import TouchLoop
-    from tega.records.bus import Bus
+from tega.devices.base import VestSink, optional
+from tega.haptics import MotorLevels
+from tega.loop.latency import LatencyTrace
+from tega.loop.sink import Sink
+from tega.loop.touch import TouchLoop
+from tega.records.bus import Bus
 
 
 class MotorTrials(Protocol):
@@ -41,7 +38,6 @@ class VestOutput:
 
     Args:
         touch: Turns contacts into frames.
-        vests: Outputs that every frame is written to.
         live_vests: Real vests, which get every frame, too; the frames that they sent are published.
         bus: Bus on which frames, frames that real vests sent, and changes of ``haptics`` are published.
         now_ns: Returns the time since the start of the session.

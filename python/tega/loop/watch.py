@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 from tega.config import SessionConfig
 from tega.devices.base import EmgSource, optional
+from tega.loop.arm import Steering
+from tega.loop.controls import Controls
+from tega.loop.emg_condition import MuscleAlert
+from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.parts import Part
+from tega.loop.sinks import Sinks
+from tega.records.bus import Bus
 from tega.safety.clock_step import ClockStep
 from tega.safety.guard import Guard, Watched
-
-if TYPE_CHECKING:
-    from tega.loop.arm import Steering
-    from tega.loop.controls import Controls
-    from tega.loop.emg_condition import MuscleAlert
-    from tega.loop.inbox.prepared import Prepared
-    from tega.loop.inbox.sources import SourceReport
-    from tega.loop.parts import Part
-    from tega.loop.sinks import Sinks
-    from tega.records.bus import Bus
 
 
 def watch_over(

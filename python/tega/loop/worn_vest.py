@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from filelock import FileLock, Timeout
 
-from tega.devices.base import BudgetedVest, RepeatingVest
+from tega.config import CalibrationConfig, VestConfig
+from tega.devices.base import BudgetedVest, RepeatingVest, VestSink
 from tega.devices.registry import driver_class
 from tega.errors import DeviceUnavailableError
 from tega.runtime.files.lock import LOCK_SUFFIX
 from tega.safety.dose_file import KeptDose
-
-if TYPE_CHECKING:
-    from tega.config import CalibrationConfig, VestConfig
-    from tega.devices.base import VestSink
-
 
 NAMELESS: Final = "nameless-vest-dose.json"
 """File, in the folder of calibrations, of wearers without a name."""

@@ -30,8 +30,6 @@ import msgspec
 
 from tega.errors import TegaError
 
-__all__ = ["Backlog", "Bus", "report_drops"]
-
 _LOG = logging.getLogger(__name__)
 
 _DRAIN_S = 10.0
@@ -159,12 +157,7 @@ def _words(error: Exception) -> str:
 
 
 def report_drops(n_dropped: int, newest_s: float) -> str:
-    """Return how many records were dropped, ``""`` for none in the last ten seconds.
-
-    Args:
-        n_dropped: How many since the start.
-        newest_s: When the newest of them was, by the monotonic clock, seconds.
-    """
+    """Return how many records were dropped, ``""`` for none in the last ten seconds."""
     if not n_dropped or time.monotonic() - newest_s > DROPS_REPORTED_S:
         return ""
     return f"{n_dropped} records dropped"
@@ -176,7 +169,6 @@ class Backlog:
     The tables, the displays, the markers and the stages beside the connected ones each have one.
 
     Args:
-        name: Name of the subscriber.
         most: Maximum number of waiting records; further ones are dropped and counted.
         newest: If true, a full backlog drops the oldest record, for a display of the current state; else the new one.
         idle: Called in the thread, some hundred times a second, while nothing waits.

@@ -52,12 +52,7 @@ class Notice(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DisplayRows:
-    """Rows that features show, kept for one display.
-
-    Args:
-        bus: Bus of the run.
-        name: Name of the display.
-    """
+    """Rows that features show, kept for one display."""
 
     def __init__(self, bus: Bus, name: str) -> None:
         self._rows: dict[str, str] = {}

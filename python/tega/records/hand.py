@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from collections.abc import Iterable
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 
 from tega.records.base import Millimetres, Ns, Record, Share, Step, quantity
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from typing import Any
-
 
 Levels = Annotated[float, quantity("level")]
 

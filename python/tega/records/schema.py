@@ -27,7 +27,6 @@ class MessageField(NamedTuple):
     """One field of a message.
 
     Attributes:
-        name: Its name in the message.
         attribute: The struct's field it is made of.
         of_pair: Index within a pair: ``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``; else ``None``.
         wire: Protobuf's type, or the name of another message.

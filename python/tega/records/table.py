@@ -15,12 +15,7 @@ _PARTS = {"frames": ("id", "data")}
 
 
 def columns(kind: type[Record], **names: Iterable[str]) -> tuple[str, ...]:
-    """Return the head of a record's table.
-
-    Args:
-        kind: The record.
-        names: Column names by field, for fields with one number for each part of a device.
-    """
+    """Return the head of a record's table."""
     names = {**kind.columns, **names}
     written = {field.attribute: field.name for field in fields(kind) if field.of_pair is None}
     head: list[str] = []

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.records.base import (
     Grey,
@@ -22,11 +24,6 @@ from tega.records.base import (
     quantity,
 )
 from tega.records.html import record_html
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 _NAN = math.nan
 

@@ -20,9 +20,6 @@ _FOLDERS: Final = {
 def needs_tools(subject: str) -> Iterator[None]:
     """Say which pip line brings a package of ``tools/`` that an import in this block does not find.
 
-    Args:
-        subject: Command that needs the package, for the message.
-
     Raises:
         MissingToolError: The package is not installed; the hint is the pip line, to be typed in a checkout.
     """

@@ -37,10 +37,6 @@ def python_command(module: str, *arguments: str) -> list[str]:
     """Return the words that run a module of TEGA as a program of its own, isolated from the working folder.
 
     Start it with :func:`python_environment`, since ``PYTHONPATH`` may name the working folder as well.
-
-    Args:
-        module: Its full name.
-        arguments: Words for it.
     """
     root = str(Path(__file__).resolve().parents[2])
     return [sys.executable, "-P", "-c", _BEGIN, root, module, *arguments]
@@ -51,11 +47,6 @@ def start_child(module: str, *arguments: str, **popen: Any) -> subprocess.Popen[
 
     The program has a process group of its own and ignores HUP, INT, TERM and QUIT, from before its first import. Its
     children inherit that. The module has to read its standard input and end in good order when that ends.
-
-    Args:
-        module: Full name of the module.
-        arguments: Words for it.
-        popen: Further arguments of ``subprocess.Popen``, such as ``stdout``.
     """
     words = python_command(module, *arguments)
     words[words.index(_BEGIN)] = _IGNORE + _BEGIN
@@ -63,11 +54,7 @@ def start_child(module: str, *arguments: str, **popen: Any) -> subprocess.Popen[
 
 
 def python_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the environment for such a program: without entries of ``PYTHONPATH`` that mean the working folder.
-
-    Args:
-        environment: Environment to start from; this program's when ``None``.
-    """
+    """Return the environment for such a program: without entries of ``PYTHONPATH`` that mean the working folder."""
     clean = dict(os.environ if environment is None else environment)
     entries = clean.pop("PYTHONPATH", "").split(os.pathsep)
     here = Path.cwd().resolve()
@@ -78,11 +65,7 @@ def python_environment(environment: Mapping[str, str] | None = None) -> dict[str
 
 
 def own_group(system: str = sys.platform) -> dict[str, Any]:
-    """Return the arguments of ``Popen`` for a program that the terminal's Ctrl-C and hang-up do not reach.
-
-    Args:
-        system: As ``sys.platform`` names it.
-    """
+    """Return the arguments of ``Popen`` for a program that the terminal's Ctrl-C and hang-up do not reach."""
     return {"creationflags": _NEW_GROUP} if system == "win32" else {"start_new_session": True}
 
 
@@ -104,10 +87,6 @@ def is_running(pid: int, module: str) -> bool:
     """Return whether a process runs a module of TEGA now: neither ended, stopped nor replaced by another program.
 
     Where the system does not say (no ``/proc``), the answer is no.
-
-    Args:
-        pid: Number of the process.
-        module: Full name of the module that it was started with.
     """
     folder = Path(f"/proc/{pid}")
     try:
@@ -120,10 +99,6 @@ def is_running(pid: int, module: str) -> bool:
 
 def end_child(child: subprocess.Popen[bytes] | subprocess.Popen[str], patience_s: float) -> int:
     """Close a program's input, wait for it to end, and kill it if it does not.
-
-    Args:
-        child: The program; one that has ended already is only asked for its code.
-        patience_s: How long it may take, seconds.
 
     Returns:
         Its exit code, negative for the signal that ended it.

@@ -91,11 +91,7 @@ class SystemClock:
 
 
 class ManualClock:
-    """A clock that moves only when it is set; waiting on it moves it and never sleeps.
-
-    Args:
-        t_ns: Where it starts, in nanoseconds.
-    """
+    """A clock that moves only when it is set; waiting on it moves it and never sleeps."""
 
     def __init__(self, t_ns: int = 0) -> None:
         self._t_ns = t_ns

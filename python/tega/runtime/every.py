@@ -81,10 +81,6 @@ def every(action: Callable[[], object], *, every_s: float) -> Iterator[None]:
     """Call a function at once, and again after each rest, in another thread; the block ends after the last call.
 
     The calls of a program share that thread, so one that takes long delays the others.
-
-    Args:
-        action: Called again and again.
-        every_s: The rest between the end of a call and the next call.
     """
     call = _Call(action, every_s)
     _turns.begin(call)

@@ -50,11 +50,6 @@ class Contradiction(NamedTuple):
 def refuse(driver: str, label: str, contradiction: Contradiction) -> NoReturn:
     """Refuse a stream with unusable samples.
 
-    Args:
-        driver: Name of the driver.
-        label: Name of the device or the stream.
-        contradiction: The reason.
-
     Raises:
         StreamContradictionError: Always.
     """
@@ -75,12 +70,7 @@ class Contradictions:
         self.seen: tuple[Contradiction, ...] = ()
 
     def note(self, name: str, contradiction: Contradiction | None) -> None:
-        """Note the result of one comparison.
-
-        Args:
-            name: Name of the comparison.
-            contradiction: Its result; ``None`` where evidence and assumption agree.
-        """
+        """Note the result of one comparison."""
         if self._now.get(name) == contradiction:
             return
         if contradiction is None:

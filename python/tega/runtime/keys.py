@@ -9,7 +9,6 @@ import os
 import re
 import select
 import sys
-from types import TracebackType
 
 from tega.errors import DeviceUnavailableError
 
@@ -56,9 +55,7 @@ class Keys:
             tty.setcbreak(self._fd)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Put the terminal back."""
         if sys.platform != "win32" and self._fd is not None:
             import termios

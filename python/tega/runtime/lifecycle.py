@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from types import ModuleType, TracebackType
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 from tega.errors import MissingExtraError
@@ -28,19 +28,13 @@ class Opened:
         self.open()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Close the device."""
         self.close()
 
 
 class Elsewhere(Opened):
-    """Stands in for a device that is open somewhere else, such as at another station or in a program.
-
-    Args:
-        info: Description of the device.
-    """
+    """Stands in for a device that is open somewhere else, such as at another station or in a program."""
 
     def __init__(self, info: DeviceInfo) -> None:
         self.info = info

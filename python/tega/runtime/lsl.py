@@ -20,9 +20,6 @@ EXTRA = "lsl"
 def load_lsl(who: str) -> Any:
     """Import pylsl; unless its library is configured, only its errors are printed.
 
-    Args:
-        who: Name of the part that needs it, for the message.
-
     Raises:
         MissingExtraError: pylsl is not installed.
     """

@@ -30,9 +30,6 @@ class ClockCorrection:
         now_s: When that was, seconds of the monotonic clock.
 
     Attributes:
-        value_s: The correction in use.
-        first_s: The correction at opening.
-        n_asked: How often it was asked for.
         n_outliers: How many answers were outliers.
 
     Example:

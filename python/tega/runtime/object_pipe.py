@@ -23,11 +23,7 @@ _PROTOCOL = 5
 
 
 class AnswerPipe:
-    """Sends answers to the run, from any thread.
-
-    Args:
-        pipe: To the run.
-    """
+    """Sends answers to the run, from any thread."""
 
     def __init__(self, pipe: BufferedWriter) -> None:
         self._pipe = pipe

@@ -5,18 +5,15 @@ from __future__ import annotations
 import os
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega import _native
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import load_npy, read_foreign
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 IMAGE_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
 # Of a file with one picture.

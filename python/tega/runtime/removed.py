@@ -39,10 +39,6 @@ REMOVED: Final[Mapping[str, Removed]] = {
 def refuse_removed(name: str, removed: Mapping[str, Removed] = REMOVED) -> None:
     """Refuse what was taken out; anything else passes.
 
-    Args:
-        name: The setting, stage or field.
-        removed: Registry to search.
-
     Raises:
         ConfigError: It was taken out; the message says since when and why.
     """

@@ -51,9 +51,6 @@ class Reopening:
     def wait(self, over: Over) -> bool:
         """Rest before the next try.
 
-        Args:
-            over: Waits, and returns whether the device is no longer wanted.
-
         Returns:
             Whether to try.
         """
@@ -133,12 +130,7 @@ class Reopening:
 
 
 def polled(stopped: Callable[[], bool], *, every_s: float) -> Over:
-    """Return an :data:`Over` from a function that returns whether the device is no longer wanted.
-
-    Args:
-        stopped: Asked again and again while waiting.
-        every_s: How often, seconds.
-    """
+    """Return an :data:`Over` from a function that returns whether the device is no longer wanted."""
 
     def over(rest_s: float) -> bool:
         until_s = time.monotonic() + rest_s

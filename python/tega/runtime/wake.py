@@ -20,12 +20,5 @@ class Bell:
             self._silent.release()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for a ring.
-
-        Args:
-            timeout_s: How long; without time left a ring is not looked for.
-
-        Returns:
-            Whether there was one.
-        """
+        """Wait for a ring."""
         return timeout_s > 0 and self._silent.acquire(timeout=timeout_s)

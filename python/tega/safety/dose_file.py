@@ -12,21 +12,17 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Final, Self
+from typing import Annotated, Final, Self
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import CalibrationError
 from tega.runtime.every import every
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 DAY_S: Final = 86_400.0
 """So long a run counts, from its end on."""
@@ -96,9 +92,7 @@ class KeptDose:
         self._saving.enter_context(every(self._save_again, every_s=SAVE_S))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Keep it a last time."""
         self._saving.close()
         self.save()

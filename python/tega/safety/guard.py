@@ -44,9 +44,7 @@ class Watched(NamedTuple):
 
     Attributes:
         name: ``emg`` or the finger.
-        kind: Kind of the stream.
         rate_hz: Blocks or pictures a second; ``None`` where that is not known.
-        report: State of the stream.
         driver_faults: Faults of the stream according to its driver, in words.
     """
 
@@ -61,7 +59,6 @@ class Guard:
     """Decides the run's state, and with it the permissions of the loop.
 
     Args:
-        settings: The policies.
         streams: The live streams that are needed; recordings need no guard.
         vests: Functions by the name of each live vest; each returns whether the vest can be reached.
         calibration: Returns why the calibration cannot be used, ``""`` if it can.

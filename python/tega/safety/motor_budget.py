@@ -13,13 +13,10 @@ vest.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+from numpy.typing import NDArray
 
 HEAT_TAU_S: Final = 60.0
 """Time constant of a coin motor's case in cloth, seconds."""

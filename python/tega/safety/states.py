@@ -27,7 +27,6 @@ class Transition(NamedTuple):
 
     Attributes:
         t_ns: When, counted from the start of the session.
-        state: The new state.
         reason: Why, in words for the experimenter.
     """
 
@@ -80,9 +79,6 @@ class RunStates:
             wrong: Reasons that keep the run from becoming active, by name.
             holding: Reasons that keep an active run from going on, by name; counted to ``wrong`` as well.
             go: Whether an armed run may become active.
-
-        Returns:
-            The state.
         """
         every = {**wrong, **holding}
         if every:

@@ -10,17 +10,15 @@ import collections.abc
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.haptics import FeltMap
-    from tega.haptics.motor_layout import MotorLayout
-    from tega.records import Contact, Event, Intent
+from tega.haptics import FeltMap
+from tega.haptics.motor_layout import MotorLayout
+from tega.records import Contact, Event, Intent
 
 
 class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -8,19 +8,15 @@ doi 10.1038/nrn2621). A motor that runs on evenly is adapted to within minutes a
 from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.records import Contact
 from tega.stages.base import StageOptions, VestSetup
 from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.records import Contact
-
 
 # Long enough to be felt apart from an onset, which adapt_s ends.
 _REMIND_NS = 1_000_000_000

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
+from typing import Annotated, ClassVar, Literal, cast
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError
 from tega.haptics import FINGERS, intensity
+from tega.records import Contact, Event
 from tega.stages.base import Mapping, StageOptions, VestSetup
 from tega.wire.allegro_messages import Finger
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.records import Contact, Event
-
 
 FIELDS = (
     "cci",

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError
+from tega.records import Contact, Event
 from tega.stages.base import StageOptions, VestSetup
 from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.records import Contact, Event
-
 
 THRESHOLD_PERCENT = 20.0
 """Detection threshold where the wearer's was not measured: 3 of a vest's 15 levels, one wearer; uncertain."""

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import msgspec
 
+from tega.records import Contact, Event
 from tega.stages.base import Reflex, ReflexSetup, StageOptions
 from tega.stages.events.tracks import TwoMeans
-
-if TYPE_CHECKING:
-    from tega.records import Contact, Event
-
 
 # The wish fades over the last fifth of the way to a limit, so that it neither jumps nor chatters there.
 _MARGIN: Final = 0.2
@@ -58,10 +55,6 @@ class GripReflex(Reflex):
     ``most_give_levels`` since the first touch, or a finger bears ``most_force_n``. The wish is then the slip's, times
     the remaining part of the last fifth of the way there. Beyond the limit it is below 0, which takes back the
     addition.
-
-    Args:
-        setup: The hand.
-        options: Its numbers.
     """
 
     summary = "firmer at incipient slip, eased where the object gives or a finger is loaded"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.records import Contact, NamedValue
 from tega.stages.base import FingerSetup, Metric, StageOptions, TouchMap
@@ -20,11 +22,6 @@ from tega.tactile import (
     nominal_light,
     pressure_map,
 )
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 # Between the frames of a DIGIT, seconds, where their times do not say it.
 _PERIOD_S = 1 / 60

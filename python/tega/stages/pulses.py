@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.records import Contact, Event
 from tega.stages.base import Mapping, StageOptions, VestSetup
 from tega.stages.columns import finger_columns
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.records import Contact, Event
-
 
 _Percent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 

@@ -19,23 +19,19 @@ D8    half of the largest value
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, ShapeError
+from tega.records import Contact
 from tega.stages.base import FingerSetup, Metric, StageOptions, TouchMap
 from tega.stages.metrics import contact_record
 from tega.tactile import ContactGate, ContactMetrics, contact_metrics
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tega.records import Contact
-
 
 Threshold: TypeAlias = Literal["D1", "D2", "D3", "D4", "D5", "D6", "D7", "D8"]
 

@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError
+from tega.records import Contact, Event
 from tega.stages.base import StageOptions, VestSetup
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.records import Contact, Event
-
 
 _PERCENT: Final = 100.0
 """Intensity of a burst: the row carries nothing else, so nothing is hidden by it."""

@@ -8,20 +8,16 @@ the caller. Coordinates are (column, row), pixel centres counted from 0. Grey va
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, cast
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega import _native
 from tega.errors import ShapeError
 from tega.tactile.tracker import Order, Outline
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 Reading = Literal["paper", "live"]
 Images: TypeAlias = "NDArray[np.uint8] | Sequence[NDArray[np.uint8]]"

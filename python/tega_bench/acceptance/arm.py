@@ -6,19 +6,17 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import numpy as np
 
+from tega.config import ArmConfig, SessionConfig
 from tega.loop.homing import go_to_start, watch_arm
 from tega.records import ArmTurn
 from tega.records.bus import Bus
 from tega_bench.acceptance.outputs import seen_status, skipped_steps
 from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep, spread_ms
-
-if TYPE_CHECKING:
-    from tega.config import ArmConfig, SessionConfig
 
 LEAST_UP_M: Final = 0.02
 LEAST_SPEED_M_S: Final = 0.05
@@ -53,11 +51,6 @@ class _EchoedOnce:
 
 def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     """Accept the arm of the settings.
-
-    Args:
-        config: The settings, with a dead-man switch.
-        arm: Its section.
-        guide: The person at the arm's emergency stop.
 
     Yields:
         The steps rate, latency, limits, least and stop; all are skipped without a yes, and nothing is opened.

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from tega.arm.pose import StampedPose
+from tega.arm.settings import GateSettings
+from tega.runtime.device_items import InputEvent, InputReading
 from tega_bench.acceptance.report import AcceptanceGuide, AcceptanceStep, spread_ms
-
-if TYPE_CHECKING:
-    from tega.arm.pose import StampedPose
-    from tega.arm.settings import GateSettings
-    from tega.runtime.device_items import InputEvent, InputReading
 
 _WATCH_S: Final = 5.0
 _HIDDEN_S: Final = 3.0
@@ -30,16 +28,7 @@ _PUSHED: Final = 0.2
 
 
 def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open tracker.
-
-    Args:
-        source: The open driver.
-        gate: Checks that a run applies to poses.
-        guide: The guide of the person with the tracked forearm.
-
-    Yields:
-        The steps rate, latency, limits, least and stop.
-    """
+    """Accept an open tracker."""
     guide.say("Hold the forearm still in the tracker's sight.")
     guide.ask("Does it rest? Press Enter, and rest for five seconds.")
     seen = _poses(source, _WATCH_S)
@@ -155,15 +144,7 @@ def _lost(source: Any, guide: AcceptanceGuide) -> AcceptanceStep:
 
 
 def accept_input(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open switch, pedal or SpaceMouse.
-
-    Args:
-        source: The open driver.
-        guide: The person at it.
-
-    Yields:
-        The steps rate, latency, limits, least and stop.
-    """
+    """Accept an open switch, pedal or SpaceMouse."""
     guide.say("Let go of the device: nothing touches it.")
     guide.ask("Is it untouched? Press Enter, and leave it for five seconds.")
     rest, _ = _readings(source, _WATCH_S)

@@ -54,15 +54,6 @@ def accept_device(
     """Lead through the first hour of a device.
 
     What goes wrong ends the steps, is one of them, and leaves the device closed.
-
-    Args:
-        config: The settings that name it.
-        case: Which device (:func:`acceptance_case`).
-        guide: The person at it.
-        answered: Whether that is a person.
-
-    Returns:
-        The report.
     """
     made = datetime.now(UTC)
     stands = guide.ask("Which device is before you: maker, model, firmware? (or: emulated)")

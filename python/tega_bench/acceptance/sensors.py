@@ -95,15 +95,7 @@ def _ms(values_s: NDArray[np.float64], percentile: float) -> float:
 
 
 def accept_camera(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open fingertip's camera.
-
-    Args:
-        source: The open driver.
-        guide: The person at it.
-
-    Yields:
-        The steps rate, latency, limits and least.
-    """
+    """Accept an open fingertip's camera."""
     seen = _watch(source, _WATCH_S, _small)
     yield _rate_step(seen, source.info.rate_hz, None)
     yield _age_step(seen)
@@ -131,15 +123,7 @@ def _small(frame: Any) -> NDArray[Any]:
 
 
 def accept_amplifier(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open EMG amplifier.
-
-    Args:
-        source: The open driver.
-        guide: The person at it.
-
-    Yields:
-        The steps rate, latency, limits and least.
-    """
+    """Accept an open EMG amplifier."""
     guide.say("Electrodes on the forearm, board and laptop on batteries. Rest your arm.")
     guide.ask("Does it rest? Press Enter, and rest for five seconds.")
     seen = _watch(source, _WATCH_S, lambda chunk: chunk.samples)

@@ -64,7 +64,6 @@ class Onsets(NamedTuple):
         spin_hz: The motor's frequency; NaN where none stands out.
         bursts: Each burst, in order.
         problem: Why there is no result; ``""`` where there is one.
-        hint: What to do about it.
     """
 
     spin_hz: float

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import OnsetRecord
-from tega.devices.base import StampingVest
+from tega.devices.base import DeviceInfo, StampingVest, VestSink
 from tega.errors import CalibrationError, DeviceUnavailableError
+from tega.haptics import Layout
 from tega.runtime.clock import Clock
 from tega.setup.calibration.identify import light_motor
 from tega_bench.vest_latency.clock import ClockMap, by_clicks
 from tega_bench.vest_latency.detect import Onsets, find_onsets
 from tega_bench.vest_latency.log import OnsetLog
-
-if TYPE_CHECKING:
-    from tega.devices.base import DeviceInfo, VestSink
-    from tega.haptics import Layout
-
 
 BURST_S: Final = 0.5
 # Long enough for a motor to stand still again, uneven so that nothing periodic keeps step.
@@ -35,7 +31,6 @@ class OnsetFound(NamedTuple):
 
     Attributes:
         clock: How it lies in time.
-        onsets: Detected onsets.
     """
 
     clock: ClockMap

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
@@ -30,10 +29,6 @@ class Microphone:
 
     Args:
         device: Number or part of a name; ``None`` for the system's own choice.
-
-    Attributes:
-        rate_hz: Samples per second.
-        name: Name of the microphone.
     """
 
     def __init__(self, device: str | None = None) -> None:
@@ -78,9 +73,7 @@ class Microphone:
             time.sleep(0.01)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Record no more."""
         stream, self._stream = self._stream, None
         if stream is not None:
@@ -148,9 +141,7 @@ class Speaker:
         self._latency_s = float(self._stream.latency)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Close it."""
         stream, self._stream = self._stream, None
         if stream is not None:

@@ -49,9 +49,6 @@ class TegaRobot(Seated, Robot):
     Both pass TEGA's guard and limits. Where the settings name a tracker, the person's forearm leads the arm, and the
     teleoperator of the same session gives its target.
 
-    Args:
-        config: The options.
-
     Raises:
         ConfigError: The settings are wrong, ``observe`` names a feature that they do not have, or LeRobot would lead
             an arm without ``arm.mapping.absolute``.

@@ -40,7 +40,6 @@ class Seat:
         person: Person with the calibration to use; ``None`` for that of the settings.
 
     Attributes:
-        config: The settings.
         leads_arm: Whether a device of LeRobot leads the arm, and no tracker.
     """
 

@@ -32,9 +32,6 @@ class TegaTeleoperatorConfig(TeleoperatorConfig):
 class TegaTeleoperator(Seated, Teleoperator):
     """Teleoperator ``tega``.
 
-    Args:
-        config: The options.
-
     Raises:
         ConfigError: The settings are wrong, or name no EMG.
     """

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option
 
 
 @click.group(epilog="Example: tega-teleop net keys keys --operator alice --robot panda")
@@ -36,7 +36,6 @@ def keys(
     Copy each station's folder to its machine by a way you trust, and name it as net.keys. Keep DIR/authority secret:
     anyone with it can make stations. With --json: {"stations": [{"name", "folder", "expires", "made"}]}.
     """
-    from tega.ui.cli.options import echo_json
     from tega_link.keys import make_keys
 
     if not operators and not robots:

@@ -9,8 +9,6 @@ import click
 from tega.ui.cli.options import NameList, echo_json, json_option, worn_by
 from tega.ui.cli.page import view_options
 
-__all__ = ["emg_fitts", "emg_skill"]
-
 
 @click.command(
     epilog="Example: tega-teleop emg fitts lab.toml --person p01 --set stages.decoder.name=proportional"
@@ -116,8 +114,7 @@ def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, a
 
     from tega.config.calibration.folder import CalibrationFolder
     from tega.config.calibration.records import PracticeRecord
-    from tega_practice.kept import FittsRecord, compare_kept, kept_records
-    from tega_practice.kept_tracking import compare_tracked
+    from tega_practice.kept import FittsRecord, compare_kept, compare_tracked, kept_records
 
     home, named = CalibrationFolder(folder), decoders or ()
     tracked = compare_tracked(kept_records(PracticeRecord, home, person), named)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import json_option, worn_by
+from tega.ui.cli.options import echo_json, json_option, worn_by
 from tega.ui.cli.page import view_options
 
 
@@ -44,7 +44,6 @@ def practice(
     from tega.config import load_config
     from tega.setup.calibration.tracking import track
     from tega.ui.cli.guided import guided
-    from tega.ui.cli.options import echo_json
 
     config = load_config(settings, sets=worn_by(person, sets)).config
     port = view_port if view else None

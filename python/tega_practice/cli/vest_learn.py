@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import echo_json, json_option, worn_by
 
 
 @click.command(
@@ -49,7 +49,6 @@ def learn(
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.guide import Undecided
     from tega.ui.cli.guided import guided
-    from tega.ui.cli.options import echo_json, worn_by
     from tega_practice.kept import kept_records
     from tega_practice.vest_course import learn_vest
     from tega_practice.vest_kept import VestSkillRecord

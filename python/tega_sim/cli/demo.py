@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import NameList, json_option
-from tega.ui.cli.page import view_options
+from tega.errors import MissingExtraError
+from tega.runtime.lifecycle import require
+from tega.ui.cli.options import NameList, echo_json, json_option
+from tega.ui.cli.page import browser_observer, view_options
 from tega_sim.cli.options import loop_options, loop_sets, print_rows
 
 if TYPE_CHECKING:
@@ -109,12 +111,10 @@ def demo(
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega.errors import MissingExtraError
     from tega.recording.folder import prepare_folder
     from tega.runtime.threads import short_turns
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.install_line import with_origin
-    from tega.ui.cli.options import echo_json
     from tega_sim.demo import demo_outputs, draw_demo, prepare_demo, run_demo, write_demo
     from tega_sim.trials import plan_trials
 
@@ -132,7 +132,6 @@ def demo(
     )
     recorder = None
     if record is not None:
-        from tega.runtime.lifecycle import require
         from tega_sim.recorded import LiftRecorder
 
         require("foxglove", driver="recording", extra="record")
@@ -195,7 +194,6 @@ def _displayed(
             progress("running", 0, 0)
             yield lambda state: watch(state.loop, state.rows), {}
         return
-    from tega.ui.cli.page import browser_observer
     from tega.ui.view.browser import Controls
 
     controls = Controls(can_pause=True, can_mute=True, objects=objects)

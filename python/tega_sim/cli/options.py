@@ -10,6 +10,7 @@ import click
 
 from tega.config import file_sets
 from tega.errors import InvalidValueError
+from tega.runtime.nearest import nearest_hint
 from tega.ui.cli.options import NumberList
 
 if TYPE_CHECKING:
@@ -60,7 +61,6 @@ def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]
         ConfigError: The file is not valid.
         InvalidValueError: It has no such object.
     """
-    from tega.runtime.nearest import nearest_hint
     from tega_sim.world.objects import read_objects
 
     known = read_objects(file)

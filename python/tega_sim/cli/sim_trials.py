@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import NameList, json_option
+from tega.ui.cli.options import NameList, echo_json, json_option, progress_bar
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options, print_rows
 from tega_sim.conditions import CONDITIONS
 
@@ -121,7 +121,6 @@ def trials(
 
     import msgspec
 
-    from tega.ui.cli.options import echo_json, progress_bar
     from tega_sim.trials import plan_trials, run_trials, summarise_trials
 
     plans = plan_trials(

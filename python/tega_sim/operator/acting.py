@@ -21,8 +21,7 @@ from tega_sim.operator.grip import Decision, GripDecisions
 from tega_sim.operator.motor import MuscleMotor
 from tega_sim.operator.panels import ConfirmedClosure
 from tega_sim.operator.person import PersonNumbers, RulesVersion, stream
-from tega_sim.operator.renewing import RenewingGrip
-from tega_sim.operator.settled import JudgingEyes, SettledGrip
+from tega_sim.operator.renewing import JudgingEyes, RenewingGrip, SettledGrip
 from tega_sim.operator.vest_sense import POLL_S, Skin
 from tega_sim.operator.vision import Eyes, SeenEvent, ViewName
 from tega_sim.seams import Act, Percept
@@ -61,7 +60,6 @@ class Operator:
     Beliefs about objects, and the skin's adaptation, last from trial to trial; nothing else does.
 
     Args:
-        person: The simulated person.
         seed: Seed of everything random in the person's behaviour.
         feels: Whether the person feels the vest at all; ``False`` is the control who cannot feel it.
         full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has

@@ -51,9 +51,6 @@ class Closure:
     closure is felt many times: with separate estimates, each reading would count the same error of ``x`` again.
     Slopes start at 0, and a panel does not move ``x`` before its slope is known, so that the vest's frames have no
     meaning before they are learned.
-
-    Args:
-        grip: The person's numbers.
     """
 
     def __init__(self, grip: GripSection) -> None:

@@ -26,8 +26,6 @@ from tega.runtime.files.foreign_file import parse_toml
 from tega.runtime.nearest import nearest_hint
 from tega_sim.operator.person import Parameter, stream
 
-__all__ = ["EFFECTS", "Disturbance", "effect_parameters"]
-
 EFFECTS: Final[dict[str, str]] = {
     "shift": "electrodes put on elsewhere",
     "sweat": "amplitude that falls as sweat gathers",
@@ -51,12 +49,6 @@ class Disturbance:
     """Effects on a stretch of EMG.
 
     Every draw comes from a stream named after the effect, so that no other draw of the session changes.
-
-    Args:
-        names: Which of :data:`EFFECTS`.
-        seed: Seed of everything random.
-        label: Which stretch of the session.
-        tick_s: Time between two calls of :meth:`step`.
 
     Attributes:
         muscle_gain: By which each muscle works more for the same grip.

@@ -50,7 +50,6 @@ class ForearmEmg:
     """Raw EMG of a person's forearm.
 
     Args:
-        person: The simulated person.
         seed: Seed of everything random.
         label: Which stretch of the session: another trial, other noise and electrodes shifted a little.
         rate_hz: Samples per second, 200 to 10,000.

@@ -43,11 +43,6 @@ class Decision(NamedTuple):
 class GripDecisions:
     """One trial's course of decisions.
 
-    Args:
-        person: The person.
-        belief: The person's belief about this object.
-        forearm: Moves the hand.
-
     Attributes:
         away_m: How far back the place is where the object is put down, metres; 0 is where it stood.
     """

@@ -39,7 +39,7 @@ RulesVersion: TypeAlias = Literal[1, 2, 3]
 """Version of the rules: 3 is the default of simulated studies, 1 of single trials.
 
 By 2 (:mod:`tega_sim.operator.renewing`, :mod:`tega_sim.operator.panels`) the person ignores the vest until a panel has
-been shown to follow the closure; 3 (:mod:`tega_sim.operator.settled`) on top of it distinguishes harm from the give
+been shown to follow the closure; 3 (:mod:`tega_sim.operator.renewing`) on top of it distinguishes harm from the give
 that every hold needs. A change in the person's behaviour is another version."""
 
 

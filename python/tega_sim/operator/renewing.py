@@ -17,9 +17,12 @@ What differs from :class:`tega_sim.operator.grip.GripDecisions`, for who wears a
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 from tega_sim.operator.belief import cost
 from tega_sim.operator.grip import HELD, LOOSEST, Decision, GripDecisions
-from tega_sim.operator.vision import Kind, SeenEvent
+from tega_sim.operator.vision import Eyes, Kind, SeenEvent
 
 
 class RenewingGrip(GripDecisions):
@@ -81,4 +84,50 @@ class RenewingGrip(GripDecisions):
         self._judged = True
         self._suffices = 9.0
         self.commands[-1] = decision
+        return decision
+
+
+_CAUSED_BY_TIGHTENING = {"deformation": True, "slip": False}
+
+
+class JudgingEyes(Eyes):
+    """One person's sight during a trial; the person knows the limit of the object.
+
+    Args:
+        bears_m: Narrowing from which the object counts as harmed, metres; 0 if unknown.
+        sight: As of :class:`Eyes`.
+    """
+
+    def __init__(self, *args: Any, bears_m: float, **sight: Any) -> None:
+        super().__init__(*args, **sight)
+        self._bears = bears_m / self._width_m
+        self._judged = 0.0
+
+    def _dented(self, share: float, drawn: float) -> bool:
+        step = math.exp(self._p.deform_log_sd)
+        if share * step < self._judged:
+            self._judged = share
+        if share <= max(self._judged * step, 0.0):
+            return False
+        self._judged = share
+        return drawn < self._seen(share, max(self._p.deform_theta * self._blurred, self._bears))
+
+
+class SettledGrip(RenewingGrip):
+    """One trial's course of decisions by the third version of the rules."""
+
+    _tightened = False
+
+    def _precedes(self, event: SeenEvent) -> bool:
+        caused = _CAUSED_BY_TIGHTENING.get(event.kind)
+        own = event.began_s >= self._commanded_s and caused is self._tightened
+        return super()._precedes(event) and not own
+
+    def _answers(self, event: SeenEvent) -> bool:
+        return not self._precedes(event)
+
+    def _command(self, t_s: float, level: int, why: str) -> Decision:
+        before = self.closure.x
+        decision = super()._command(t_s, level, why)
+        self._tightened = self.closure.x > before
         return decision

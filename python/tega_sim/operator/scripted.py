@@ -73,7 +73,6 @@ class ScriptedOperator:
     Args:
         course: The steps, in order of time; the first begins at 0.
         full_effort: Excitation at which a channel's mean is Emax.
-        start_m: Where the hand starts.
 
     Raises:
         InvalidValueError: There is no step, the first does not begin at 0, times do not rise, or a level is not

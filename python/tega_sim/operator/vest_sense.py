@@ -38,12 +38,7 @@ class Glance(NamedTuple):
 
 
 class Skin:
-    """One person's sense of the vest; adaptation outlasts a trial.
-
-    Args:
-        vest: The person's numbers.
-        vision: The person's reaction floor and cost of a choice.
-    """
+    """One person's sense of the vest; adaptation outlasts a trial."""
 
     def __init__(self, vest: VestSection, vision: Vision) -> None:
         self._p, self._choice_s = vest, vision.choice_ms / 1e3

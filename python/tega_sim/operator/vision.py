@@ -75,9 +75,7 @@ class Eyes:
     """One person's sight during a trial.
 
     Args:
-        vision: The person's numbers.
         width_m: Width of the object, metres: plain to see.
-        gaze: Stream of where the eyes are.
         looks: Stream of detections at a look.
         poses: Stream of how the hand's pose is misread.
         reaction: Stream of the reaction times.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import echo_json, json_option, progress_bar
 from tega_study.cli.options import FILE, FOLDER, folder_argument
 
 
@@ -73,7 +73,6 @@ def clips(
             click.echo(f"with open proposals, counted in no comparison: {', '.join(taken.unfinished)}")
         return
     assert out is not None
-    from tega.ui.cli.options import progress_bar
     from tega_study.score.clips import make_clips
 
     with progress_bar(enabled=not as_json) as displayed:

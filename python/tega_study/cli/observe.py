@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from tega.errors import InvalidValueError, MissingExtraError
 from tega_study.cli.options import folder_argument, participant_argument, shown_option
 
 
@@ -23,8 +24,6 @@ def observe(*, folder: Path, participant: str, rater: str, recorded: bool) -> No
     Each rater has a file of their own. Neither the condition nor another rater is shown. Needs the extra observe.
     """
     from importlib.util import find_spec
-
-    from tega.errors import InvalidValueError, MissingExtraError
 
     if recorded:
         raise InvalidValueError(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from tega.config import check_tree, load_config, override_tree
 from tega.ui.cli.options import echo_json, json_option
 from tega_sim.cli.options import loop_sets
 from tega_study.cli.options import FILE, folder_argument, participant_argument, shown_option
@@ -179,7 +180,6 @@ def _bench(
     from tega_study.lead.benches import LabBench, SimulatedBench
 
     if lab is not None:
-        from tega.config import load_config
         from tega.config.person import whose
         from tega_study.privacy import note_elsewhere
 
@@ -199,7 +199,6 @@ def _bench(
         where: Where = "emulated" if loaded.config.session.emulated else "lab"
         yield LabBench(loaded.config, settings=str(lab), where=where)
     elif emulated:
-        from tega.config import check_tree, override_tree
         from tega.runtime.checkout_tools import needs_tools
 
         with needs_tools("tega-teleop study run --emulated"):

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import echo_json, json_option, progress_bar
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
 from tega_study.cli.options import FOLDER, design_options, workers_options
 
@@ -21,8 +21,6 @@ LINE_EVERY_S = 30.0
 @contextmanager
 def trials_displayed() -> Iterator[Callable[[str, int, int], None]]:
     """Show how many trials are done: a bar on a terminal, else a line now and then, for the log of a cluster's job."""
-    from tega.ui.cli.options import progress_bar
-
     if sys.stderr.isatty():
         with progress_bar() as bar:
             yield bar

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from tega.errors import InvalidValueError
 from tega.ui.cli.options import echo_json, json_option
 from tega_study.cli.options import FILE
 
@@ -21,7 +22,6 @@ def sites(*, bundles: tuple[Path, ...], out: Path | None, unblind: bool, as_json
     BUNDLES are files of study bundle; those of one plan are one site. Every hash is checked and every trial is worked
     out again. --json prints {sites, interim, rehearsed, table1}.
     """
-    from tega.errors import InvalidValueError
     from tega_study.sites import sites_table
     from tega_study.tables import csv_text
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from tega.config import load_config
 from tega.ui.cli.options import echo_json, json_option, worn_by
 from tega_study.cli.options import folder_argument
 
@@ -42,7 +43,6 @@ def take(
     A discarded episode's recording is deleted; episodes.jsonl keeps a line of it. With arm.start_m the arm goes to its
     start after each, while the dead-man is held. With --json: {"folder", "kept", "discarded"}.
     """
-    from tega.config import load_config
     from tega.safety.ctrl_c import CtrlC
     from tega_study.episodes.take import EpisodeTaker
     from tega_study.lead.experimenter import desk_for

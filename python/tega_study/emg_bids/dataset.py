@@ -56,10 +56,6 @@ class BidsExport(NamedTuple):
 def export_bids(folder: Path, out: Path) -> BidsExport:
     """Write the muscle signals of all people who have not withdrawn.
 
-    Args:
-        folder: The study's folder.
-        out: New or empty folder for the data set.
-
     Raises:
         RecordingError: The study is damaged, a recording cannot be read, or there are no signals at all.
         ConfigError: ``out`` holds something.

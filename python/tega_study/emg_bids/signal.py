@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.foreign_file import parse_json
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _RECORD_S: Final = 0.1
 # A wrong number of one chunk would ask for memory for all the samples up to it.
@@ -53,7 +51,6 @@ class Muscles(NamedTuple):
     Attributes:
         samples: float64 (samples, channels), in ``unit``; 0 where they were lost.
         rate_hz: Samples a second.
-        names: Of the channels.
         unit: Such as ``uV``; ``n/a`` where the amplifier does not state it.
         device: The amplifier in words.
         begin_ns: Time of the first sample, since the start of the session.

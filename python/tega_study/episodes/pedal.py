@@ -5,15 +5,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from tega.config.sections import InputConfig
 from tega.devices.registry import driver_class
 from tega.errors import InvalidValueError, TegaError
 from tega.records import Button
-
-if TYPE_CHECKING:
-    from tega.config.sections import InputConfig
-    from tega.records.bus import Bus
+from tega.records.bus import Bus
 
 _SEAT: Final = "marker"
 _QUIET_S: Final = 0.5

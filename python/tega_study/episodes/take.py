@@ -6,31 +6,25 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import closing
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import Final
 
 import msgspec
 
+from tega.config import SessionConfig
 from tega.errors import TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.snapshot import Snapshot
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.recording.mcap_folder import SessionFolder
 from tega.records import RunState
 from tega.records.bus import Bus
-from tega_study.episodes.journal import EpisodeJournal
+from tega_study.episodes.journal import EpisodeJournal, EpisodeLine, EpisodeStep
 from tega_study.episodes.pedal import EpisodePedal, pedal_names
 from tega_study.lead.experimenter import ENTER, Desk, Screen
-from tega_study.lead.rest_tasks import RunningTask
+from tega_study.lead.rest_tasks import RunningTask, start_task
 from tega_study.lead.running_trial import in_thread
 from tega_study.lead.screens import doing
-from tega_study.lead.to_start import start_task
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tega.config import SessionConfig
-    from tega.loop.snapshot import LoopView
-    from tega_study.episodes.journal import EpisodeLine, EpisodeStep
 
 GO_ON, DISCARD, AGAIN = "g", "x", "r"
 _STEPS: Final[dict[str, EpisodeStep]] = {GO_ON: "kept", DISCARD: "discarded", AGAIN: "discarded"}
@@ -103,7 +97,6 @@ class EpisodeTaker:
         config: The devices' settings; their recording folder and output folder are ignored.
         folder: The session's folder: new, or one that holds recordings already.
         desk: The operator's screen and keys.
-        task: Description of the episodes' task.
         pedals: Keys typed by a foot switch, or buttons of ``input.marker``, separated by commas: continue, discard,
             repeat. One to three of them.
         stop: Asked all the time whether to end.

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
+from tega.runtime.clock import Clock
 from tega_study.journal import Journal, JournalEvent, counting
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.questions import KEYS, PASS, QUESTIONS, STEP, Question, answer_of
 from tega_study.lead.trial import PARTICIPANT
-
-if TYPE_CHECKING:
-    from tega.runtime.clock import Clock
 
 _BACK: Final = {"\x7f", "\x08", "<"}
 _IN_A_LINE: Final = 7

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from tega.errors import InvalidValueError
 from tega_study.lead.keys import keys_of
-
-if TYPE_CHECKING:
-    from tega_study.masking_sound import MaskingSound
+from tega_study.masking_sound import MaskingSound
 
 
 def check_answer_key(key: str, pedals: str) -> None:
     """Refuse a key that means something else in a trial.
-
-    Args:
-        key: Key typed by the participant's pedal.
-        pedals: Keys typed by the experimenter's pedals; empty for none.
 
     Raises:
         InvalidValueError: It is not one key, or has a meaning already.
@@ -31,13 +24,7 @@ def check_answer_key(key: str, pedals: str) -> None:
 
 
 class Beeps:
-    """Beeps of one attempt.
-
-    Args:
-        sound: What plays them.
-        at_s: When, seconds from the trial's start.
-        key: Key typed by the participant's pedal.
-    """
+    """Beeps of one attempt."""
 
     def __init__(self, sound: MaskingSound, at_s: Sequence[float], *, key: str) -> None:
         self._sound, self._left_s, self.key = sound, list(at_s), key

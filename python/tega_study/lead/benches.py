@@ -5,26 +5,32 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import msgspec
 
+from tega.config import SessionConfig
 from tega.config.stage_sections import StageConfig
 from tega.config.text import config_text
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale, load_poses
+from tega.loop.controls import Controls
+from tega.loop.snapshot import Snapshot
+from tega.records import MuscleCondition, RunState
+from tega.records.bus import Bus
 from tega.runtime.files.whole_file import write_whole
+from tega.runtime.lifecycle import require
 from tega_scene.settings import cameras_of
+from tega_sim.conditions import SESSION_CONDITIONS
+from tega_sim.plan import TrialPlan
+from tega_sim.seams import Act, Percept
 from tega_sim.streams import Streams
+from tega_sim.world import GRASP_POSES_RAD
+from tega_study.lead.rest_tasks import RestTask, squeeze_task, start_task
+from tega_study.lead.running_trial import Going
 from tega_study.masking_settings import MaskingSection
+from tega_study.plan import PlannedTrial, StudyPlan
 from tega_study.state import Where
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega_sim.seams import Act, Percept
-    from tega_study.lead.rest_tasks import RestTask
-    from tega_study.lead.running_trial import Going
-    from tega_study.plan import PlannedTrial, StudyPlan
 
 _POLL_S = 0.01
 _CONDITIONS = ("haptic", "non-haptic", "event-gated")
@@ -48,7 +54,6 @@ class TrialBench(Protocol):
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: Kind of the devices, as recorded in the session's events.
-        rest_tasks: Tasks available in a rest.
         measurable: Whether a scene camera records enough to measure the trials.
     """
 
@@ -69,13 +74,7 @@ class TrialBench(Protocol):
         ...
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
-        """Run a trial until it is over.
-
-        Args:
-            trial: Which.
-            going: The running trial: receives events, and decides when to begin and to end.
-            folder: Folder for the recording; new.
-        """
+        """Run a trial until it is over."""
         ...
 
 
@@ -100,10 +99,6 @@ class LabBench:
     def __init__(
         self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
     ) -> None:
-        from tega.runtime.lifecycle import require
-        from tega_study.lead.squeeze import squeeze_task
-        from tega_study.lead.to_start import start_task
-
         require("foxglove", driver="recording", extra="record")
         if config.emg is None or not config.tactile.in_use():
             raise InvalidValueError(
@@ -135,10 +130,6 @@ class LabBench:
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Run a session of the devices for as long as the trial lasts."""
         from tega.loop import run_session
-        from tega.loop.controls import Controls
-        from tega.loop.snapshot import Snapshot
-        from tega.records import MuscleCondition, RunState
-        from tega.records.bus import Bus
 
         bus = Bus()
         bus.subscribe(MuscleCondition, going.muscles)
@@ -198,8 +189,6 @@ class SimulatedBench:
         settings: tuple[str, ...] = (),
     ) -> None:
         from tega_sim.lab import lab_of
-        from tega_sim.plan import TrialPlan
-        from tega_sim.world import GRASP_POSES_RAD
         from tega_study.silico.session import person_seed
 
         self._seed = person_seed(plan.settings.seed or 0, participant)
@@ -216,8 +205,6 @@ class SimulatedBench:
 
     def felt(self, condition: str) -> bool:
         """Return whether the vest shows touch."""
-        from tega_sim.conditions import SESSION_CONDITIONS
-
         if condition not in SESSION_CONDITIONS:
             raise InvalidValueError(
                 f"condition {condition!r} cannot be simulated", "plan with haptic, non-haptic and event-gated"
@@ -227,7 +214,6 @@ class SimulatedBench:
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Have the simulated person lift the object once."""
         from tega_sim.lift import Lift
-        from tega_sim.plan import TrialPlan
 
         going.notify("preparing", "building the scene")
         requested = TrialPlan.checked(

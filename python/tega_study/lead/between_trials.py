@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tega.runtime.clock import Clock
 from tega_study.beep_score import beep_sentence
 from tega_study.journal import WITH_DATA, Journal, Kind, counting
+from tega_study.lead.experimenter import Desk
 from tega_study.lead.trial import EXPERIMENTER, undo_last
-
-if TYPE_CHECKING:
-    from tega.runtime.clock import Clock
-    from tega_study.lead.experimenter import Desk
-
 
 GIVE_UP = "k"
 """Key that gives up a trial that was broken off, or that was to be done again."""
@@ -19,11 +16,6 @@ GIVE_UP = "k"
 
 class TrialBefore:
     """Corrections and notes of the trial that ended last.
-
-    Args:
-        journal: The session's events.
-        desk: The experimenter's screen and keys.
-        clock: The session's.
 
     Attributes:
         following: Number and attempt of the trial that comes next; ``None`` after the last.

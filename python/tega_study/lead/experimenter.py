@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 import click
 
+from tega.runtime.keys import Keys
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.live import Live
-
-    from tega.runtime.keys import Keys
 
 
 ENTER = "\n"
@@ -65,12 +65,7 @@ class Desk(Protocol):
 
 
 def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | TerminalDesk:
-    """Return the desk that fits where this runs.
-
-    Args:
-        stop: Asked while a typed line is waited for; :meth:`Desk.line` then raises KeyboardInterrupt.
-        alone: If true, no experimenter needs to be there, and the end of standard input stops nothing.
-    """
+    """Return the desk that fits where this runs."""
     if sys.stdin.isatty() and sys.stderr.isatty():
         return TerminalDesk(stop)
     return LineDesk(stop, alone=alone)
@@ -78,10 +73,6 @@ def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | Ter
 
 class LineDesk:
     """One line at a time on stderr; keys are letters in lines of stdin, an empty line is Enter.
-
-    Args:
-        stop: As of :func:`desk_for`.
-        alone: As of :func:`desk_for`.
 
     Raises:
         KeyboardInterrupt: From :meth:`keys` and :meth:`line`: stdin has ended, so the experimenter has gone.
@@ -165,8 +156,6 @@ class TerminalDesk:
     def __enter__(self) -> Self:
         """Take the terminal."""
         from rich.live import Live
-
-        from tega.runtime.keys import Keys
 
         self._keys = Keys()
         self._keys.__enter__()

@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from tega.loop.emg_condition import FELL_SHARE
+from tega.records import MuscleCondition
+from tega_study.journal import JournalEvent
 from tega_study.squeeze_score import squeeze_shares
-
-if TYPE_CHECKING:
-    from tega.records import MuscleCondition
-    from tega_study.journal import JournalEvent
 
 _MOST: Final = 3
 """So many trials at most are taken together: the spectrum of a single second differs from the next one's."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from tega.errors import InvalidValueError
 from tega_study.lead.experimenter import ENTER
-
-if TYPE_CHECKING:
-    from tega_study.lead.rest_tasks import RestTask
+from tega_study.lead.rest_tasks import RestTask
 
 END = "e"
 

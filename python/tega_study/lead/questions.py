@@ -24,8 +24,6 @@ class Question(NamedTuple):
 
     Attributes:
         item: Its name in the events.
-        title: Title of the scale.
-        text: Text of the question.
         left: What 0 means.
         right: What 100 means.
     """
@@ -127,13 +125,7 @@ def raw_tlx(answers: Mapping[str, float | None]) -> float | None:
 def blocks_to_ask(
     trials: Sequence[PlannedTrial], events: Sequence[JournalEvent], open_trials: set[int]
 ) -> list[int]:
-    """Return the last trial of each finished block that still has open questions.
-
-    Args:
-        trials: The person's.
-        events: The session's.
-        open_trials: Numbers of the trials that are still to be done.
-    """
+    """Return the last trial of each finished block that still has open questions."""
     undone = undone_numbers(events)
     requested = {(e.trial, e.item) for e in events if e.kind == "rating" and e.n not in undone}
     ran = {event.trial for event in events if event.kind == "trial_start"}

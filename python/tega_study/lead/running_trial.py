@@ -5,22 +5,19 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from tega.hand.poses import ClosureScale
 from tega.hand.tips import tip_heights_mm
+from tega.loop.snapshot import LoopView
+from tega.records import MuscleCondition
+from tega.runtime.clock import Clock
 from tega.stages.events.settings import SETTINGS
 from tega_study.attempt_rows import HandRow, TouchRow
 from tega_study.coupling import TouchCourse
 from tega_study.lead.arm_lift import ARM, ArmLift
-
-if TYPE_CHECKING:
-    from tega.hand.poses import ClosureScale
-    from tega.loop.snapshot import LoopView
-    from tega.records import MuscleCondition
-    from tega.runtime.clock import Clock
-
 
 SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
 
@@ -45,7 +42,6 @@ class Going:
     """Passes signals and data of one trial between bench and lead. The bench's methods return at once.
 
     Args:
-        clock: The session's clock.
         feel: Whether the vest shows touch in this trial.
         own_time: Whether time is the bench's own (simulated), not the clock's.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
@@ -102,11 +98,7 @@ class Going:
         return self._go.is_set()
 
     def begin(self, at_ns: int) -> None:
-        """Mark the trial's beginning, now; only the first call counts.
-
-        Args:
-            at_ns: This moment in the bench's own count of time.
-        """
+        """Mark the trial's beginning, now; only the first call counts."""
         if self.started_ns is None:
             self._view_zero_ns = self._newest_ns = at_ns
             now_ns = self._clock.now_ns()

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from tega_study.beep_score import beep_sentence
+from tega_study.journal import JournalEvent
+from tega_study.lead.benches import TrialBench
 from tega_study.lead.experimenter import Screen
 from tega_study.lead.keys import keys_of
-
-if TYPE_CHECKING:
-    from tega_study.journal import JournalEvent
-    from tega_study.lead.benches import TrialBench
-    from tega_study.lead.rest_tasks import RunningTask
-    from tega_study.lead.trial import LedTrial
+from tega_study.lead.rest_tasks import RunningTask
+from tega_study.lead.trial import LedTrial
 
 
 def waiting(
@@ -38,25 +35,13 @@ def waiting(
 
 
 def doing(heading: str, running: RunningTask) -> Screen:
-    """Return the screen of a task in a rest.
-
-    Args:
-        heading: Where in the session this is.
-        running: The task.
-    """
+    """Return the screen of a task in a rest."""
     left = "" if running.left_s is None else f"  {running.left_s:.0f} s"
     return Screen("task", heading, running.prompt + left, [running.task.words], [("a", "end it")])
 
 
 def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) -> Screen:
-    """Return the screen of a trial from the moment its devices start.
-
-    Args:
-        heading: Where in the session this is.
-        led: The trial.
-        window_s: Time in which the object has to be lifted, seconds.
-        bench: The bench that runs the trials.
-    """
+    """Return the screen of a trial from the moment its devices start."""
     going = led.going
     big = {
         "preparing": going.reason or "devices start",

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.clock import Clock, SystemClock
 from tega_study.journal import Journal
 from tega_study.lead.asking import BlockQuestions
 from tega_study.lead.beeps import Beeps, check_answer_key
+from tega_study.lead.benches import TrialBench
 from tega_study.lead.between_trials import TrialBefore
 from tega_study.lead.experimenter import ENTER, Desk
 from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence
@@ -22,14 +23,10 @@ from tega_study.lead.screens import doing, ended, running, waiting
 from tega_study.lead.status_file import SessionBoard, Telling, board_path
 from tega_study.lead.tell import CommandFile, commands_path
 from tega_study.lead.trial import LedTrial, Task
+from tega_study.masking_sound import MaskingSound
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.probe import beep_times
 from tega_study.state import SessionState, derive, resume
-
-if TYPE_CHECKING:
-    from tega_study.lead.benches import TrialBench
-    from tega_study.masking_sound import MaskingSound
-
 
 INSTRUCTION = (
     "Grasp the object with as little force as it takes. Lift it to the mark, 0.2 m up, within 15 s, and hold it still. "
@@ -85,9 +82,6 @@ def lead_session(
         pedals: Keys that foot pedals type, see :func:`tega_study.lead.keys.pedal_keys`.
         trials: Stop after so many; ``None`` for all.
         options: Attributes of :class:`LeadOptions`.
-
-    Returns:
-        How the session stands.
 
     Raises:
         InvalidValueError: Unknown participant ID, answer key or pedal already in use, a condition cannot be run on

@@ -73,12 +73,7 @@ def read_board(path: Path) -> SessionBoard | None:
 
 
 class Telling:
-    """Draws and writes no more often than is of use.
-
-    Args:
-        desk: Where to draw.
-        path: The board's.
-    """
+    """Draws and writes no more often than is of use."""
 
     def __init__(self, desk: Desk, path: Path) -> None:
         self._desk, self._path = desk, path

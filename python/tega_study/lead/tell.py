@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.runtime.clock import Clock
 from tega.runtime.files.foreign_file import check_file, parse_json
 from tega.runtime.files.whole_file import open_to_append
 from tega_study.journal import events_path
 from tega_study.lead.experimenter import ENTER
 from tega_study.lead.status_file import SessionBoard, board_path, read_board
-
-if TYPE_CHECKING:
-    from tega.runtime.clock import Clock
-
 
 Command = Literal["start", "mark", "slip", "deformation", "drop", "undo", "end", "break", "safety", "quit"]
 
@@ -65,10 +62,6 @@ class CommandFile:
 
     Commands that came while none was taken for :data:`FRESH_S`, as during a typed answer, are skipped too. Their
     sender was informed that they were not taken, so they must not begin or end a trial now.
-
-    Args:
-        path: The file.
-        clock: The session's.
 
     Attributes:
         n_taken: How many lines were taken, understood or not.

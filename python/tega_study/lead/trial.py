@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 
 from tega.errors import TegaError
+from tega.runtime.clock import Clock
 from tega.runtime.files.whole_file import write_whole
 from tega.stages.events.outcomes import LIFT_M, OFF_TABLE_M, LiftRule, StableReading, success
 from tega_study.attempt_rows import touch_path, write_hand, write_touch
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import WITH_DATA, Journal, JournalEvent, Kind, Status, counting
 from tega_study.lead.arm_lift import ARM
+from tega_study.lead.beeps import Beeps
+from tega_study.lead.benches import TrialBench
 from tega_study.lead.fatigue import trial_medians
 from tega_study.lead.keys import END
 from tega_study.lead.running_trial import Going, in_thread
+from tega_study.plan import PlannedTrial
 from tega_study.trials import course_path
-
-if TYPE_CHECKING:
-    from tega.runtime.clock import Clock
-    from tega_study.lead.beeps import Beeps
-    from tega_study.lead.benches import TrialBench
-    from tega_study.plan import PlannedTrial
-
 
 EXPERIMENTER = "experimenter"
 PARTICIPANT = "participant"
@@ -60,15 +57,11 @@ class LedTrial:
 
     Args:
         folder: The study's.
-        trial: Which.
-        attempt: Its attempt.
-        bench: The bench that runs the trial.
         journal: The session's events.
         clock: The session's.
         task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
         window_s: Time in which it has to be lifted, seconds.
         stable: Reading of "stably raised" (:data:`tega.stages.events.outcomes.StableReading`).
-        time_scale: Scale of the countdown.
         beeps: The second task; ``None`` where there is none.
 
     Attributes:

@@ -40,11 +40,6 @@ _QUIT = "q once more to quit; your scores are on the disk"
 class Console(App[None]):
     """Shows a session to a rater and takes the rater's keys.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID of the session.
-        rater: Code of the rater.
-
     Raises:
         TegaError: As :class:`tega_study.observe.Observing`.
     """

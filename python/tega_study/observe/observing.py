@@ -59,12 +59,6 @@ class Now(NamedTuple):
 class Observing:
     """A rater's file, open.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID of the session.
-        rater: The rater's code, such as ``r1``.
-        t_ns: Now, on the session's clock.
-
     Raises:
         InvalidValueError: Unknown participant ID, ``rater`` cannot be a file's name, or has scored recordings.
         RecordingError: The file is damaged, belongs to another plan, or the person has withdrawn.
@@ -90,11 +84,7 @@ class Observing:
         self.journal.add("session_start", t_ns=t_ns, source=rater, text=signed)
 
     def check(self, t_ns: int) -> Now:
-        """Look at how the session stands; note the trials that have begun and ended.
-
-        Args:
-            t_ns: Now, on the session's clock.
-        """
+        """Look at how the session stands; note the trials that have begun and ended."""
         if (size := self._main.stat().st_size if self._main.exists() else 0) != self._size:
             self._size, self._events = size, read_events(self._main)
         starts = [event for event in self._events if event.kind == "trial_start"]
@@ -115,10 +105,6 @@ class Observing:
 
     def press(self, kind: Kind, t_ns: int) -> str:
         """Add an event.
-
-        Args:
-            kind: One of :data:`OBSERVED`.
-            t_ns: When the key was pressed.
 
         Returns:
             Why it was refused; ``""`` when it is on the disk.

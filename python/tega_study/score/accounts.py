@@ -119,10 +119,6 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
 
     A rater who was shown proposals is compared with other people alone.
 
-    Args:
-        folder: The study's folder.
-        tolerance_s: For two events to be one, seconds.
-
     Raises:
         RecordingError: The study is damaged.
     """

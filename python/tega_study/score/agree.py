@@ -72,11 +72,6 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
 def match_events(a: Sequence[float], b: Sequence[float], *, tolerance_s: float) -> list[tuple[int, int]]:
     """Pair events one to one: as many pairs as there can be, and among these the least time apart.
 
-    Args:
-        a: Times, seconds.
-        b: Times of the other account.
-        tolerance_s: How far two of a pair may be apart.
-
     Returns:
         Places in both, in the order of the first.
 

@@ -28,10 +28,6 @@ _ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_(.+))?")
 def export_boris(folder: Path, path: Path) -> int:
     """Write a project: an observation for each trial and rater, and an empty one for each unscored trial.
 
-    Args:
-        folder: The study's folder.
-        path: The ``.boris`` file; must not exist.
-
     Returns:
         How many observations.
 
@@ -223,8 +219,6 @@ class CodedTrial(NamedTuple):
     """Trial as a rater coded it.
 
     Attributes:
-        start: Start of the attempt.
-        end: End of the attempt.
         events: Events, with behaviours of :data:`CODES` or of the plan.
         whole: Whether all of it was coded.
     """
@@ -238,16 +232,7 @@ class CodedTrial(NamedTuple):
 def write_coded(
     folder: Path, person: str, rater: str, trials: Sequence[CodedTrial], signed: str, *, item: str = ""
 ) -> None:
-    """Write a rater's coded events of a session into the rater's new file.
-
-    Args:
-        folder: The study's folder.
-        person: Participant ID of the session.
-        rater: Code of the rater; without a file in this session.
-        trials: Coded events by trial.
-        signed: Fingerprint of the plan.
-        item: How it was coded (:mod:`tega_study.observers`).
-    """
+    """Write a rater's coded events of a session into the rater's new file."""
     with Journal(observer_path(folder, person, rater)) as journal:
         first_ns = min(one.start.t_ns for one in trials)
         journal.add("session_start", t_ns=first_ns, source=rater, text=signed, item=item)

@@ -30,11 +30,6 @@ _LIGHT = (230, 230, 230)
 def write_clip(trial: RecordedTrial, path: Path, scene: SceneReel | None = None) -> float:
     """Write a trial as Motion JPEG in an AVI file.
 
-    Args:
-        trial: The trial, with a complete recording.
-        path: The new file.
-        scene: Cameras that saw the object; ``None`` without any.
-
     Returns:
         Its length, seconds; that of the trial to a picture.
 

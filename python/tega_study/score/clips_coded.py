@@ -43,11 +43,6 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
     A rejected proposal is no event, a confirmed or moved one is, where the rater left it; a deleted one is rejected. A
     clip with a proposal that is still open was not coded whole.
 
-    Args:
-        folder: The study's folder.
-        path: The rater's project.
-        rater: Code of the rater.
-
     Raises:
         InvalidValueError: The rater has no clips, or was taken in already.
         RecordingError: The file is no project, lacks a clip, or holds an unknown one.

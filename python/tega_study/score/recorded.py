@@ -20,12 +20,10 @@ class RecordedTrial(NamedTuple):
     Attributes:
         id: Such as ``p01-t07``.
         trial: Its number in the plan, which is hidden from raters.
-        attempt: The one that counts.
         object: Name of the lifted object.
         start_ns: Start of the trial, on the session's clock.
         length_ns: From its start to its end.
         zero_ns: The trial's start, counted from the recording's.
-        folder: Folder of the recording.
     """
 
     id: str
@@ -49,10 +47,6 @@ class _Facts(msgspec.Struct):
 
 def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial], list[str]]:
     """Return a person's recorded trials that count, in the plan's order.
-
-    Args:
-        folder: The study's folder.
-        participant: Participant ID.
 
     Returns:
         The trials, and the reasons why others have no usable recording, as far as known without reading it.

@@ -5,16 +5,15 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.recording.replay.followed_file import FollowedFile, PlayedMoment
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega_scene.played import followed_scene
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 _EVER_NS: Final = 2**62
 _BOOT_NS: Final = 600 * 1_000_000_000

@@ -20,6 +20,7 @@ from tega.config import FINGERS
 from tega.errors import RecordingError, TegaError
 from tega.loop.touch import STALE_NS
 from tega.runtime.files.foreign_file import read_words
+from tega.runtime.lifecycle import require
 from tega.runtime.number_text import number_text
 from tega_study.score.recorded import RecordedTrial
 
@@ -54,7 +55,6 @@ class Reel:
     Args:
         strips: Pictures by finger.
         truth_t_ns: Times of the object's truth, rising; none outside the simulated bench.
-        truth: The object at those times.
         boot_ns: Time of day at which the machine's clock was 0; ``None`` on the simulated bench.
 
     Attributes:
@@ -117,7 +117,6 @@ def read_reel(trial: RecordedTrial) -> Reel:
 def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     """Read an MCAP file once, from its beginning to its end."""
     from tega.recording.mcap_reader import McapReader
-    from tega.runtime.lifecycle import require
 
     cv2 = require("cv2", driver="recording", extra="record")
     reader = McapReader(path, check_sums=True)

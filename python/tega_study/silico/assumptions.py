@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import msgspec
 
@@ -20,14 +20,12 @@ from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.removed import without_removed
+from tega_sim.operator import RulesVersion, load_parameters, people_digest
+from tega_sim.operator.person import Parameter
 from tega_sim.operator.vision import ViewName
+from tega_sim.plan import loop_settings
 from tega_sim.removed import REMOVED_FIELDS
-
-if TYPE_CHECKING:
-    from tega_sim.operator import RulesVersion
-    from tega_sim.operator.person import Parameter
-    from tega_sim.world import ObjectSpec
-
+from tega_sim.world import ObjectSpec
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 PACKAGE: Final = Path(tega.__file__).parent
@@ -78,8 +76,6 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         Raises:
             RecordingError: The statement has no such object, or one that cannot be.
         """
-        from tega_sim.world import ObjectSpec
-
         try:
             return msgspec.convert(without_removed(self.objects[name], REMOVED_FIELDS), ObjectSpec)
         except (KeyError, ConfigError, msgspec.ValidationError) as error:
@@ -101,27 +97,12 @@ def assume(
 ) -> tuple[Assumptions, bytes]:
     """Return a study's assumptions.
 
-    Args:
-        objects: Names of the objects to lift.
-        parameters: A parameter file; none means the package's own.
-        everyone: As in :class:`Assumptions`.
-        preset: As in :class:`Assumptions`.
-        settings: As in :class:`Assumptions`.
-        rules: As in :class:`Assumptions`.
-        view: As in :class:`Assumptions`.
-        fresh: As in :class:`Assumptions`.
-
-    Returns:
-        The statement, and the parameter file.
-
     Raises:
         ConfigError: The file is not valid, ``everyone`` has an unknown or out-of-range parameter, or a setting is not
             one of the loop's.
         RecordingError: The file cannot be read.
     """
     from tega._native import __version__
-    from tega_sim.operator import load_parameters, people_digest
-    from tega_sim.plan import loop_settings
 
     source = files("tega_sim.operator") / PARAMETERS if parameters is None else parameters
     try:
@@ -193,8 +174,6 @@ def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
     Raises:
         RecordingError: The file is damaged.
     """
-    from tega_sim.operator.person import Parameter
-
     path = folder / PARAMETERS
     if not path.exists():
         return {}

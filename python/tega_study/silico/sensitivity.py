@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from tega.errors import ConfigError, InvalidValueError, RecordingError
+from tega_sim.operator import load_parameters
 from tega_study.directions import Direction, directions
 from tega_study.plan import read_plan
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions, read_parameters
@@ -185,8 +186,6 @@ def read_sensitivity(folder: Path) -> tuple[SensitivityRow, ...]:
 
 
 def _changes(folder: Path, varied: Sequence[str]) -> list[_Change]:
-    from tega_sim.operator import load_parameters
-
     sections = load_parameters(folder / PARAMETERS).sections
     changes = [_Change("base", {}), *(_Change(f"arm-{arm}", {}, first=arm) for arm in ARMS)]
     changes.append(_Change("reading-paper", {}, preset="paper"))

@@ -11,27 +11,23 @@ import hashlib
 import shutil
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.runtime.files.whole_file import write_whole
+from tega_sim.lab import Lab
+from tega_sim.operator import Parameters
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.streams import Streams
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import Journal, events_path
 from tega_study.plan import PlannedTrial, StudySettings
 from tega_study.silico.assumptions import Assumptions
 from tega_study.touch_picture import FingerPicture, picture_path, write_touch_picture
 from tega_study.trials import course_path
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega_sim.lab import Lab
-    from tega_sim.operator import Parameters
-    from tega_sim.plan import TrialResult
-    from tega_sim.streams import Streams
-
 
 COURSE_HZ = 30.0
 PEOPLE_APART = 1000
@@ -49,10 +45,7 @@ class SessionJob(NamedTuple):
 
     Attributes:
         folder: The study's folder, on the machine that asks.
-        person: ID of the person.
-        settings: Settings of the study.
         trials: The person's, in their order.
-        assumptions: Assumptions of the study.
         parameters: The population that the person is drawn from.
         pictures: Whether to keep a picture of a fingertip of each object's first felt lift.
     """
@@ -90,11 +83,8 @@ def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes
 
 
 def _go(job: SessionJob, folder: Path) -> None:
-    from tega_sim.lab import Lab
     from tega_sim.lift import Lift
-    from tega_sim.plan import TrialPlan
     from tega_sim.practice import practise
-    from tega_sim.streams import Streams
 
     stated = job.assumptions
     same = {
@@ -154,12 +144,7 @@ def _go(job: SessionJob, folder: Path) -> None:
 
 
 def keep_session(job: SessionJob, files: dict[str, bytes]) -> None:
-    """Put a finished session into the study's folder. Its events come last, as the sign that it is complete.
-
-    Args:
-        job: Which.
-        files: As :func:`run_session` gave them.
-    """
+    """Put a finished session into the study's folder. Its events come last, as the sign that it is complete."""
     beside = job.folder / RUNNING / f"{job.person}.done"
     shutil.rmtree(beside, ignore_errors=True)
     for name, content in files.items():

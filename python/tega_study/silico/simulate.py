@@ -5,9 +5,12 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tega.errors import InvalidValueError
+from tega_sim.conditions import SESSION_CONDITIONS
+from tega_sim.operator import load_parameters
+from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.silico.assumptions import (
@@ -19,9 +22,6 @@ from tega_study.silico.assumptions import (
 from tega_study.silico.session import RUNNING, SessionJob
 from tega_study.silico.spread import Progress, run_sessions
 from tega_study.state import derive
-
-if TYPE_CHECKING:
-    from tega_sim.world import ObjectSpec
 
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
@@ -123,9 +123,6 @@ def made_study(
         InvalidValueError: A name is unknown, or the folder has another study.
         ConfigError: As of :func:`tega_study.silico.assumptions.assume`.
     """
-    from tega_sim.conditions import SESSION_CONDITIONS
-    from tega_sim.world import OBJECTS
-
     for subject, names, known in (
         ("objects", objects, [*OBJECTS, *(objects if isinstance(objects, Mapping) else ())]),
         ("conditions", conditions, SESSION_CONDITIONS),
@@ -153,8 +150,6 @@ def jobs_of(
     folder: Path, plan: StudyPlan, stated: Assumptions, people: Sequence[str], *, pictures: bool = True
 ) -> list[SessionJob]:
     """Return the sessions of these people that are not over."""
-    from tega_sim.operator import load_parameters
-
     loaded = load_parameters(folder / PARAMETERS).of_everyone(stated.everyone)
     still = set(unfinished(folder, plan))
     first = plan.participants[0]

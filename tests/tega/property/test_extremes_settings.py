@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.config import check_tree
-from tega.config.magnitude import LEAST, MOST, check_magnitudes
+from tega.config.check import LEAST, MOST, check_magnitudes
 from tega.errors import ConfigError
 
 TINY = st.floats(5e-324, 9e-13)

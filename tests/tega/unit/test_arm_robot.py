@@ -23,7 +23,7 @@ from tega.arm.rotation import between
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
 from tega.devices.arm.robot import fci
 from tega.devices.arm.robot.leash import Leash
-from tega.devices.arm.robot.slew import Slew
+from tega.devices.arm.robot.process import Slew
 from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 

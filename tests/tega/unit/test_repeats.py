@@ -24,9 +24,9 @@ from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
 from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.picture_votes import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
 from tega.records import Contact

@@ -24,9 +24,11 @@ from __future__ import annotations
 import re
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.config.calibration.records import (
     ArmRecord,
@@ -40,18 +42,12 @@ from tega.config.calibration.records import (
     read_record,
     write_record,
 )
+from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError, RecordingError
 from tega.runtime.files.foreign_file import parse_json, parse_toml, read_foreign, read_words
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.files.whole_file import write_whole
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.devices.base import DeviceInfo
-
 
 Part = Literal["touch", "emg", "vest", "arm"]
 
@@ -121,11 +117,7 @@ class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class CalibrationFolder:
-    """Reads and writes calibrations.
-
-    Args:
-        path: The folder; made when something is written.
-    """
+    """Reads and writes calibrations."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from tega.errors import CalibrationError
-from tega.tactile.tracker import DEPTH_LAW, KnownPress, calibrate_light, nominal_light
-
-if TYPE_CHECKING:
-    from tega.records import Contact
-    from tega.tactile.tracker import TrackedContact
-
+from tega.records import Contact
+from tega.tactile.tracker import DEPTH_LAW, KnownPress, TrackedContact, calibrate_light, nominal_light
 
 GEL_RADII_MM = (21.0, 100.0)
 """Radii of a DIGIT's gel across and along the finger, millimetres: the published drawing, near the top."""

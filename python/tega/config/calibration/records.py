@@ -297,10 +297,6 @@ def utc_now() -> datetime:
 def read_record(path: Path, wanted: type[_Any]) -> _Any:
     """Read a record.
 
-    Args:
-        path: Its file.
-        wanted: Its type.
-
     Raises:
         CalibrationError: It is missing, damaged, of another kind or of a version that is not known.
     """

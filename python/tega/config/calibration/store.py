@@ -76,13 +76,7 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 def refused_law(finger: str, maxima: TouchMaxima | None, command: str) -> list[str]:
-    """Say that a finger's gain and stiffness are not used, being of another law; nothing where they are of this one.
-
-    Args:
-        finger: Name of the finger.
-        maxima: Its part of a calibration.
-        command: Command that repeats the calibration.
-    """
+    """Say that a finger's gain and stiffness are not used, being of another law; nothing where they are of this one."""
     if maxima is None or not maxima.other_law:
         return []
     return [

@@ -6,10 +6,11 @@ import contextlib
 import time
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.base import Options
 from tega.devices.cyton_check import AlternationCheck
@@ -18,10 +19,6 @@ from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lifecycle import require
 from tega.runtime.stamp_check import LATE_S, StampCheck
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _BUFFER_S: Final = 10
 # Where the board's counter is known to go up by one a sample and to repeat after 256; of other boards several

@@ -5,9 +5,12 @@ from __future__ import annotations
 import itertools
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
@@ -20,13 +23,6 @@ from tega.devices.value_check import ValueCheck
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Contradictions, Evidence, refuse
 from tega.runtime.lifecycle import Opened
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 # Random bytes can look like a packet once in a second; a source that gives less than this share is silent.
 _ALIVE_SHARE = 0.05
@@ -79,12 +75,7 @@ class LiveEmg(Opened):
     A driver sets ``_rate_hz``, the stated rate, ``_n_channels``, all channels of the device, and ``limits`` as soon as
     it knows them, at the latest in ``_start``.
 
-    Args:
-        options: The settings.
-        label: Name of the source, without a path.
-
     Attributes:
-        unit: Unit of the samples.
         usual_channels: Channels to use where none are set; none means all.
         counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
         counter_hint: The next step where the device's numbers are no counter.

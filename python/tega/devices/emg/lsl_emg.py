@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
@@ -17,10 +18,6 @@ from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl, to_monotonic_s
 from tega.runtime.lsl_clock import ClockCorrection
 from tega.runtime.stamp_check import LATE_S, StampCheck
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 # Stamps further apart than this are a gap; below it they are the sender's jitter.
 _GAP_S = 0.1

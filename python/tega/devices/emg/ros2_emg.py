@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.ros2_bag import Ros2Bag, rows_of
 from tega.runtime.lifecycle import Opened
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _CHUNK_S = 0.1
 _MOST_NUMBERS = 1 << 28

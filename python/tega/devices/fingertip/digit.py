@@ -6,10 +6,11 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
@@ -25,10 +26,6 @@ from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import load_cv2
 from tega.runtime.reopening import Reopening
 from tega.runtime.threads import give_way, run_realtime
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _FIRST_S = 3.0
 _LEAVE_S = 5.0
@@ -75,12 +72,6 @@ class Digit(Opened):
     Frames that are torn, black, repeated, of another size or from another sensor are counted and discarded, so a
     finger without good frames falls silent. If a camera goes away, the driver searches for it by its serial number,
     first after 0.25 s and then at most every 4 s, and sets it up again.
-
-    Args:
-        options: The settings.
-
-    Attributes:
-        counts: Counts of the camera's frames.
     """
 
     kind: ClassVar[Kind] = "tactile"

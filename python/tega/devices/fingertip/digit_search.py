@@ -27,12 +27,7 @@ def is_digit(node: VideoNode) -> bool:
 
 
 def find_digits(*, sysfs: Path = SYSFS, usb: Path = USB_DEVICES) -> list[Found]:
-    """List the DIGITs, those that cannot be opened included; opens none.
-
-    Args:
-        sysfs: Where the kernel lists cameras.
-        usb: Where it lists USB devices.
-    """
+    """List the DIGITs, those that cannot be opened included; opens none."""
     cameras = [node for node in video_nodes(sysfs) if is_digit(node)]
     times = Counter(node.serial for node in cameras)
     found = [_camera(node, twice=bool(node.serial) and times[node.serial] > 1) for node in cameras]

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.fingertip.picture_origin import Origin, SensorBands, picture_origin
 from tega.runtime.device_items import CameraCounts
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 # Mean below which a picture is black although the lights are on.
 _BLACK = 5.0
@@ -77,12 +74,8 @@ def judge_picture(
 class PictureTally:
     """Counts judged pictures.
 
-    Args:
-        counts: Counts that go up.
-
     Attributes:
         foreign_shares: Largest share of a frame that came from each other sensor, by sensor.
-        newest: Verdict on the newest picture.
     """
 
     def __init__(self, counts: CameraCounts) -> None:

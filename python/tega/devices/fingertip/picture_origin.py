@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tega._native import band_distances, picture_bands
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 # Levels of 255, medians over a band. Two sensors' untouched pictures differ by 17 to 42 in every band, one sensor's by
 # 4 to 8 where nothing touches it, and a press changes up to 27 (recordings of three sensors).
@@ -25,7 +23,6 @@ class Origin(NamedTuple):
 
     Attributes:
         other: The sensor that some of its bands look like; ``""`` if none do.
-        share: Share of its bands that do.
         unlike: Whether nearly all of its bands are far from its own baseline and near to no other.
     """
 

@@ -23,7 +23,6 @@ class VideoNode(NamedTuple):
 
     Attributes:
         device: Path or name to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
-        name: Name of the camera in the kernel.
         serial: Its USB serial number; ``""`` where it has none.
         revision: Its firmware revision, 0x0200 for 2.00; 0 where it is not known.
         usb_id: Vendor and product, such as ``2833:0209``; ``""`` for a camera that is not on USB.

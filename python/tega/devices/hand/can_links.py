@@ -61,12 +61,7 @@ def can_links(*, sysfs: Path = SYSFS, describe: Callable[[str], str] | None = No
 
 
 def link_trouble(link: CanLink, *, bitrate: int) -> tuple[str, str]:
-    """Return a bus problem and its fix; two empty strings if there is none.
-
-    Args:
-        link: The bus.
-        bitrate: Bit rate that the device on the bus needs, bits per second.
-    """
+    """Return a bus problem and its fix; two empty strings if there is none."""
     up = f"sudo ip link set {link.name} up type can bitrate {bitrate} restart-ms 100"
     again = f"sudo ip link set {link.name} down && {up}"
     if not link.is_up:

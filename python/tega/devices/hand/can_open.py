@@ -71,13 +71,6 @@ def open_can_bus(
 ) -> Any:
     """Open a bus.
 
-    Args:
-        driver: Name of the driver, for the message.
-        interface: The adapter's name in python-can.
-        make: Returns the open bus.
-        can: The module python-can.
-        channel: Channel of the adapter.
-
     Raises:
         DeviceUnavailableError: The adapter is missing, refuses, or needs a package that is not installed.
     """

@@ -17,16 +17,13 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from tega.devices.system_log import Alarm
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, start_child
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 
 BEAT_S: Final = 0.1
 STUCK_S: Final = 1.0
@@ -47,16 +44,10 @@ _left: list[subprocess.Popen[bytes]] = []
 class GuardProcess:
     """Starts and feeds the guard of a device from the program that it watches; one that is lost is replaced.
 
-    Args:
-        subject: Task of the guard, such as ``lets go of the hand``, for messages.
-        module: The module that it runs.
-        arguments: Words for it.
-
     Raises:
         DeviceUnavailableError: It does not start, so that the device must not be switched on.
 
     Attributes:
-        n_lost: How many were lost.
         problem: Why there is none now; ``""`` while there is one.
         confirmed: Whether the device that was left to it has confirmed that it is safe.
     """
@@ -102,9 +93,6 @@ class GuardProcess:
 
         Waits until a guard has answered that it has the device. One that was lost is replaced first; one that stands
         still is ended and replaced.
-
-        Args:
-            confirm_s: Time to wait then for the device to confirm, seconds.
 
         Returns:
             Number of the process that has the device; 0 where none has answered.

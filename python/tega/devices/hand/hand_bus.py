@@ -70,12 +70,6 @@ def can_message(can: Any, frame: CanFrame) -> Any:
 class HandBus:
     """A bus on any adapter that python-can knows; one thread at a time uses it.
 
-    Args:
-        interface: The adapter's name in python-can.
-        channel: Channel of the adapter.
-        bitrate: Bits per second.
-        more: Further arguments of ``can.Bus``.
-
     Attributes:
         trouble: Why the adapter went away, to be put behind a message; ``""`` while it is there.
         n_garbled: Pieces of the adapter's stream that were no frame.
@@ -212,11 +206,6 @@ class HandBus:
 
         A hand does not report its torques. The query is sent behind the frames that remove them, and a bus delivers
         frames in order: an answer with SERVO OFF confirms both.
-
-        Args:
-            frames: Frames that leave it without force.
-            device_id: Its number on the bus.
-            patience_s: How long to try, seconds.
 
         Returns:
             Whether the hand has confirmed it.

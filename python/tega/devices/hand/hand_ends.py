@@ -36,13 +36,7 @@ _WORD: Final = struct.Struct("<2d")
 
 
 class HandThread:
-    """The loop in a thread of this program.
-
-    Args:
-        options: The driver's settings.
-        notify: Called with the reports of the loop.
-        whole: Whether the loop reports every exchange.
-    """
+    """The loop in a thread of this program."""
 
     def __init__(self, options: AllegroOptions, notify: Notify, *, whole: bool) -> None:
         self._orders = HandOrders(received=False)
@@ -86,12 +80,7 @@ def _patience(process: subprocess.Popen[bytes], stuck: threading.Event) -> threa
 
 
 class HandProcess:
-    """The loop in a process of its own, which waits for nothing that this program does.
-
-    Args:
-        options: The driver's settings.
-        notify: Called with the reports of the loop, in a separate thread.
-    """
+    """The loop in a process of its own, which waits for nothing that this program does."""
 
     def __init__(self, options: AllegroOptions, notify: Notify) -> None:
         self._options, self._notify = options, notify
@@ -116,11 +105,7 @@ class HandProcess:
             send_object(self._process.stdin, (self._options, realtime_allowed()))
 
     def open(self, *, whole: bool) -> None:
-        """Return when the bus is open and the guard ready; raises what :meth:`HandLoop.open` does.
-
-        Args:
-            whole: Whether the loop reports every exchange.
-        """
+        """Return when the bus is open and the guard ready; raises what :meth:`HandLoop.open` does."""
         if self._process is None:
             self.warm_up()
         process = self._process
@@ -243,12 +228,7 @@ HandEnd = HandThread | HandProcess
 
 
 def read_words(fd: int, orders: HandOrders) -> None:
-    """Read, in the process, the program's requests until the program is gone.
-
-    Args:
-        fd: Its input.
-        orders: The orders to update.
-    """
+    """Read, in the process, the program's requests until the program is gone."""
     rest = b""
     while piece := os.read(fd, 4096):
         rest += piece

@@ -40,11 +40,6 @@ _POLL_S: Final = 0.02
 def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id: int) -> GuardProcess:
     """Start the process that guards a hand, and return it when it is ready.
 
-    Args:
-        bus: Arguments of ``can.Bus``.
-        frames: Frames that leave the hand without force.
-        device_id: The hand's number on its bus.
-
     Raises:
         DeviceUnavailableError: It does not start.
     """

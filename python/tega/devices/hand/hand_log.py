@@ -81,15 +81,7 @@ class HandLogFacts(msgspec.Struct, kw_only=True):
 
 
 class HandLog:
-    """Decodes the frames of a log.
-
-    Args:
-        device_id: Number of the hand.
-        channel: Bus of the log to decode.
-
-    Attributes:
-        facts: Facts so far.
-    """
+    """Decodes the frames of a log."""
 
     def __init__(self, device_id: int, channel: str) -> None:
         self.facts = HandLogFacts(device_id=device_id, channel=channel)
@@ -163,11 +155,6 @@ def find_hand(
     frames: Iterable[LoggedFrame], *, device_id: int | None, channel: str | None
 ) -> tuple[int, str]:
     """Return the number and the bus of the hand in a log: the one that reports joint angles.
-
-    Args:
-        frames: All frames.
-        device_id: Number of the hand; ``None`` for any.
-        channel: Bus; ``None`` for any.
 
     Raises:
         RecordingError: None is in the log, or there are several.

@@ -40,7 +40,6 @@ class HandLoop:
 
     Args:
         options: The driver's settings.
-        orders: Requests to the loop.
         notify: Called after each answer to the hand, each change, and twenty times a second, in the loop's thread.
         whole: If true, every exchange is reported with all received frames; else only those that sent something.
 

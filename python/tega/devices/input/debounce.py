@@ -11,7 +11,6 @@ class Edge(NamedTuple):
 
     Attributes:
         t_ns: Time of the event; for a press, its first contact.
-        button: Its name.
         pressed: Whether it went down.
     """
 
@@ -29,9 +28,6 @@ class Debounce:
 
     Args:
         hold_ns: How long a contact has to hold; 0 takes every press.
-
-    Attributes:
-        held: Buttons that are down.
     """
 
     def __init__(self, hold_ns: int) -> None:
@@ -41,10 +37,6 @@ class Debounce:
 
     def take(self, t_ns: int, down: Set[str]) -> Iterator[Edge]:
         """Process a report.
-
-        Args:
-            t_ns: When it came.
-            down: Buttons with a closed contact.
 
         Yields:
             The events that have become certain, in time order.
@@ -61,9 +53,6 @@ class Debounce:
 
     def settle(self, t_ns: int) -> Iterator[Edge]:
         """Let time pass.
-
-        Args:
-            t_ns: Now.
 
         Yields:
             The presses that have held long enough.

@@ -70,13 +70,8 @@ class HidInput(Opened):
     goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s and then at
     most every 2 s.
 
-    Args:
-        options: The settings.
-        hold_ms: How long a button's contact has to hold to count as pressed.
-
     Attributes:
         known: Names of devices that are found without being named, by vendor and product number.
-        counts: Counts of reports and connections.
     """
 
     kind: ClassVar[Kind] = "input"

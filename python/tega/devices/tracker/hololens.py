@@ -67,9 +67,6 @@ class HoloLens(ThreadedTracker):
     :class:`~tega.devices.device_clock.DeviceClock`. Poses that the network delayed therefore have their true age. A
     wrist that is lost, or only guessed, gives an invalid pose. A pose that is identical to the last bit was not
     measured again, and is skipped. The origin is where the head was when the app began.
-
-    Args:
-        options: The settings.
     """
 
     driver: ClassVar[str] = "hololens"

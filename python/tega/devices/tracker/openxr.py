@@ -36,9 +36,6 @@ class OpenXr(ThreadedTracker):
     Poses are in OpenXR's axes (``openxr``: y up, -z forward) and for the time of the request, which is their stamp. A
     pose is valid only if the runtime reports position and orientation both valid *and* tracked. A pose that is
     identical to the last bit was not measured again, and is skipped; a session without focus gives no poses.
-
-    Args:
-        options: The settings.
     """
 
     driver: ClassVar[str] = "openxr"

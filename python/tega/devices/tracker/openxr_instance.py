@@ -20,8 +20,6 @@ class Made(NamedTuple):
 
     Attributes:
         handle: Handle for OpenXR's calls.
-        name: Name and version of the runtime.
-        extensions: Extensions in use.
     """
 
     handle: Any
@@ -48,9 +46,6 @@ class Made(NamedTuple):
 
 def make_instance(xr: Any) -> Made:
     """Connect to the active runtime.
-
-    Args:
-        xr: The module of pyopenxr.
 
     Raises:
         DeviceUnavailableError: There is none, or it does not answer.

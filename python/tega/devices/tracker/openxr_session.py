@@ -34,7 +34,6 @@ class Located(NamedTuple):
 
     Attributes:
         position_m: x, y, z, metres.
-        quaternion_xyzw: Its turn.
         valid: Whether place and turn are known at all.
         tracked: Whether both are measured, and not guessed.
     """
@@ -47,10 +46,6 @@ class Located(NamedTuple):
 
 class XrSession:
     """One connection to the runtime, used by one thread.
-
-    Args:
-        xr: The module of pyopenxr.
-        options: Options of the tracker.
 
     Attributes:
         runtime: Name and version of the runtime.
@@ -221,9 +216,6 @@ class XrSession:
 
     def locate(self, now_ns: int) -> Located | None:
         """Return the place and turn at a time; ``None`` while the runtime does not let this program see them.
-
-        Args:
-            now_ns: On the monotonic clock.
 
         Raises:
             DeviceUnavailableError: The session is over.

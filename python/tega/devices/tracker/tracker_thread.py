@@ -57,10 +57,6 @@ class ThreadedTracker(Opened):
 
     The thread stops once ``_leaving`` is set; it reports to the operator with ``_say``.
 
-    Args:
-        subject: What is tracked, such as ``right wrist``.
-        rate_hz: Poses per second.
-
     Attributes:
         driver: Its name among drivers.
         leave_s: How long the thread may take to leave.
@@ -115,9 +111,6 @@ class ThreadedTracker(Opened):
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:  # noqa: ARG002  # poses carry their own times
         """Return the poses that came since the last call, oldest first; never waits.
-
-        Args:
-            now_ns: The time on the monotonic clock.
 
         Raises:
             DeviceUnavailableError: It is not open.

@@ -9,7 +9,8 @@ import socket
 import sys
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Coroutine
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,6 @@ from tega.devices.vest.player_versions import PlayerVersion, received
 from tega.devices.vest.vest_link import VestLink
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from collections.abc import Coroutine
 
 _DRIVER: Final = "bhaptics-player"
 _GRACE_S = 2.0  # a Player that has just been asked may take this long to say which devices it has

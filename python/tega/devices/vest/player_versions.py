@@ -34,12 +34,10 @@ class PlayerVersion:
     """Version of the Player's websocket.
 
     Args:
-        port: Where the Player serves it.
         admitted: Whether the Player lets any program in.
 
     Attributes:
         number: 2 or 3.
-        path: Path of the websocket.
         tls: Encryption of its transport; ``None`` for none.
         admitted: Whether the Player has let the program in.
         has_vest: Whether it says that a vest is connected; ``None`` before it has said anything.
@@ -87,12 +85,7 @@ class PlayerVersion:
 
 
 class PlayerVersion2(PlayerVersion):
-    """Version 2: no account, no encryption, two constant keys; a status shows whether there is a vest.
-
-    Args:
-        port: Where the Player serves it.
-        app_name: Under which name it lists this program.
-    """
+    """Version 2: no account, no encryption, two constant keys; a status shows whether there is a vest."""
 
     number: ClassVar[int] = 2
     path: ClassVar[str] = "/v2/feedbacks"
@@ -131,12 +124,6 @@ class PlayerVersion3(PlayerVersion):
 
     The Player's certificate is self-signed, so it proves nothing and is not checked; only the key and frames are sent
     that way. A ping of this version makes devices vibrate outside of every budget: it is never sent.
-
-    Args:
-        port: Where the Player serves it.
-        app_id: The program's id.
-        api_key: Its key.
-        motor_values: How many values a frame has.
     """
 
     number: ClassVar[int] = 3

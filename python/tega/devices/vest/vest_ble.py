@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
+from collections.abc import Coroutine
+from typing import Annotated, Any, ClassVar, Final
 
 import msgspec
 import numpy as np
@@ -20,10 +21,6 @@ from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.wire import x40_ble_frame
-
-if TYPE_CHECKING:
-    from collections.abc import Coroutine
-
 
 _NAMES: Final = ("TactSuit", "Tactot")
 _SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"

@@ -13,15 +13,13 @@ from __future__ import annotations
 import asyncio
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from tega.devices.at_exit import last_words
 from tega.devices.hand.guard_process import GuardProcess, stand_by
 from tega.runtime.child_process import is_running
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 """The characteristic that takes motor frames."""

@@ -93,9 +93,6 @@ class ColumnTones:
     def render(self, n: int) -> NDArray[np.float32]:
         """Make the next samples; without a word for 200 ms they fade to silence.
 
-        Args:
-            n: How many.
-
         Returns:
             float32 (n, 2), left and right, -1 to 1.
         """

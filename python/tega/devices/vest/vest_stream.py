@@ -20,7 +20,8 @@ import contextlib
 import threading
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from collections.abc import Callable
+from typing import Annotated, ClassVar, Final
 
 import msgspec
 import numpy as np
@@ -36,10 +37,6 @@ from tega.runtime.lifecycle import Opened
 from tega.runtime.reopening import Reopening
 from tega.runtime.threads import run_realtime
 from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 
 WATCHDOG_S: Final = 0.2
 KEEP_ALIVE_S: Final = 0.1
@@ -101,12 +98,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
 
 
 class StreamedVest(Opened):
-    """Base of the live vest drivers.
-
-    Args:
-        options: The settings.
-        label: Name of the vest.
-    """
+    """Base of the live vest drivers."""
 
     kind: ClassVar[Kind] = "vest"
     name: ClassVar[str]

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING
 
+import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
+from tega.devices.base import TactileFrame, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.loop.inbox.picture_votes import CameraVote, picture_fault, untouched_lines
+from tega.loop.inbox.picture_votes import (
+    STUCK_FRAMES,
+    CameraVote,
+    KeptPicture,
+    is_repeat,
+    kept_picture,
+    picture_fault,
+    untouched_lines,
+)
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.loop.inbox.sources import SourceReport
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, KeptPicture, is_repeat, kept_picture
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.devices.base import TactileFrame, TactileSource
-    from tega.records import Contact
-    from tega.stages.base import Metric
-
-__all__ = ["FrameMeter", "fed_contacts", "keeps_up", "measured_contacts"]
+from tega.records import Contact
+from tega.stages.base import Metric
 
 # Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
 # otherwise keep a core busy with asking.
@@ -34,13 +35,11 @@ class FrameMeter:
 
     Args:
         baseline: The finger's untouched picture, uint8 (H, W, 3).
-        metric: Measures them.
         report: Counted up along the way.
         live: Whether the frames come from a sensor that runs on its own clock.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
 
     Attributes:
-        metric: Measures them.
         seq: Number of the newest frame; ``None`` before the first.
         next_seq: Number of the frame that should come next.
     """
@@ -68,9 +67,6 @@ class FrameMeter:
 
     def take(self, frame: TactileFrame) -> Contact | None:
         """Measure a frame.
-
-        Args:
-            frame: The next one of the source.
 
         Returns:
             The contact in it; ``None`` for a frame that came again under its number, or of a live sensor without
@@ -118,9 +114,6 @@ class FrameMeter:
             seq: Its number; not that of the one before.
             t_ns: Its time.
             sums: As for :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
-
-        Returns:
-            The contact in it.
         """
         report = self._report
         self.seq = seq
@@ -214,7 +207,7 @@ def measured_contacts(
     observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
     notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Generator[Contact, None, int]:
-    """Measure the frames of a source.
+    """Measure the frames of a source; returns the time at which it ended, nanoseconds.
 
     In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes away the
     finger falls silent after 100 ms; it is opened again, once a second until that works or the run is over.
@@ -234,12 +227,6 @@ def measured_contacts(
         prepare: Called with each frame before it is checked and measured.
         observe: Called with each frame and the monotonic time of its reception.
         notify: Called with each measured frame and its contact, in the thread that measures.
-
-    Yields:
-        The contact in each frame.
-
-    Returns:
-        The time at which the source ended, in nanoseconds.
 
     Raises:
         RecordingError: A recorded frame is unreadable or not of the baseline's size.

@@ -13,10 +13,6 @@ class Histogram:
     """Counts numbers in bins a fiftieth wide, in little memory however many there are.
 
     Percentiles are right within 2 %, the worst is exact.
-
-    Attributes:
-        n: Number of values.
-        worst_ns: The largest.
     """
 
     _GROWTH = math.log(1.02)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from tega import records
 from tega.devices.base import InputEvent, InputReading, InputSource
-
-if TYPE_CHECKING:
-    from tega.loop.pacing import Pacer
-    from tega.records.bus import Bus
-
+from tega.loop.pacing import Pacer
+from tega.records.bus import Bus
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -20,7 +17,6 @@ class Seat(NamedTuple):
     """An input device, and which of its buttons is meant.
 
     Attributes:
-        source: The open device.
         button: Name of the button; ``None`` for any.
     """
 
@@ -32,7 +28,6 @@ class SeatSeen(NamedTuple):
     """State of an input device at a look.
 
     Attributes:
-        state: Its newest state.
         held: Whether the button that is meant is down.
         n_presses: Number of presses since the start.
     """
@@ -54,9 +49,6 @@ class SeatSeen(NamedTuple):
 class Inputs:
     """Looks at all input devices of a run; no look ever waits for a device.
 
-    Args:
-        seats: The devices, by seat.
-
     Attributes:
         seen: State of each device at the last look.
     """
@@ -74,12 +66,7 @@ class Inputs:
         return self._seats
 
     def check(self, bus: Bus, pacer: Pacer) -> None:
-        """Look at every device.
-
-        Args:
-            bus: Every change of a device's state and every event of an assigned button is published here.
-            pacer: Knows the session's time.
-        """
+        """Look at every device."""
         if not self._seats:
             return
         events: dict[str, list[InputEvent]] = {}

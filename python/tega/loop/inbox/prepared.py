@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from tega.config.calibration import Calibration, EmgMaxima
-    from tega.devices.base import EmgSource, TactileSource
-    from tega.loop.inbox.sources import SourceReport
-    from tega.loop.inbox.stream import Stream
-    from tega.records import Contact, HandLook, Intent
-    from tega.stages.base import Decoder
+from tega.config.calibration import Calibration, EmgMaxima
+from tega.devices.base import EmgSource, TactileSource
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.stream import Stream
+from tega.records import Contact, HandLook, Intent
+from tega.stages.base import Decoder
 
 
 class Finger(NamedTuple):
     """One fingertip, ready to run.
 
     Attributes:
-        source: Its open source.
         baseline: Its untouched picture.
-        baseline_origin: Origin of the baseline.
         report: Counts of the frames.
         measured: All frames, where they had to be measured beforehand.
         stream: Contacts of the finger from elsewhere; its source is then not read.
@@ -41,7 +38,6 @@ class Muscles(NamedTuple):
     """The EMG side, ready to run.
 
     Attributes:
-        source: Its open source.
         maxima: Its maxima and the conditions they hold under.
         decoder: Samples to intents; ``None`` where they are made somewhere else.
         report: Counts of the samples.
@@ -61,10 +57,8 @@ class Prepared(NamedTuple):
     Attributes:
         fingers: By name, thumb first.
         muscles: The EMG side; ``None`` without EMG.
-        calibration: The maxima.
         calibration_name: Base name of their file, or the person they belong to; ``""`` when they came from the
             recording.
-        warnings: Warnings about the maxima.
         poll_hand: Returns at a tick, by the requested level, a reading of hand and arm from another source; those of
             the run are then not read.
     """

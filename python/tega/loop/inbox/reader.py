@@ -31,8 +31,6 @@ class Reader(Generic[Given]):
     """A thread that passes on the items of an iterator, until that ends or the reader is closed.
 
     Args:
-        name: For the thread.
-        produce: Makes the iterator.
         take: Called with each item, in the thread.
         done: Called in the thread at the end, with the iterator's return value and its exception.
         rank: Priority of the thread, if others wait for its items, as the loop does; ``None`` for an ordinary one.
@@ -93,11 +91,6 @@ class ReadAhead(Generic[Given]):
 
     Every item arrives, in order: the thread waits when it is far ahead. An exception is raised after the items before
     it.
-
-    Args:
-        name: For the thread.
-        produce: Makes the iterator.
-        capacity: Items held at most.
     """
 
     def __init__(self, name: str, produce: Produce[Given], *, capacity: int = 64) -> None:

@@ -5,26 +5,21 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
 from tega.emg.votes import ChannelVotes
 from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.hand import nearest_level
+from tega.loop.emg_adaptation import ChannelAdaptation
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.records import EmgSamples, Intent, Picture
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config.calibration import EmgMaxima
-    from tega.loop.emg_adaptation import ChannelAdaptation
-    from tega.stages.base import Decoder
-
+from tega.stages.base import Decoder
 
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
@@ -144,7 +139,6 @@ class BlockMeter:
     """Turns EMG samples into levels as they come.
 
     Args:
-        decoder: Samples to intents.
         report: Counted up along the way.
         maxima: Maxima of the channels, with the kind of the samples.
         live: Whether the samples come from a device that runs on its own clock.
@@ -295,7 +289,7 @@ def grasp_blocks(
     observe: Callable[[EmgChunk], None] = lambda _chunk: None,
     adaptation: ChannelAdaptation | None = None,
 ) -> Generator[Intent, None, int]:
-    """Turn the samples of a source into levels, one per block.
+    """Turn the samples of a source into levels, one per block; returns when it ended, nanoseconds.
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
     samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed it.
@@ -312,12 +306,6 @@ def grasp_blocks(
         stamp: Called with each block's time and the monotonic time at which its last samples were received.
         observe: Called with the samples that were read, before they are decoded.
         adaptation: Adapts the decoder's input; ``None`` for unchanged samples.
-
-    Yields:
-        The intent of each block.
-
-    Returns:
-        The time at which the source ended, in nanoseconds.
     """
     live = source.info.live
     meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)

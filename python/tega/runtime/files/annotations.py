@@ -21,7 +21,6 @@ class CodedEvent(NamedTuple):
     Attributes:
         t_s: Seconds from the observation's beginning.
         subject: Person or thing that it concerns; ``""`` for none.
-        code: Its behaviour.
         modifiers: The chosen values, ``None`` as a word where none was chosen.
         comment: Text that was written beside it.
         duration_s: Length of a state, seconds; 0 for a point event, ``None`` for a state without an end.
@@ -87,12 +86,6 @@ def edges_of(event: CodedEvent) -> list[float]:
 
 def check_times(events: Sequence[CodedEvent], *, length_s: float, name: str, hint: str) -> list[CodedEvent]:
     """Refuse events outside of the coded time; an event without an end ends with the coded time.
-
-    Args:
-        events: The events.
-        length_s: Length of the coded recording, seconds.
-        name: Name of the coded recording, for the errors.
-        hint: The next step.
 
     Raises:
         RecordingError: An event begins or ends outside.

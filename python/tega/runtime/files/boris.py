@@ -29,8 +29,6 @@ class BorisBehaviour(NamedTuple):
     """Behaviour that a rater codes with one key.
 
     Attributes:
-        code: Its name.
-        key: The key.
         modifiers: Sets of values by the name of the set; of each a rater chooses one value.
         is_state: Whether it has a beginning and an end.
     """

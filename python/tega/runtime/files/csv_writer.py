@@ -41,13 +41,7 @@ def cell_text(value: object) -> str:
 
 
 class CsvWriter:
-    """Writes finished lines to a file, many at a time.
-
-    Args:
-        path: The file; it is replaced.
-        columns: Its column names.
-        most_lines: How many lines wait before they are written together.
-    """
+    """Writes finished lines to a file, many at a time."""
 
     def __init__(self, path: Path, columns: Sequence[str], *, most_lines: int = _ROWS_PER_WRITE) -> None:
         self._file: IO[str] | None = path.open("w", encoding="utf-8", newline="\n")

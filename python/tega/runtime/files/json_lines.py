@@ -68,9 +68,6 @@ class JsonLines(Generic[Entry]):
         subject: An entry's name.
         taken: Message and hint where another program has the file open.
 
-    Attributes:
-        entries: All entries so far.
-
     Raises:
         RecordingError: The file holds something else, or is a link.
         DeviceUnavailableError: Another program has it open.

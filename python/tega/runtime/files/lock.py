@@ -21,10 +21,6 @@ def lock_file(file: IO[bytes], path: Path) -> bool:
     Where a lock would keep readers out, it is an empty file beside it that is locked, with :data:`LOCK_SUFFIX` behind
     its name; that one stays locked until ``file`` is dropped.
 
-    Args:
-        file: The file.
-        path: Where it is.
-
     Returns:
         True if no other process has marked it. Also true on a file system without locks.
     """

@@ -51,9 +51,6 @@ def without_strays(files: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
 def name_times_s(stems: Sequence[str]) -> list[float] | None:
     """Return the times in the names of sorted pictures, seconds from the first.
 
-    Args:
-        stems: Names without their endings, in order.
-
     Returns:
         ``None`` where the longest numbers of the names are not all seconds, milliseconds, microseconds or nanoseconds
         since 1970, or do not rise.

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import check_file
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _MOST_MIB: Final = 64 * 1024
 _MOST_PIXELS: Final = 1 << 26
@@ -34,11 +32,9 @@ class PictureStack:
     """The pictures of one array of a file, in order.
 
     Args:
-        path: The file.
         variable: Name of the array in an ``.npz`` file; ``""`` for the only one that holds pictures.
 
     Attributes:
-        n_pictures: Number of pictures.
         times_s: Time of each from an array ``t_s``, ``t_ms``, ``t_us`` or ``t_ns`` beside them, seconds from the
             first; ``None`` without one.
 

@@ -6,17 +6,15 @@ import io
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB, check_file
 from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _MOST_MIB: Final = 256 * 1024
@@ -45,9 +43,7 @@ class Ros2Bag:
         pictures: Whether pictures are wanted, else arrays of numbers.
 
     Attributes:
-        topic: Name of the topic.
         kind: Type of its messages.
-        n_messages: Number of messages.
         begin_ns: Log time of the first message of the bag, nanoseconds: its topics have one time.
 
     Raises:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError, TegaError
 from tega.runtime.files.foreign_file import check_file
@@ -25,9 +26,6 @@ from tega.runtime.files.tables.timing import (
     to_seconds,
 )
 from tega.runtime.files.tables.values import FEWEST
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # Channels of one amplifier may end so much apart: a logger that was stopped in the middle of a row.
 _MOST_UNEVEN = 0.01
@@ -63,10 +61,6 @@ class Signals(NamedTuple):
 
 def read_signals(path: Path, reading: Reading | None = None) -> Signals:
     """Read the samples of a file.
-
-    Args:
-        path: A text table, an array file, or a recording of a format in :data:`tega.runtime.files.formats.FORMATS`.
-        reading: Choices of the user.
 
     Raises:
         RecordingError: It is missing, cannot be parsed, holds no sample, lacks a channel, can be read in several ways,

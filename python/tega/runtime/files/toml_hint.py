@@ -24,12 +24,7 @@ _RULES: Final = (
 
 
 def toml_hint(text: str, error: ValueError) -> str:
-    """Return the next step for a text that is no TOML.
-
-    Args:
-        text: The text.
-        error: The parser's error.
-    """
+    """Return the next step for a text that is no TOML."""
     message = str(error)
     if "twice" in message or "overwrite" in message:
         return "a table or a key stands in the file twice: join them"
@@ -40,11 +35,7 @@ def toml_hint(text: str, error: ValueError) -> str:
 
 
 def swallowed_escape(tree: object) -> tuple[str, str] | None:
-    r"""Return key and text of a value that a backslash has changed, such as ``"C:\temp"`` with a tab in it.
-
-    Args:
-        tree: The parsed text.
-    """
+    r"""Return key and text of a value that a backslash has changed, such as ``"C:\temp"`` with a tab in it."""
     for key, value in _texts(tree, ""):
         if re.search("[\b\t\f\r]", value) or (re.match("[A-Za-z]:", value) and "\n" in value):
             return key, value

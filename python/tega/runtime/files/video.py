@@ -9,17 +9,15 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import check_file
 from tega.runtime.files.video_orientation import display_matrix, oriented
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # A day of one camera's video, little compressed.
 _MOST_MIB: Final = 256 * 1024
@@ -70,11 +68,7 @@ class VideoFacts(NamedTuple):
 class VideoFrames:
     """The frames of a video file, in order.
 
-    Args:
-        path: The file.
-
     Attributes:
-        facts: Facts of the file.
         n_decoded: Number of frames decoded so far, one of them ahead of :meth:`read`.
         notes: Sentences on how the file is read.
 

@@ -45,13 +45,7 @@ def new_file(path: Path, *, sync: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_whole(path: Path, data: bytes | str, *, sync: bool = False) -> None:
-    """Write a file; its folder is made if need be.
-
-    Args:
-        path: The file.
-        data: Its content; text as UTF-8.
-        sync: As in :func:`new_file`.
-    """
+    """Write a file; its folder is made if need be."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with new_file(path, sync=sync) as file:
         file.write(data.encode() if isinstance(data, str) else data)

@@ -9,19 +9,15 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.devices.base import EmgChunk
 from tega.devices.emg.emg_health import EmgHealth, swapped_channels
 from tega.emg import channel_maxima
 from tega.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.devices.base import EmgChunk
-
 
 LEAST_RATIO = 3.0
 """A maximum under so many times the rest has no room for five levels."""
@@ -44,9 +40,6 @@ class Chain(NamedTuple):
 
     Attributes:
         rate_hz: Samples per second.
-        tau: Samples per block.
-        kind: Kind of the samples.
-        channels: Their names.
     """
 
     rate_hz: float
@@ -118,11 +111,6 @@ def judge_quiet(
     chunks: Sequence[EmgChunk], chain: Chain, *, limits: tuple[float, float] | None = None
 ) -> RestEffort:
     """Measure muscles at rest.
-
-    Args:
-        chunks: Samples taken while the person rested.
-        chain: The conditions.
-        limits: Range of the converter.
 
     Raises:
         CalibrationError: Nothing came.

@@ -7,16 +7,13 @@ if something touches the gel, so both are looked for. Numbers are counts of 0 to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import CalibrationError
 from tega.tactile import read_contact, sensor_noise
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 LEAST_PICTURES = 20
 """Averaging over fewer leaves noise in the baseline."""

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tega.devices.base import VestSink
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
 from tega.runtime.clock import Clock
-
-if TYPE_CHECKING:
-    from tega.devices.base import VestSink
-
 
 _PERIOD_NS = 50_000_000  # well within a vest's watchdog
 

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
 from tega.config.calibration.folder import Unfinished
 from tega.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from tega.setup.calibration.times import Sitting
+from tega.setup.calibration.times import Sitting
 
 _Kept = TypeVar("_Kept")
 
 
 class Journal:
-    """The finished steps of one person's calibration, each written at once.
-
-    Args:
-        sitting: The calibration.
-    """
+    """The finished steps of one person's calibration, each written at once."""
 
     def __init__(self, sitting: Sitting) -> None:
         self._folder, self._person, self._now = sitting.folder, sitting.person, sitting.now

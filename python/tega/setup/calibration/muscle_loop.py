@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import time
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
+from tega.config import SessionConfig
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import utc_now
 from tega.config.choose import block_s, muscle_decoder
 from tega.config.person import person_calibration
+from tega.devices.base import EmgChunk
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.maxima import emg_conditions
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import EmgChunk
-    from tega.records import Intent
-
-__all__ = ["MuscleLoop"]
+from tega.records import Intent
 
 _READ_S = 0.05
 
@@ -28,16 +24,10 @@ _READ_S = 0.05
 class MuscleLoop:
     """EMG source and decoder of the settings, for as long as the ``with`` block lasts.
 
-    Args:
-        config: The settings, with ``calibration.person``.
-        settings: Name of the settings file in suggested commands.
-        subject: Name of the part that needs the muscles, for the error message.
-
     Attributes:
         chunks: The samples since :meth:`start`, as they came.
         maxima: The person's calibration.
         device: Serial number of the source, or a substitute for one.
-        driver: Its driver.
         start_ns: Time of the call of :meth:`start`, on the monotonic clock.
 
     Raises:

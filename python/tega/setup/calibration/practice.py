@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _HOLD_S = 3.0
 _RAMP_S_PER_LEVEL = 0.75
@@ -26,7 +23,6 @@ class Curve:
 
     Args:
         duration_s: Duration; at least 10 s.
-        seed: Seed of the order.
 
     Raises:
         InvalidValueError: The duration is too short for a curve.
@@ -71,11 +67,6 @@ class Score(NamedTuple):
 
 def score(t_s: Sequence[float], levels: Sequence[int], curve: Curve) -> Score:
     """Score levels against a curve.
-
-    Args:
-        t_s: Times of the levels, rising.
-        levels: Levels, 1 to 5.
-        curve: The curve to follow.
 
     Raises:
         InvalidValueError: There is no level, or not a time for each.

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from tega.records import Contact
-
+from tega.records import Contact
 
 PRESSES = 3
 """Repetitions of each object: one spike, or one odd press, must not decide."""
@@ -42,11 +40,7 @@ class Press(NamedTuple):
 
 
 class PressMeter:
-    """Follows presses as frames are measured.
-
-    Args:
-        n_pixels: Pixels of a picture.
-    """
+    """Follows presses as frames are measured."""
 
     def __init__(self, n_pixels: int) -> None:
         self._n_pixels = n_pixels

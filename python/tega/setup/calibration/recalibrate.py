@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.config import SessionConfig
 from tega.config.choose import chosen_stage
+from tega.devices.base import EmgChunk
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.setup.calibration.refresh import kept_record, to_todays_scale
 from tega.setup.calibration.steps_emg import MuscleSteps
+from tega.setup.calibration.times import Sitting
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.stage import LearnedOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config import SessionConfig
-    from tega.devices.base import EmgChunk
-    from tega.setup.calibration.times import Sitting
-
 
 HALF_S: Final = 5.0
 """Rest takes so long, and so does effort."""

@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
+from tega.config import EmgConfig
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
 from tega.config.choose import block_s
 from tega.config.person import driver_settings, other_conditions
+from tega.devices.base import EmgSource
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
+from tega.setup.calibration.effort import Chain
 from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of
 from tega.setup.calibration.steps_touch import take_baseline
 from tega.setup.calibration.times import Sitting
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tega.config import EmgConfig
-    from tega.devices.base import EmgSource
-    from tega.setup.calibration.effort import Chain
-
 
 _BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
 # A channel beyond these is not the same electrode on the same muscle any more.
@@ -33,10 +28,6 @@ _SCALE = (0.5, 2.0)
 
 def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
     """Take new baselines, and put EMG rest and maxima to today's scale by one squeeze.
-
-    Args:
-        sitting: The calibration.
-        parts: Parts to refresh; vest, forearm and cameras need none.
 
     Returns:
         The files written.

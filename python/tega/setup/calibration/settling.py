@@ -21,13 +21,6 @@ def until_good(
 ) -> tuple[_Result, tuple[str, ...]]:
     """Repeat a step until nothing is wrong with it, or the person keeps it as it is.
 
-    Args:
-        guide: Shows and asks.
-        subject: Name of the step.
-        attempt: Does it.
-        problems: Returns the problems of a result.
-        can_keep: Returns whether a result may be kept despite its problems.
-
     Returns:
         The result, and the problems with which it was kept.
 

@@ -9,17 +9,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from tega.arm.heading import ForearmSweep, ForwardCheck, check_forward, kept_yaw, yaw_from_sweep
+from tega.devices.base import Tracker
 from tega.errors import CalibrationError
 from tega.runtime.guide import Bar, Guide, Undecided
 from tega.setup.calibration.settling import until_good
-
-if TYPE_CHECKING:
-    from tega.devices.base import Tracker
 
 WAIT_S: Final = 30.0
 """Time to wait for a movement."""
@@ -53,11 +51,6 @@ class TakenHeading(NamedTuple):
 
 def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> TakenHeading:
     """Lead through both movements, again until the second comes out forward.
-
-    Args:
-        tracker: The open tracker.
-        guide: Shows and asks.
-        wait_s: Time to wait for each movement.
 
     Raises:
         CalibrationError: The second does not, and there is no answer about another attempt.
@@ -93,13 +86,6 @@ def take_base_yaw(
     tracker: Tracker, guide: Guide, *, yaw_rad: float, reported_rad: float, wait_s: float = WAIT_S
 ) -> float:
     """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
-
-    Args:
-        tracker: The open tracker.
-        guide: Shows and asks.
-        yaw_rad: The operator's forward, as :func:`take_heading` found it.
-        reported_rad: Value of the settings, kept if there is no answer.
-        wait_s: Time to wait for the movement.
 
     Returns:
         As in ``arm.mapping.base_yaw_rad``.
@@ -141,12 +127,6 @@ def watch_sweep(
     displayed: Callable[[ForearmSweep, float], None],
 ) -> ForearmSweep:
     """Wait for a movement of the forearm that comes to rest.
-
-    Args:
-        tracker: The open tracker.
-        seconds: Time to wait.
-        yaw_rad: Direction of forward, rad; ``None`` if it is unknown.
-        displayed: Called again and again with the movement so far and the seconds left.
 
     Raises:
         CalibrationError: There was none.

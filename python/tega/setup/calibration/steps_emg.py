@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from tega.devices.base import optional
+from tega.config import EmgConfig
+from tega.devices.base import EmgChunk, EmgSource, optional
 from tega.errors import CalibrationError
 from tega.loop.maxima import TAU_S, emg_conditions
 from tega.runtime.guide import Bar, Guide, Shows
 from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.times import Times
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.config import EmgConfig
-    from tega.devices.base import EmgChunk, EmgSource
-
 
 SQUEEZES = 3
 
@@ -94,14 +88,6 @@ def collect(
 ) -> list[EmgChunk]:
     """Collect samples for a while, showing them.
 
-    Args:
-        source: The open source.
-        seconds: Duration.
-        guide: Shows.
-        prompt: Instruction for the person.
-        names: Names of the channels, for the bars.
-        full: Value of a full bar, (channels,); ``None`` for the largest so far.
-
     Raises:
         CalibrationError: Less than half of the samples came.
         DeviceUnavailableError: The source went away.
@@ -150,12 +136,6 @@ def drain(source: EmgSource) -> None:
 
 class MuscleSteps:
     """Leads a person through the steps on one open source.
-
-    Args:
-        source: The open source.
-        chain: The conditions.
-        guide: Shows and asks.
-        times: Durations of the steps.
 
     Attributes:
         received: Samples that the last step judged, of all its squeezes.

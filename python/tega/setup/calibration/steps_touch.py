@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.config.calibration.folder import KeptGel, device_name
 from tega.config.calibration.known_press import Ball, fit_gel
 from tega.config.calibration.records import GelRecord, TouchRecord
 from tega.config.calibration.store import TouchMaxima
 from tega.config.choose import Preset, preset_metric
+from tega.devices.base import TactileSource
 from tega.errors import CalibrationError
 from tega.loop.maxima import guided_maxima
+from tega.records import Contact
 from tega.runtime.guide import Bar
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.gel import (
@@ -29,17 +34,7 @@ from tega.setup.calibration.gel import (
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.times import Sitting
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.devices.base import TactileSource
-    from tega.records import Contact
-    from tega.stages.base import Metric
-
+from tega.stages.base import Metric
 
 _READ_S = 0.1
 _SHOW_S = 0.1
@@ -51,8 +46,6 @@ class TakenBaseline(NamedTuple):
 
     Attributes:
         picture: uint8 (H, W, 3).
-        file: Path of the baseline.
-        made: Time at which it was taken.
         notes: Problems with which it was accepted, and changes of the gel.
         cell_noise: Noise of the sensor's cells, counts; ``None`` where it is not known.
     """
@@ -68,12 +61,6 @@ def take_baseline(
     finger: str, source: TactileSource, sitting: Sitting, *, is_free: bool = False
 ) -> TakenBaseline:
     """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it.
-
-    Args:
-        finger: For the words.
-        source: Its open source.
-        sitting: The calibration; the baseline is kept in its folder.
-        is_free: The person has said already that nothing touches.
 
     Raises:
         CalibrationError: The baseline cannot be used, and there is no answer about it.
@@ -182,13 +169,6 @@ def take_presses(
     finger: str, source: TactileSource, baseline: TakenBaseline, sitting: Sitting, ball: Ball | None = None
 ) -> TouchRecord:
     """Ask for presses on a fingertip, first round, then flat, and derive its maxima.
-
-    Args:
-        finger: For the words.
-        source: Its open source.
-        baseline: Its untouched picture.
-        sitting: The calibration.
-        ball: Known ball and force, to fit depth and stiffness; optional.
 
     Raises:
         CalibrationError: There were too few presses, and there is no answer about it.

@@ -9,13 +9,13 @@ import random
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from tega.config.calibration import TouchMaxima
 from tega.config.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
+from tega.devices.base import VestSink
 from tega.haptics import FINGERS, FeltMap, Layout, MotorLevels, vest_frame
 from tega.loop.touch import TouchLoop
 from tega.records import Contact
@@ -26,10 +26,6 @@ from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
 from tega.setup.calibration.times import Times
 from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
-
-if TYPE_CHECKING:
-    from tega.devices.base import VestSink
-
 
 _DISPLAYED_STEPS = 5
 """Touches of different strength that are shown at the end."""
@@ -46,11 +42,7 @@ class Pulses:
     """Vibrations at sites of a vest, never above a ceiling.
 
     Args:
-        vest: The open vest.
-        layout: Layout of its motors.
         ceiling: The highest level, 1 to 15; kept, as the layout.
-        times: Duration of a vibration.
-        clock: Time.
     """
 
     def __init__(
@@ -111,11 +103,6 @@ class VestSteps:
 
     Each raises ``Undecided`` where there is no answer, as without a terminal, and ``DeviceUnavailableError`` if the
     vest went away.
-
-    Args:
-        pulses: Vibrations.
-        guide: Shows and asks.
-        seed: Seed of the order of columns, and within a pair.
     """
 
     def __init__(self, pulses: Pulses, guide: Guide, *, seed: int) -> None:

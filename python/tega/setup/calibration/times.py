@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import datetime
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.config.calibration.folder import CalibrationFolder
-    from tega.runtime.guide import Guide
+from tega.config import SessionConfig
+from tega.config.calibration.folder import CalibrationFolder
+from tega.runtime.guide import Guide
 
 
 class Times(NamedTuple):
@@ -49,9 +48,6 @@ class Sitting(NamedTuple):
     """One person's calibration with some settings.
 
     Attributes:
-        config: The settings.
-        person: Name of the person.
-        folder: Folder of the records.
         guide: Shows and asks.
         times: Durations of the steps.
         now: Returns the time of day.

@@ -5,21 +5,17 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config.calibration.records import PracticeRecord, read_record
+from tega.devices.base import EmgChunk
 from tega.errors import CalibrationError
 from tega.runtime.files.foreign_file import load_npy, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega.setup.calibration.practice import Curve
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.devices.base import EmgChunk
-
 
 _MOST_MIB = 1024
 _TOP_STEPS = 4
@@ -33,8 +29,6 @@ class Tracked(NamedTuple):
         target: Closure asked for at each, 0 to 1, ``(n,)``.
         rate_hz: Samples per second.
         kind: ``raw``, ``rectified`` or ``envelope``.
-        channels: Their names.
-        person: Name of the person.
     """
 
     samples: NDArray[np.float64]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from tega.config import SessionConfig
 from tega.config.calibration.records import PracticeRecord, utc_now
 from tega.config.choose import decoder_choice
 from tega.config.person import whose
@@ -13,10 +13,6 @@ from tega.setup.calibration.muscle_loop import MuscleLoop
 from tega.setup.calibration.practice import Curve, score
 from tega.setup.calibration.tracked import keep_tracked, tracked_samples
 
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-
-
 _TOP_LEVEL = 5
 
 
@@ -24,13 +20,6 @@ def track(
     config: SessionConfig, guide: Guide, *, duration_s: float, seed: int, settings: str
 ) -> tuple[PracticeRecord, Path]:
     """Let a calibrated person follow a curve.
-
-    Args:
-        config: The settings, with ``calibration.person``.
-        guide: Shows.
-        duration_s: Duration.
-        seed: Seed of the curve.
-        settings: Name of the settings file in suggested commands.
 
     Returns:
         The score, and where it is kept; the EMG lies beside it, for ``tega-teleop emg fit``.

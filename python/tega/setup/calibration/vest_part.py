@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
@@ -13,19 +13,16 @@ from tega.config.calibration.records import VestCalibration
 from tega.config.calibration.wearing import middle_sites, site_face
 from tega.config.choose import chosen_stage
 from tega.config.person_settings import felt_by
+from tega.devices.base import Device, VestSink
 from tega.errors import CalibrationError, ConfigError
-from tega.haptics import FeltMap
+from tega.haptics import FeltMap, Layout
 from tega.loop.worn_vest import worn_vest
 from tega.runtime.guide import Undecided
+from tega.setup.calibration.journal import Journal
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
 from tega.setup.calibration.steps_vest import FeltSite, Pulses, VestSteps
+from tega.setup.calibration.times import Sitting
 from tega.stages.equal_steps import EqualStepsMapping
-
-if TYPE_CHECKING:
-    from tega.devices.base import Device, VestSink
-    from tega.haptics import Layout
-    from tega.setup.calibration.journal import Journal
-    from tega.setup.calibration.times import Sitting
 
 
 class VestChoices(NamedTuple):
@@ -64,12 +61,6 @@ class _KeptSites(dict[str, FeltSite]):
 
 def calibrate_vest(sitting: Sitting, journal: Journal, choices: VestChoices, place: str) -> VestCalibration:
     """Calibrate the vest of the settings.
-
-    Args:
-        sitting: The calibration.
-        journal: Results of steps that are done.
-        choices: How the vest is shown.
-        place: Place of this part among all, for its title.
 
     Raises:
         ConfigError: The settings name no vest.

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
+from tega.config import EmgConfig, SessionConfig, TactileConfig, TrackerConfig
 from tega.config.calibration.folder import device_name
+from tega.config.calibration.known_press import Ball
 from tega.config.calibration.records import (
     ArmRecord,
     EmgRecord,
@@ -28,13 +30,8 @@ from tega.setup.calibration.journal import Journal
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
 from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of, muscle_names
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
+from tega.setup.calibration.times import Sitting
 from tega.setup.calibration.vest_part import VestChoices, calibrate_vest, check_live, drawing
-
-if TYPE_CHECKING:
-    from tega.config import EmgConfig, SessionConfig, TactileConfig, TrackerConfig
-    from tega.config.calibration.known_press import Ball
-    from tega.setup.calibration.times import Sitting
-
 
 Only = Literal["tactile", "emg", "vest", "arm"]
 _KINDS: dict[str, Literal["tactile", "emg", "vest", "tracker"]] = {
@@ -83,11 +80,6 @@ class Calibrating:
     """Calibrates the devices of some settings for one person, step by step.
 
     The result of each step is stored at once. An interrupted calibration can be continued within four hours.
-
-    Args:
-        sitting: The calibration.
-        vest: How the vest is shown.
-        ball: Known ball and force, to fit each gel's depth and stiffness.
     """
 
     def __init__(
@@ -102,10 +94,6 @@ class Calibrating:
 
     def run(self, parts: Sequence[str], *, restart: bool = False) -> None:
         """Do all steps that are not done.
-
-        Args:
-            parts: As :func:`parts_of` gives them.
-            restart: Forget an interrupted calibration.
 
         Raises:
             CalibrationError: A step cannot be finished, and there is no answer about it.

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.haptics import FINGERS
+from tega.haptics import FINGERS, MotorLevels
 from tega.haptics.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Event, Intent, NamedValue
 from tega.setup.contract.rule import rule
@@ -225,8 +225,6 @@ def _percents(levels: Any, n: int) -> NDArray[np.float64]:
 
 def check_layout(layout: MotorLayout) -> None:
     """Check a layout: that all faces are dense enough to be addressed by row and column."""
-    from tega.haptics import MotorLevels
-
     rule(_one_line(layout.summary), "summary is one line")
     for face in ("front", "back"):
         motors = [motor for motor in layout.motors if motor.face == face]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import msgspec
 
@@ -19,8 +21,45 @@ from tega.setup.doctor.findings import Examination, Finding
 from tega.setup.doctor.hand import try_hand
 from tega.setup.doctor.inputs import try_input
 from tega.setup.doctor.tactile import FoundCamera, crowded, try_camera
-from tega.setup.doctor.timeouts import in_time
 from tega.setup.doctor.vest import try_vest
+
+_Key = TypeVar("_Key")
+_Answer = TypeVar("_Answer")
+
+
+def in_time(
+    jobs: Mapping[_Key, Callable[[], _Answer]], deadline_s: float, late: Callable[[_Key, float], _Answer]
+) -> dict[_Key, _Answer]:
+    """Run all jobs at once and return their results, in their order.
+
+    A job that is not done in time is left to itself: its thread does not keep the program from ending.
+
+    Args:
+        jobs: Functions to run; a job must not raise.
+        deadline_s: Time limit for all of them together.
+        late: Given a job's key and the deadline, makes the answer of one that is not done.
+
+    Example:
+        >>> in_time({"a": lambda: 1, "b": lambda: 2}, 10.0, lambda key, _: 0)
+        {'a': 1, 'b': 2}
+    """
+    answers: dict[_Key, _Answer] = {}
+
+    def do(key: _Key, job: Callable[[], _Answer]) -> None:
+        answers[key] = job()
+
+    threads = [
+        threading.Thread(target=do, args=item, name=f"tega-look-{item[0]}", daemon=True)
+        for item in jobs.items()
+    ]
+    until_s = time.monotonic() + deadline_s
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(max(0.0, until_s - time.monotonic()))
+    done = dict(answers)
+    return {key: done[key] if key in done else late(key, deadline_s) for key in jobs}
+
 
 POLL_S: Final = 3.5
 """Deadline of looking for devices, all drivers side by side."""
@@ -89,8 +128,6 @@ class DriverProbe(NamedTuple):
     """Result of looking for one driver's devices.
 
     Attributes:
-        kind: The driver's kind.
-        found: Devices found.
         could_not: Reason why looking was not possible; ``""`` if it was.
         hint: Step to make looking possible.
         lacks_package: Whether it is a package that is not installed.
@@ -105,9 +142,6 @@ class DriverProbe(NamedTuple):
 
 def probe_drivers(deadline_s: float = POLL_S) -> dict[str, DriverProbe]:
     """Search for devices with every driver that can; opens nothing.
-
-    Args:
-        deadline_s: Time limit for all of them together.
 
     Returns:
         The results by the driver's name, in the order of ``tega-teleop devices``, without drivers that cannot search.
@@ -164,10 +198,6 @@ def probe_all() -> Examination:
 
 def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     """Try devices through their drivers, side by side.
-
-    Args:
-        cases: Devices to try.
-        deadline_s: Time limit for all of them together.
 
     Returns:
         At least one finding for each, in their order, and then those about several together.

@@ -17,9 +17,6 @@ class DriverCase(NamedTuple):
 
     Attributes:
         check: Name of the check, such as ``tactile.thumb``.
-        kind: Kind of the driver.
-        driver: Its name.
-        options: Its checked options.
         baseline: Picture of the untouched gel, for a finger that has one.
     """
 
@@ -92,10 +89,6 @@ def late(case: DriverCase, deadline_s: float) -> Finding:
 
 def holders(device: str, proc: Path = _PROC) -> list[str]:
     """Name the programs that have a device open, as far as this user may see them (Linux only).
-
-    Args:
-        device: Its file, such as ``/dev/video0``.
-        proc: Folder in which the kernel lists processes.
 
     Returns:
         Name and number of each, such as ``cheese (4711)``.

@@ -8,23 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config.calibration.records import GelRecord, read_record
 from tega.errors import CalibrationError, TegaError
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.gel import compare_gels, dark
-from tega.setup.doctor.case import failed
+from tega.setup.doctor.case import DriverCase, failed
+from tega.setup.doctor.findings import Finding
 from tega.tactile.tracker import TouchTracker, sensor_noise
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.setup.doctor.case import DriverCase
-    from tega.setup.doctor.findings import Finding
-
 
 LEAST_PICTURES = 10
 """Fewer pictures say too little about a sensor's noise."""

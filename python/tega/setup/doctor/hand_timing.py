@@ -48,9 +48,6 @@ def time_loop(hand: Allegro, *, seconds: float) -> LoopTiming:
         hand: The open driver.
         seconds: Duration, up to 45.
 
-    Returns:
-        The measurement.
-
     Raises:
         DeviceUnavailableError: The hand had to be let go.
     """

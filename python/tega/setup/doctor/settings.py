@@ -28,12 +28,6 @@ def examine(
 
     The calibration that a run would use is checked as well. A hand's motors stay off, a vest gets zeros, and outputs
     that would overwrite a file are not opened.
-
-    Args:
-        config: The settings.
-        name: Base name of their file.
-        settings: Name of the settings file in suggested commands; ``""`` for its base name.
-        deadline_s: Time limit for all devices together.
     """
     cases = cases_of(config)
     no_input = _no_input(config)

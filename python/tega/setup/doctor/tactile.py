@@ -30,9 +30,7 @@ class FoundCamera(NamedTuple):
 
     Attributes:
         check: Name of its check, with the finger.
-        serial: Its serial number.
         rate_hz: Pictures a second it agreed to.
-        n_pixels: Pixels of one image.
     """
 
     check: str
@@ -113,12 +111,7 @@ def _pictures(
 
 
 def crowded(cameras: Sequence[FoundCamera], nodes: Sequence[VideoNode] | None = None) -> list[Finding]:
-    """Say where more cameras hang on one USB 2 bus than it carries.
-
-    Args:
-        cameras: Cameras that work.
-        nodes: The machine's cameras; asked of the kernel when ``None``.
-    """
+    """Say where more cameras hang on one USB 2 bus than it carries."""
     bus_of = {node.serial: node.bus for node in (video_nodes() if nodes is None else nodes) if node.serial}
     by_bus: defaultdict[str, list[FoundCamera]] = defaultdict(list)
     for camera in cameras:

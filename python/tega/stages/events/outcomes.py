@@ -102,10 +102,5 @@ class LiftRule:
 
 
 def success(rule: LiftRule, kinds: Iterable[str]) -> bool:
-    """Return whether a trial is a success: lifted in time, and no ``drop`` among the kinds of its events.
-
-    Args:
-        rule: The rule that was given the heights of the trial.
-        kinds: Kinds of the events of the trial.
-    """
+    """Return whether a trial is a success: lifted in time, and no ``drop`` among the kinds of its events."""
     return rule.lifted and "drop" not in kinds

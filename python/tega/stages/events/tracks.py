@@ -32,16 +32,7 @@ class TouchFrame(NamedTuple):
 
 
 class TwoMeans:
-    """A quantity's quick and slow mean.
-
-    Args:
-        quick_s: Time constant of the quick one, seconds.
-        slow_s: Time constant of the slow one, seconds.
-
-    Attributes:
-        quick: The quick mean; NaN before the first value.
-        slow: The slow one.
-    """
+    """A quantity's quick and slow mean."""
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
         self._quick_s, self._slow_s = quick_s, slow_s
@@ -131,10 +122,6 @@ class SinkTrack:
 
 class FingerTrack:
     """One fingertip's contact.
-
-    Args:
-        quick_s: See :class:`TwoMeans`.
-        slow_s: See :class:`TwoMeans`.
 
     Attributes:
         touching: Whether something was touched in the newest frame.

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from tega.emg import GraspIntent, channel_maxima
+from tega.emg import GraspIntent, InputKind, channel_maxima
 from tega.emg.score import PERCENTILES
 from tega.errors import ConfigError, InvalidValueError, ShapeError
+from tega.stages.base import MuscleSetup
 from tega.stages.learned.features import as_samples
 from tega.stages.learned.judge import DecoderFigures, judge
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.training import DEFAULT_FEATURES, fit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.emg import InputKind
-
+from tega.stages.registry import stage_class
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
     "learned": "ridge",
@@ -35,11 +32,9 @@ class Log(NamedTuple):
     """EMG beside the force or closure that was meant.
 
     Attributes:
-        name: Name of the log.
         samples: ``(n, channels)``.
         target: Force or closure at each sample, ``(n,)``.
         rate_hz: Samples per second.
-        kind: Kind of the samples.
     """
 
     name: str
@@ -68,13 +63,11 @@ class DecoderReport(NamedTuple):
     """Closures and levels that a decoder returned for a log.
 
     Attributes:
-        decoder: Its name.
         closure: ``(k,)``.
         level: ``(k,)``.
         confidence: ``(k,)``; NaN where it does not say.
         held: ``(k,)``.
         target: Closure meant, by the training part's full, ``(k,)``.
-        figures: Figures of its quality.
     """
 
     decoder: str
@@ -203,9 +196,6 @@ def _run(
             decoder = decoder.recalibrated(today.samples, today.target)
         closure = decoder.process(judged.samples)
         return closure, decoder.levels.astype(float), decoder.confidence, decoder.held
-    from tega.stages.base import MuscleSetup
-    from tega.stages.registry import stage_class
-
     preset: Literal["paper", "live"] = "paper" if name == "rules-paper" else "live"
     kind: Any = stage_class("decoder", "rules" if name == "rules-paper" else name)
     setup = MuscleSetup(

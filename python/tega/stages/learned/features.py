@@ -7,18 +7,13 @@ Amplitudes (MAV, WL, LOGVAR) enter a model as logarithms above the floor at rest
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from tega.emg import ButterworthLowpass
+from tega.emg import ButterworthLowpass, InputKind
 from tega.errors import DtypeError, InvalidValueError, ShapeError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from tega.emg import InputKind
-
 
 FEATURES: Final[dict[str, str]] = {
     "MAV": "mean absolute value: mean |x|",
@@ -84,9 +79,7 @@ class Blocks:
 
     Args:
         rate_hz: Samples per second.
-        tau: Samples per block.
         kind: "raw": a 20 Hz high-pass removes the offset; "rectified" and "envelope" stay as they are.
-        channels: Number of channels.
     """
 
     def __init__(self, rate_hz: float, tau: int, kind: InputKind, channels: int) -> None:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.emg.score import changes_per_second, delay_s, rank_correlation
 from tega.errors import ShapeError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 REST_CLOSURE: Final = 0.05
 CLOSING: Final = 0.125

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError
 from tega.records import Intent
@@ -21,9 +22,6 @@ from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl
 from tega.runtime.lsl_clock import ClockCorrection
 from tega.runtime.stamp_check import is_other_clock
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _NAME = "lsl"
 _MOST_ROWS = 4096

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from tega.emg import InputKind
 from tega.errors import InvalidValueError, ShapeError
 from tega.hand import nearest_level
 from tega.stages.learned.features import Blocks
 from tega.stages.learned.learned import Decoded
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from tega.emg import InputKind
-
 
 _LEVEL = 0.25
 """Closure of one level."""

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import CalibrationError, ShapeError
 from tega.stages.learned.features import Blocks
 from tega.stages.learned.model import Model
 from tega.stages.learned.scorer import BlockScorer
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 LEAST_S: Final = 5.0
 STRENGTH: Final = 0.1

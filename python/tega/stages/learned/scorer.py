@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.stages.learned.features import AMPLITUDES, block_features
 from tega.stages.learned.model import Model
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class BlockScorer:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol
+from typing import Annotated, ClassVar, Protocol
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import ConfigError
 from tega.records import Intent
@@ -16,10 +17,6 @@ from tega.stages.base import Decoder, MuscleSetup, StageOptions
 from tega.stages.learned.learned import Decoded, LearnedDecoder
 from tega.stages.learned.model import load_model
 from tega.stages.learned.proportional import ProportionalDecoder
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _RATE_BLOCKS = 30
 _RATE_SHARE = 0.1

@@ -6,10 +6,12 @@ import hashlib
 import platform
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from tega.emg import InputKind
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
 from tega.stages.learned.features import AMPLITUDES, AR_ORDER, FEATURES, Blocks, as_samples, block_features
 from tega.stages.learned.learned import LearnedDecoder
@@ -25,12 +27,6 @@ from tega.stages.learned.learners import (
     rising_polyline,
 )
 from tega.stages.learned.model import REJECTED, Model
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from tega.emg import InputKind
-
 
 DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
 SMOOTHING_S: Final = (0.15, 0.4)

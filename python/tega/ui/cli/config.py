@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import msgspec
 
+from tega.errors import TegaError
 from tega.runtime.files.toml_text import toml_value
 from tega.runtime.number_text import number_text
 from tega.ui.cli.guest_group import GuestGroup
@@ -73,7 +74,6 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     With --json: {"file", "ok", "error", "hint"}.
     """
     from tega.config import load_config
-    from tega.errors import TegaError
 
     if not as_json:
         load_config(file, sets=sets)

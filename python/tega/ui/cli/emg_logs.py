@@ -49,11 +49,7 @@ class _ReadOption(click.ParamType[dict[str, Any]]):
 
 
 def column_options(prefix: str = "") -> tuple[Callable[[Any], Any], ...]:
-    """Return the options for rate, columns and array of a file of EMG.
-
-    Args:
-        prefix: Beginning of their names, such as ``emg-``.
-    """
+    """Return the options for rate, columns and array of a file of EMG."""
     return (
         click.option(
             f"--{prefix}variable", default="emg", show_default=True, help="Array or stream of a file of several."
@@ -178,14 +174,7 @@ class EmgBeside(NamedTuple):
 
 
 def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> EmgBeside:
-    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
-
-    Args:
-        file: The file.
-        beside: Name of the variable, or number of the column.
-        option: Option that named it, for the errors.
-        reading: How the EMG is read.
-    """
+    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table."""
     import msgspec
 
     from tega.errors import RecordingError

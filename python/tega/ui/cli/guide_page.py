@@ -7,7 +7,6 @@ import queue
 import time
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from tega.runtime.guide import Bar, Undecided
@@ -16,8 +15,6 @@ from tega.ui.cli.guide import LineGuide
 
 if TYPE_CHECKING:
     from tega.ui.view.browser.local import LocalServer
-
-__all__ = ["PageGuide"]
 
 _WIDTH = 900
 _PAINT_S: Final = 1 / 20
@@ -82,9 +79,7 @@ class PageGuide(LineGuide):
         self.prompt, self.said = gui.add_html(""), gui.add_html("")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Stop serving; the last message stays in the browser."""
         self._paint("The end", [], "")
         self._server.flush()

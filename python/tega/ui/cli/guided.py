@@ -11,12 +11,7 @@ from tega.ui.cli.guide import LineGuide, TerminalGuide
 
 
 def guide_for(*, yes: bool, get_ready_s: float) -> Guide:
-    """Return the guide that fits where this runs.
-
-    Args:
-        yes: Go on without waiting for anybody.
-        get_ready_s: Time for which each prompt is then shown.
-    """
+    """Return the guide that fits where this runs."""
     if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
         return TerminalGuide(yes=yes, get_ready_s=get_ready_s)
     return LineGuide(yes=yes, get_ready_s=get_ready_s)
@@ -24,14 +19,7 @@ def guide_for(*, yes: bool, get_ready_s: float) -> Guide:
 
 @contextmanager
 def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None = None) -> Iterator[Guide]:
-    """Guide a person on a page, or on the terminal, and give either back at the end.
-
-    Args:
-        title: Heading of the page.
-        yes: Go on without waiting for anybody.
-        get_ready_s: Time for which each prompt is then shown.
-        view_port: TCP port of the page; ``None``: no page.
-    """
+    """Guide a person on a page, or on the terminal, and give either back at the end."""
     if view_port is not None:
         from tega.ui.cli.guide_page import PageGuide
         from tega.ui.cli.page import open_page, page_address

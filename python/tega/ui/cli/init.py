@@ -10,7 +10,7 @@ from typing import Protocol
 
 import click
 
-from tega.errors import TegaError
+from tega.errors import ConfigError, TegaError
 from tega.ui.cli.devices import could_not_look
 from tega.ui.cli.options import echo_json, json_option
 
@@ -76,7 +76,6 @@ def init(
     """
     from tega.config import load_config
     from tega.devices.registry import driver_class
-    from tega.errors import ConfigError
     from tega.setup.doctor import lab_settings, probe_drivers
 
     if out.exists() and not force:

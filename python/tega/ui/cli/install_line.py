@@ -11,15 +11,7 @@ from urllib.request import url2pathname
 
 
 def with_origin(text: str, installed: Distribution | None = None) -> str:
-    """Put the place that TEGA was installed from into ``pip install 'tega[…]'`` and ``pip install './tools/…'``.
-
-    Args:
-        text: A message or hint.
-        installed: The installed package; that of this program when ``None``.
-
-    Returns:
-        The text as it is where TEGA came from an index, or nothing says where from.
-    """
+    """Put the place that TEGA was installed from into ``pip install 'tega[…]'`` and ``pip install './tools/…'``."""
     if "pip install 'tega[" not in text and "'./tools/" not in text:
         return text
     try:

@@ -112,13 +112,7 @@ def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 def stop_keys(
     stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = _NO_KEYS
 ) -> Iterator[None]:
-    """Let the space bar and q ask for the end, where there is a terminal to press them on.
-
-    Args:
-        stop: Is asked for the end.
-        enabled: Whether keys are read at all.
-        others: Called when its key is pressed.
-    """
+    """Let the space bar and q ask for the end, where there is a terminal to press them on."""
     if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
         yield
         return
@@ -139,14 +133,7 @@ def stop_keys(
 
 @contextmanager
 def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], None]]:
-    """Show how long work goes on, on a terminal's stderr only.
-
-    Args:
-        enabled: Whether to show anything at all.
-
-    Yields:
-        A function to call with the current task, the amount done and the total.
-    """
+    """Show how long work goes on, on a terminal's stderr only."""
     if not enabled or not sys.stderr.isatty():
         yield lambda _subject, _done, _total: None
         return

@@ -69,12 +69,7 @@ def open_page(url: str) -> None:
 
 
 def address_lines(url: str, environ: Mapping[str, str]) -> list[str]:
-    """Return a page's address on a line of its own, and over SSH the command that forwards its port.
-
-    Args:
-        url: The address.
-        environ: The environment of the program.
-    """
+    """Return a page's address on a line of its own, and over SSH the command that forwards its port."""
     lines = ["view: open this page in a browser", url]
     host, port = urlsplit(url).hostname, urlsplit(url).port
     connection = environ.get("SSH_CONNECTION", "").split()
@@ -152,9 +147,6 @@ def run_viewed(
         annotate: Codes an event by a key of the page, and returns the effect in words.
         opened: Given the page's address before the run begins.
         options: Further arguments for ``run``.
-
-    Returns:
-        The summary.
     """
     from tega.loop import run_session
     from tega.loop.controls import Controls as RunControls

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from tega.ui.cli.options import echo_json, json_option, sets_option, stop_keys, worn_by
-from tega.ui.cli.page import view_options
+from tega.ui.cli.page import run_viewed, view_options
 
 
 class _Speed(click.ParamType[float | None]):
@@ -97,7 +97,6 @@ def play(
     from tega.recording.replay.playhead import Playhead
     from tega.records.bus import Bus
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.page import run_viewed
     from tega.ui.cli.report import print_summary
     from tega.ui.cli.run_view import stage
 

@@ -10,7 +10,7 @@ import click
 
 from tega.ui.cli.emg_logs import column_options, kind_option
 from tega.ui.cli.options import PngPath, json_option, progress_bar
-from tega.ui.cli.page import view_options
+from tega.ui.cli.page import run_viewed, view_options
 
 
 class _Named(click.ParamType[tuple[str, str]]):
@@ -124,7 +124,6 @@ def replay(
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.findings import Findings
-    from tega.ui.cli.page import run_viewed
     from tega.ui.cli.report import echo_summary
     from tega.ui.cli.verify import check_flags, replay_session
 

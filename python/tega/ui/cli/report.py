@@ -156,11 +156,7 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
 
 
 def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
-    """Make a table of every path's stages; fewer than 100 samples have no percentiles.
-
-    Args:
-        latency_ms: As in the summary.
-    """
+    """Make a table of every path's stages; fewer than 100 samples have no percentiles."""
     from tega.ui.cli.tables import figures_table
 
     titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms", "motion": "muscle to joint, ms"}

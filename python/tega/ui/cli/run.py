@@ -2,19 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from tega.runtime.features import features, load_target
 from tega.ui.cli.options import json_option, sets_option, stop_keys, worn_by
-from tega.ui.cli.page import view_options
-from tega.ui.cli.streams import stream_names
+from tega.ui.cli.page import open_page, run_viewed, view_options
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
+    from tega.records.bus import Bus
+
+
+def stream_names() -> list[str]:
+    """Return the names of all streams."""
+    return sorted(name for feature in features().values() for name in feature.streams)
+
+
+@contextmanager
+def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
+    """Stream the records on a bus for the duration of the block; the address is printed on stderr.
+
+    Raises:
+        MissingExtraError: A package is not installed.
+        DeviceUnavailableError: A port is taken, or a program cannot be reached.
+    """
+    found = {
+        name: (target, feature) for feature in features().values() for name, target in feature.streams.items()
+    }
+    with ExitStack() as stack:
+        for name in dict.fromkeys(names):
+            stream = stack.enter_context(load_target(*found[name])(bus))
+            click.echo(f"{name}: {stream.url}", err=True)
+        yield
 
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -105,10 +129,8 @@ def run_settings(
     from tega.records.bus import Bus
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.page import open_page, run_viewed
     from tega.ui.cli.report import echo_summary
     from tega.ui.cli.run_view import stage
-    from tega.ui.cli.streams import streamed
 
     if wait_for_go and not view:
         raise click.UsageError("--wait-for-go is for --view, whose page has the button")

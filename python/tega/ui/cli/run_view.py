@@ -19,11 +19,7 @@ if TYPE_CHECKING:
 
 
 class TerminalDisplay:
-    """Draws the newest moment that it was given, in a thread of its own: drawing takes longer than a tick of the hand.
-
-    Args:
-        title: Heading of the live view.
-    """
+    """Draws the newest moment in a thread of its own: drawing takes longer than a tick of the hand."""
 
     def __init__(self, title: str) -> None:
         from tega.ui.view.terminal import TerminalView
@@ -79,10 +75,6 @@ class TerminalDisplay:
 @contextmanager
 def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisplay | None]]:
     """Show preparation and run on a terminal's stderr.
-
-    Args:
-        title: Heading of the live view.
-        enabled: Whether to show anything at all.
 
     Yields:
         The ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.

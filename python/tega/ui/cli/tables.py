@@ -11,14 +11,7 @@ from rich.table import Table
 
 
 def figures_table(left: Sequence[str], right: Sequence[str], title: str = "", **layout: Any) -> Table:
-    """Return an empty table: columns of words, then columns of figures.
-
-    Args:
-        left: Headings of the columns of words.
-        right: Headings of the columns of figures.
-        title: Heading of the table.
-        layout: Further arguments of :class:`rich.table.Table`.
-    """
+    """Return an empty table: columns of words, then columns of figures."""
     table = Table(title=title or None, title_justify="left", **({"box": SIMPLE} | layout))
     for place, name in enumerate(left):
         table.add_column(name, no_wrap=place == 0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,7 @@ from numpy.typing import NDArray
 from tega.errors import ConfigError
 from tega.haptics.motor_layout import find_layout
 from tega.records import Contact, Intent, VestFrame
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
-
-__all__ = ["FingerCourse", "RunCourse", "VestCourse"]
+from tega.records.bus import Bus
 
 
 class FingerCourse(NamedTuple):
@@ -51,11 +47,7 @@ class VestCourse(NamedTuple):
 
 
 class RunCourse:
-    """Subscribes to a run's contacts, levels and vest frames and keeps them, in about 50 bytes each.
-
-    Args:
-        bus: The run's.
-    """
+    """Subscribes to a run's contacts, levels and vest frames and keeps them, in about 50 bytes each."""
 
     def __init__(self, bus: Bus) -> None:
         self._contacts: dict[str, array[float]] = {}

@@ -23,21 +23,6 @@ if TYPE_CHECKING:
     from tega.stages.base import MeasuredPicture, TouchMap
     from tega.ui.view.course import FingerCourse, VestCourse
 
-__all__ = [
-    "FINGER_COLOURS",
-    "MUSCLE_COLOURS",
-    "Firmest",
-    "SessionCourse",
-    "TouchPicture",
-    "draw_course",
-    "draw_fingers",
-    "draw_map",
-    "draw_touch",
-    "draw_vest",
-    "new_figure",
-    "session_figure",
-]
-
 # Under this a map is not stretched to white.
 _LEAST_TOP = {"mm": 0.02, "grey": 1.0}
 
@@ -206,14 +191,6 @@ def session_figure(
     vest: VestCourse | None,
 ) -> None:
     """Write all that is known of a session into one PNG, on one time axis.
-
-    Args:
-        path: The file to write.
-        pictures: One picture per finger, in drawing order; none for no row of them.
-        course: The course of the whole session.
-        title: Heading; says so where the data is simulated.
-        fingers: Each finger's course, in drawing order.
-        vest: The vest's course.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 from tega.errors import DeviceUnavailableError
 from tega.recording.record_channels import RecordChannels
 from tega.records import HandExchange, Record
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.records.types import record_types
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
 from tega.ui.view.same_machine import SameMachine, hidden_address
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
-
-__all__ = ["FOXGLOVE_PORT", "FoxgloveStream"]
 
 FOXGLOVE_PORT: Final = 8765
 """Default port of the app."""
@@ -37,7 +31,6 @@ class FoxgloveStream:
     ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
 
     Args:
-        bus: The run's.
         port: TCP port; 0 for any free one.
 
     Attributes:
@@ -82,9 +75,7 @@ class FoxgloveStream:
                 self._bus.subscribe(kind, self._take, name="foxglove", backlog=self._backlog)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Stop serving."""
         self._backlog.close()
         server, self._server, self.url = self._server, None, ""

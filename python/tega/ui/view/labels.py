@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from tega.haptics import HIGH_SHARE, contact_type
-
-if TYPE_CHECKING:
-    from tega.haptics import ContactType
-    from tega.records import Contact
-
-__all__ = ["BAND", "ContactLabels"]
+from tega.haptics import HIGH_SHARE, ContactType, contact_type
+from tega.records import Contact
 
 BAND = 0.05
 """A share is called high from 0.55 of its maximum on, and stays so down to 0.45.

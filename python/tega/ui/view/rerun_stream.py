@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import socket
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
 from tega.errors import DeviceUnavailableError
 from tega.haptics import FINGERS
 from tega.records import Alert, Contact, Event, Intent, Joints, LogLine, Picture, Record, RunState, VestFrame
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
-
-__all__ = ["RERUN_PORT", "RerunStream", "save_layout"]
 
 RERUN_PORT: Final = 9876
 """Default port of the viewer."""
@@ -36,11 +30,6 @@ class RerunStream:
 
     TEGA serves nothing here: the viewer does. The layout is sent first; ``python/tega/ui/view/rerun-layout.rbl`` is the
     same, to open beside a recording.
-
-    Args:
-        bus: The run's.
-        port: Port of the viewer.
-        file: An ``.rrd`` file to write to instead.
 
     Attributes:
         url: Address to which the records go; empty while closed.
@@ -80,9 +69,7 @@ class RerunStream:
         self._bus.subscribe(Record, self._take, name="rerun", backlog=self._backlog)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Send the waiting records, for a second at most, and disconnect."""
         self._backlog.close()
         stream, self._stream, self.url = self._stream, None, ""

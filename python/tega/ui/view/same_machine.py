@@ -62,9 +62,6 @@ class SameMachine:
         behind: Address and port of the server.
         allowed: Origins that may connect besides.
 
-    Attributes:
-        port: The port.
-
     Raises:
         OSError: The port is taken.
     """

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tega.records import Contact
+from tega.records.bus import Bus
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.course import RunCourse
 from tega.ui.view.figures import Firmest, SessionCourse, TouchPicture, new_figure, session_figure
 
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
-
-__all__ = ["SessionPicture"]
-
 
 class SessionPicture:
     """Collects the data for the figure of a run; give its bus to ``run_session``.
-
-    Args:
-        bus: Bus with measured frames and contacts.
-        course: The course of the same run.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

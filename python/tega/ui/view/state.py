@@ -7,18 +7,14 @@ write into them after offering a state.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.loop.snapshot import LoopView
 from tega.records import Contact
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.loop.snapshot import LoopView
-    from tega.stages.base import TouchMap
-
-__all__ = ["EmgTail", "Shape", "ShapeKind", "TouchImage", "ViewState"]
+from tega.stages.base import TouchMap
 
 ShapeKind: TypeAlias = Literal["sphere", "capsule", "cylinder", "box", "plane"]
 
@@ -55,7 +51,6 @@ class EmgTail(NamedTuple):
         samples: float64 (n, channels), the newest last.
         rate_hz: Samples per second.
         maxima: Block mean of each channel at full effort, float64 (channels,), in the samples' unit.
-        kind: Kind of the samples.
         unit: Their unit; empty where unknown.
     """
 
@@ -71,7 +66,6 @@ class ViewState(NamedTuple):
 
     Attributes:
         t_ns: Time since the run began, nanoseconds.
-        loop: View of the loop.
         images: Pictures by finger; ``None`` where there are none.
         shapes: Primitives of the scene. The same object as long as they are the same shapes.
         poses: float64 (n, 7), one row a shape: position in metres, then the quaternion w, x, y, z; z is up.

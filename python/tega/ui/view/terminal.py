@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -13,18 +12,12 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from tega.haptics import CONTACT_RULES, FINGERS
+from tega.haptics import CONTACT_RULES, FINGERS, MotorLevels
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
-from tega.ui.view.device_rows import device_rows
 from tega.ui.view.labels import ContactLabels
 from tega.ui.view.rate_meter import RateMeter
-from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
-
-if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
-    from tega.loop.snapshot import LoopView
-
-__all__ = ["TerminalView", "render"]
+from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, device_rows, lines_beside, meaning
 
 _WIDEST, _WIDE, _TALL = 120, 104, 30
 _REFRESH_S = 0.1
@@ -241,7 +234,6 @@ class TerminalView:
     Use as a context manager and pass it to the loop as its observer.
 
     Args:
-        title: Heading of the frame.
         console: Console to draw on; standard error when ``None``.
         now_s: The clock that the refresh and the shown rates go by.
 
@@ -268,9 +260,7 @@ class TerminalView:
         self._live.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Give the screen back."""
         self._live.stop()
 

@@ -12,9 +12,9 @@ import msgspec
 from tega.config.calibration import EmgMaxima
 from tega.devices.registry import driver_class
 from tega.errors import RecordingError
-from tega.loop.baseline import find_baseline
 from tega.loop.inbox.sources import chunk_of, frame_of
 from tega.loop.maxima import emg_conditions
+from tega.loop.prepare import find_baseline
 from tega.recording.mcap_folder import INDEX_NAME, session_files
 from tega.recording.replay.feed import RecordFeed
 from tega.records import Contact, EmgSamples, Picture

@@ -46,8 +46,6 @@ class Library(NamedTuple):
     """The libfranka that an installed package brings.
 
     Attributes:
-        package: The package.
-        version: Its version.
         libfranka: Version of libfranka, such as ``0.21.2``; ``""`` if unknown.
         server: Version of the robot server that it supports; ``None`` if unknown.
     """

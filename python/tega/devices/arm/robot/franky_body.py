@@ -41,11 +41,7 @@ MODE_WORDS: Final = {
 
 
 class FrankyBody(RobotBody):
-    """Leads one Franka robot through franky.
-
-    Args:
-        options: Those of :class:`tega.devices.arm.franky_arm.FrankyArmOptions`.
-    """
+    """Leads one Franka robot through franky."""
 
     def __init__(self, options: dict[str, Any]) -> None:
         self._o = options

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import math
 import os
 import select
 import socket
@@ -19,6 +20,7 @@ from collections import deque
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from tega.arm.messages import (
     ArmShutdown,
@@ -29,15 +31,48 @@ from tega.arm.messages import (
     Health,
     Message,
     Phase,
+    Quaternion,
     Ready,
     Recover,
+    Triple,
     decode,
     encode,
 )
+from tega.arm.rotation import between, exp, multiply, unit
 from tega.devices.arm.robot.body import RobotBody
 from tega.devices.arm.robot.leash import Leash
-from tega.devices.arm.robot.slew import Slew
 from tega.errors import TegaError
+
+
+class Slew:
+    """Moves a target towards the requested pose, along the straight line and the shortest rotation.
+
+    Args:
+        turn_rad_s: Maximum angular speed.
+    """
+
+    def __init__(self, speed_m_s: float, turn_rad_s: float, place: Triple, turn: Quaternion) -> None:
+        self._speed_m_s, self._turn_rad_s = speed_m_s, turn_rad_s
+        self.place, self.turn = place, turn
+
+    def toward(self, place: Triple, turn: Quaternion, dt_s: float) -> bool:
+        """Go on for a time; return whether it is there."""
+        route, left = np.subtract(place, self.place), self._speed_m_s * dt_s
+        length = math.hypot(*route.tolist())
+        arc = between(unit(np.array(self.turn)), unit(np.array(turn)))
+        angle, left_rad = math.hypot(*arc.tolist()), self._turn_rad_s * dt_s
+        there = length <= left and angle <= left_rad
+        new = np.array(place) if length <= left else np.array(self.place) + route * (left / length)
+        q = (
+            np.array(turn)
+            if angle <= left_rad
+            else multiply(exp(arc * (left_rad / angle)), np.array(self.turn))
+        )
+        x, y, z = new.tolist()
+        qx, qy, qz, qw = unit(q).tolist()
+        self.place, self.turn = (x, y, z), (qx, qy, qz, qw)
+        return there
+
 
 _MOST_BYTES = 4096
 _WINDOW_S = 1.0
@@ -67,13 +102,7 @@ class ProcessSettings(msgspec.Struct, frozen=True):
 
 
 class Loop:
-    """Judges commands and leads the arm at every tick, without the process around it.
-
-    Args:
-        settings: The settings.
-        body: The open arm.
-        leash: Judges the commands.
-    """
+    """Judges commands and leads the arm at every tick, without the process around it."""
 
     def __init__(self, settings: ProcessSettings, body: RobotBody, leash: Leash) -> None:
         self._s, self._body, self._leash = settings, body, leash

@@ -68,10 +68,6 @@ def write_poses(path: Path, poses: Iterable[StampedPose]) -> None:
 class RecordedPoses:
     """Plays poses at the times of their stamps, the first of them at the first call.
 
-    Args:
-        poses: Poses to play, in the order of their stamps.
-        delay_ns: Delay between measurement and arrival.
-
     Raises:
         RecordingError: There are none.
     """

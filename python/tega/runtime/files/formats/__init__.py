@@ -19,7 +19,6 @@ class Format(NamedTuple):
     """A format that is read.
 
     Attributes:
-        name: Its name.
         suffixes: Endings of its files.
         magic: Bytes with which its files begin; empty if they are known by their ending.
         reader: Module below this package, and its function that opens a file.

@@ -63,10 +63,6 @@ class Decision(msgspec.Struct, kw_only=True):
 def decide(table: Table, reading: Reading) -> Decision:
     """Decide which columns of a table are read.
 
-    Args:
-        table: The opened table.
-        reading: Choices of the user.
-
     Raises:
         RecordingError: A channel that was asked for does not exist, or several readings are possible.
     """

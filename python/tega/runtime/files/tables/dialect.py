@@ -112,11 +112,6 @@ def is_number(cell: str, decimal: str) -> bool:
 def find_dialect(lines: Sequence[str], name: str, *, decimal: str = "") -> Dialect:
     """Return the dialect of a table.
 
-    Args:
-        lines: Its first lines, not empty and without comments.
-        name: File name for the error.
-        decimal: ``.`` or ``,`` if that is known.
-
     Raises:
         RecordingError: Commas can be decimal signs or delimiters, and nothing decides.
     """

@@ -53,12 +53,7 @@ class Encoding(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Consecutive lines of a file, without their ends.
-
-    Attributes:
-        first: Number of the first, from 1.
-        lines: The lines.
-    """
+    """Consecutive lines of a file, without their ends."""
 
     first: int
     lines: list[str]
@@ -66,10 +61,6 @@ class Lines(NamedTuple):
 
 def find_encoding(head: bytes, name: str) -> Encoding:
     """Return the encoding of a text by its first bytes.
-
-    Args:
-        head: At least the first few hundred bytes, or all there are.
-        name: File name for the error.
 
     Raises:
         RecordingError: It is no text.

@@ -59,10 +59,8 @@ class Header(NamedTuple):
         width: Cells of a row as it stands in the file.
         n_columns: Columns without an empty one behind a last delimiter.
         names: Names of the columns, ``""`` for one without; empty if the table has none.
-        units: Their units.
         numeric: Whether each column holds numbers.
         clock: Whether each column holds dates or times of day.
-        preamble: Lines before the names.
     """
 
     first: int
@@ -77,11 +75,6 @@ class Header(NamedTuple):
 
 def find_header(lines: Sequence[str], dialect: Dialect, name: str) -> Header:
     """Return where a table begins.
-
-    Args:
-        lines: The file's first lines, all of them.
-        dialect: Signs of the table.
-        name: File name for the errors.
 
     Raises:
         RecordingError: There is no row of numbers, or a damaged one before the first good one.

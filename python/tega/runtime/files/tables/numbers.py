@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.tables.dialect import MISSING, NUMBER, Dialect, uncommented
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 CLOCK: Final = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d)([.,:]\d+)?(Z|[+-]\d\d:?\d\d)?")
 """A time of day, with or without its date, as ``2026-11-28 12:30:01.250`` or ``12:30:01``."""
@@ -57,14 +55,7 @@ def displayed(line: str) -> str:
 
 
 class RowParser:
-    """Parses the wanted columns of rows.
-
-    Args:
-        name: File name for errors.
-        dialect: Signs of the table.
-        width: Cells of a row as it stands in the file.
-        columns: The wanted columns, from 0.
-    """
+    """Parses the wanted columns of rows."""
 
     def __init__(self, name: str, dialect: Dialect, width: int, columns: Sequence[int]) -> None:
         self._name, self._dialect, self._width, self._columns = name, dialect, width, tuple(columns)
@@ -72,10 +63,6 @@ class RowParser:
 
     def parse(self, first: int, lines: Sequence[str]) -> NDArray[np.float64]:
         """Return the numbers of lines, float64 (n, columns); empty lines and comments are left out.
-
-        Args:
-            first: Number of the first line in the file, from 1.
-            lines: The lines.
 
         Raises:
             RecordingError: A line has another number of cells, or a wanted cell is no number.

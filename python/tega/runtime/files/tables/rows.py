@@ -33,10 +33,6 @@ def named_rows(path: Path, *, most_mib: int) -> tuple[list[str], Iterator[NamedR
     Encoding, delimiter (comma, semicolon or tab) and decimal sign are found out. A row that has fewer cells than names
     lacks the last ones; one that has more is refused.
 
-    Args:
-        path: The file.
-        most_mib: The largest size, MiB.
-
     Raises:
         RecordingError: It is no text, or a row has too many cells.
         OSError: It cannot be opened.

@@ -5,17 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.tables.names import Name, Role, judged
 from tega.runtime.files.tables.values import course_of, is_even, unix_unit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 Blocks = Callable[[Sequence[int]], Iterator["NDArray[np.float64]"]]
 """Reads columns by their numbers from 0; yields consecutive rows, float64 (n, columns), in blocks."""
@@ -91,14 +89,11 @@ class Table:
 
     Attributes:
         file: Base name of the file.
-        format: Name of its format.
-        columns: Its columns.
         blocks: Reads columns in blocks of rows.
         facts: Encoding, delimiter and the like, by name.
         rate_hz: Samples per second as the file states them.
         rate_from: Place where it states them.
         times_s: Time of each row in seconds, where the format has a clock of its own.
-        events: Events beside the samples.
         notes: Facts that a reader of the results must know.
         sideways: Whether rows were channels.
     """

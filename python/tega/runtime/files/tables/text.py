@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.tables.decide import check_channels
@@ -16,9 +16,6 @@ from tega.runtime.files.tables.header import Header, find_header, stated_rate
 from tega.runtime.files.tables.numbers import RowParser, number_of
 from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one, judged_columns, oriented
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 _HEAD_BYTES = 65_536
 _FEWEST_LINES = 64
 _SIGNS = {"auto": "", "point": ".", "comma": ","}
@@ -26,10 +23,6 @@ _SIGNS = {"auto": "", "point": ".", "comma": ","}
 
 def open_text(path: Path, reading: Reading) -> Table:
     """Open a text table.
-
-    Args:
-        path: The file, perhaps compressed by gzip.
-        reading: Choices of the user.
 
     Raises:
         RecordingError: It is no text, holds no sample, or can be read in several ways.

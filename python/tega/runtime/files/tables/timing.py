@@ -8,14 +8,12 @@ or slowly (drift).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 RATE_TOLERANCE: Final = 0.05
 """As for a live source: a rate further off than this is not the one the filter was made and calibrated for."""

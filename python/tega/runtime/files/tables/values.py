@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 Course = Literal["signal", "time", "counter", "label", "constant", "none"]
 """Course of a column's values: ``signal`` goes up and down, ``label`` keeps small whole numbers for long, ``none``

@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tega.ui.view.browser.picture_html import picture_html
 from tega.ui.view.browser.state_html import FONT
 
 if TYPE_CHECKING:
     import viser
     from numpy.typing import NDArray
 
-__all__ = ["CameraPictures", "cameras_html"]
+
+def picture_html(picture: NDArray[np.uint8], alt: str) -> str:
+    """Return a picture as an image element as wide as where it stands.
+
+    Args:
+        picture: uint8 (H, W, 3), RGB.
+        alt: Description for screen readers; HTML.
+    """
+    import imageio.v3
+
+    jpeg: bytes = imageio.v3.imwrite("<bytes>", picture, extension=".jpg", quality=75)
+    height, width = picture.shape[:2]
+    return (
+        f'<img class="tega-sheet" alt="{alt}" width="{width}" height="{height}" decoding="sync"'
+        f' src="data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}">'
+    )
+
 
 WIDTH_PX: Final = 360
 """Width of an image, a little less than the panel."""
@@ -23,11 +40,7 @@ _HIGHEST_PX: Final = 270
 
 
 class CameraPictures:
-    """Show the newest picture of each scene camera.
-
-    Args:
-        gui: viser's GUI; an element is added to its main panel with the first of them.
-    """
+    """Show the newest picture of each scene camera."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._gui = gui

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import EmgTail, ViewState
 
-__all__ = ["CourseChart", "MuscleCharts", "drives"]
-
 COURSE_S, MUSCLES_S = 6.0, 4.0
 # Eq 11: level = floor(4 · drive + 1).
 THRESHOLDS = (0.25, 0.5, 0.75, 1.0)
@@ -49,12 +47,7 @@ def drives(emg: EmgTail, n_points: int = _POINTS) -> NDArray[np.float64]:
 
 
 class CourseChart:
-    """Draw CCI, EDA and the commanded closure over the newest seconds.
-
-    Args:
-        gui: viser's GUI; the chart is added where it stands.
-        kept_s: Additional time kept for looking back, seconds.
-    """
+    """Draw CCI, EDA and the commanded closure over the newest seconds."""
 
     def __init__(self, gui: viser.GuiApi, kept_s: float = 0.0) -> None:
         self._kept_s = kept_s
@@ -92,11 +85,7 @@ class CourseChart:
 
 
 class MuscleCharts:
-    """Charts of the muscle signal, and of the requested closure against the levels' thresholds.
-
-    Args:
-        gui: viser's GUI; the charts are added to its main panel with the first signal.
-    """
+    """Charts of the muscle signal, and of the requested closure against the levels' thresholds."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._gui = gui

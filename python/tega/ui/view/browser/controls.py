@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from tega.loop.motor_tests import MotorAnswer
     from tega.recording.replay.playhead import Playhead
 
-__all__ = ["Controls"]
-
 
 class Controls:
     """Requests of the page's user; thread-safe.

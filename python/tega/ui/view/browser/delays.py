@@ -10,8 +10,6 @@ from typing import Final
 
 from tega.loop.inbox.histogram import LEAST_SAMPLES
 
-__all__ = ["BUDGET_MS", "Delays"]
-
 BUDGET_MS: Final = 88.0
 """Budget from picture to vest, ms: 17 of a picture, 33 of the camera, 5 of our own, 33 of the vest."""
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from tega.loop.inbox.prepared import Muscles, Prepared
     from tega.records.bus import Bus
 
-__all__ = ["SessionFeed"]
-
 # Seconds of muscle signal kept for the page.
 _KEPT_S = 5.0
 # A recording is read ahead of the run's time, by no more than this.
@@ -45,10 +43,6 @@ class SessionFeed(Part):
     """Completes a session's moments for the page.
 
     Give the bus and this part to ``run_session``, and :meth:`complete` to the view.
-
-    Args:
-        rows: Lines of text to show.
-        bus: Bus with frames, samples and markers.
     """
 
     def __init__(self, rows: dict[str, str], bus: Bus) -> None:

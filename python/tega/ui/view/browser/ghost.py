@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import Shape
 
-__all__ = ["GHOST_COLOUR", "GhostHand"]
-
 GHOST_COLOUR: Final = "#1f5fbf"
 """Colour of the hand as commanded."""
 
@@ -30,9 +28,6 @@ class GhostHand:
 
     If an object stops a finger, the commanded finger is drawn inside the object: the depth shows how firmly the hand
     is asked to press. The palm has no command and is left out.
-
-    Args:
-        server: The viser server.
 
     Attributes:
         solids: The fingers; no batches while nothing is commanded.

@@ -8,19 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple, cast
+from typing import Final, NamedTuple, cast
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.hand.mjcf import hand_body, joint_names
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.ui.view.state import Shape, ShapeKind
-
-__all__ = ["EYE_M", "LOOK_AT_M", "STANDING", "HandFigure"]
+from tega.ui.view.state import Shape, ShapeKind
 
 EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
 """Position of the eye, and the point it looks at, metres."""
@@ -48,9 +43,6 @@ class _Solid(NamedTuple):
 
 class HandFigure:
     """Primitives of an Allegro hand, palm to the front, fingers up.
-
-    Attributes:
-        shapes: The primitives.
 
     Example:
         >>> figure = HandFigure()

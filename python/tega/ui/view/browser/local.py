@@ -25,8 +25,6 @@ from tega.ui.view.same_machine import foreign
 if TYPE_CHECKING:
     from tega.loop.motor_tests import MotorAnswer
 
-__all__ = ["LocalServer"]
-
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.
 _ICON = (
@@ -45,7 +43,6 @@ class LocalServer(viser.ViserServer):
     that is open in the same browser could, since a browser lets it connect to the loopback address.
 
     Args:
-        host: Address to serve.
         port: TCP port; the next free one where it is taken, any for 0.
         label: The page's title.
         allow_remote: Serve under any name, which an address other than loopback needs; the token is asked for as well.

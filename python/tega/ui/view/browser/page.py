@@ -7,13 +7,11 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
-from tega.ui.view.browser.annotation_keys import add_annotation_keys
-from tega.ui.view.browser.camera_pictures import CameraPictures, cameras_html
+from tega.ui.view.browser.camera_pictures import CameraPictures, cameras_html, picture_html
 from tega.ui.view.browser.charts import CourseChart, MuscleCharts
 from tega.ui.view.browser.delays import Delays
-from tega.ui.view.browser.picture_html import picture_html
 from tega.ui.view.browser.scene import Point, Scene
-from tega.ui.view.browser.seek import SeekSlider
+from tega.ui.view.browser.seek import SeekSlider, add_annotation_keys
 from tega.ui.view.browser.state_html import (
     BEATS_PER_S,
     FONT,
@@ -40,8 +38,6 @@ if TYPE_CHECKING:
     from tega.ui.view.browser.controls import Controls
     from tega.ui.view.state import ViewState
 
-__all__ = ["Page"]
-
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _SHEET = "cameras and touch maps"
 
@@ -50,8 +46,6 @@ class Page:
     """Lays the page out and paints moments on it.
 
     Args:
-        server: The viser server.
-        title: Heading.
         controls: State of the page's buttons.
         eye_m: Initial position of the camera, world frame.
         at_m: Point that the camera looks at.
@@ -176,14 +170,7 @@ class Page:
     def paint(
         self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
     ) -> None:
-        """Put a moment on the page: the scene, and in turn pictures, text or charts.
-
-        Args:
-            state: The moment.
-            turn: Number of the part to update, 0 to 2.
-            rates_hz: Measured rates.
-            latency_ms: Measured delays.
-        """
+        """Put a moment on the page: the scene, and in turn pictures, text or charts."""
         self._course.note(state)
         self.paint_state(state.loop)
         sheet = filmed = None

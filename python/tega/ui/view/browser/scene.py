@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import Shape
 
-__all__ = ["Point", "Scene"]
-
 # Length of a force's arrow, metres a newton, and the longest that is drawn.
 _M_PER_N, _LONGEST_M = 0.02, 0.15
 _FIELD_OF_VIEW_RAD = 0.7
@@ -28,17 +26,7 @@ Point: TypeAlias = tuple[float, float, float]
 
 
 class Scene:
-    """Draws shapes, poses, contact forces and the hand as commanded.
-
-    Args:
-        server: The viser server.
-        eye_m: Initial position of a viewer's camera, world frame.
-        at_m: Point that the camera looks at.
-
-    Attributes:
-        solids: The shapes.
-        ghost: The hand as commanded.
-    """
+    """Draws shapes, poses, contact forces and the hand as commanded."""
 
     def __init__(self, server: viser.ViserServer, *, eye_m: Point, at_m: Point) -> None:
         self._server = server

@@ -6,7 +6,6 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from tega.errors import InvalidValueError
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
     from tega.ui.view.browser.page import Page
-
-__all__ = ["N_TURNS", "BrowserView"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 # The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
@@ -45,7 +42,6 @@ class BrowserView:
     times a second. A moment that a newer one replaces is never shown: dropped, not late.
 
     Args:
-        title: Heading of the page.
         host: Address to serve on: this machine only, unless ``allow_remote``.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         controls: State of the page's buttons.
@@ -165,9 +161,7 @@ class BrowserView:
         self._waiting.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Stop serving; painting errors are in :attr:`problem`."""
         self._over.set()
         self._waiting.close()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.ui.view.browser.object_shapes import LOOKS
 from tega.ui.view.state import ShapeKind
 
 if TYPE_CHECKING:
@@ -17,7 +16,46 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import Shape
 
-__all__ = ["Solids"]
+
+class LookPart(NamedTuple):
+    """A primitive of a look.
+
+    Attributes:
+        primitive: Unit ``box``, ``ball`` or ``tube``, of half length 1 in each direction.
+        middle: Position along the object's own z, as a share of its half height.
+        wide: Its half width, as a share of the object's radius.
+        tall: Its half height, as a share of the object's.
+        shade: Factor for the object's colour.
+    """
+
+    primitive: Literal["box", "ball", "tube"]
+    middle: float
+    wide: float
+    tall: float
+    shade: float = 1.0
+
+
+LOOKS: Final[dict[str, tuple[LookPart, ...]]] = {
+    "bottle": (
+        LookPart("tube", -0.31, 1.0, 0.69),
+        LookPart("ball", 0.38, 1.0, 0.3),
+        LookPart("tube", 0.74, 0.34, 0.2),
+        LookPart("tube", 0.91, 0.42, 0.09, 0.45),
+        LookPart("tube", -0.62, 1.01, 0.16, 1.2),
+    ),
+    "container": (
+        LookPart("box", -0.08, 0.86, 0.92),
+        LookPart("box", 0.91, 0.93, 0.09, 0.8),
+    ),
+    "bag": (
+        LookPart("ball", -0.3, 1.06, 0.7),
+        LookPart("ball", 0.05, 0.97, 0.75),
+        LookPart("tube", 0.8, 0.26, 0.06, 0.45),
+        LookPart("ball", 0.9, 0.5, 0.1),
+    ),
+}
+"""By the name of a cylinder in the scene."""
+
 
 # A plane is drawn as a board under it, so thick.
 _PLANE_M = 0.01
@@ -39,7 +77,6 @@ class Solids:
     shapes there are.
 
     Args:
-        server: The viser server.
         path: Prefix of the meshes' names.
         shadow: Whether they throw one.
 
@@ -100,7 +137,7 @@ class Solids:
 def _parts(shapes: Sequence[Shape]) -> dict[str, list[_ShapePart]]:
     """Say which unit primitives make up the shapes; a capsule is a tube with a ball at either end.
 
-    A cylinder of the name of one of :data:`~tega.ui.view.browser.object_shapes.LOOKS` is drawn as that.
+    A cylinder of the name of one of :data:`~tega.ui.view.browser.solids.LOOKS` is drawn as that.
     """
     parts: dict[str, list[_ShapePart]] = {"box": [], "ball": [], "tube": []}
     for number, (name, kind, (a, b, c), _) in enumerate(shapes):

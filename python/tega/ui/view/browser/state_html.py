@@ -10,8 +10,7 @@ from tega.haptics import FINGERS
 from tega.loop.touch import STALE_NS
 from tega.runtime.number_text import number_text
 from tega.ui.view.browser.ghost import GHOST_COLOUR
-from tega.ui.view.device_rows import SILENT_NS, device_rows
-from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
+from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, SILENT_NS, device_rows, lines_beside, meaning
 
 if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView

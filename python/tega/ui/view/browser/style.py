@@ -6,8 +6,6 @@ from typing import Final
 
 from tega.ui.view.run_state import NO_NEWS_S
 
-__all__ = ["NARROW_PX", "PHONE_EM", "STOP_MARK", "STYLE"]
-
 NARROW_PX: Final = 1199
 """Up to this width of the window the panels stand below the scene: beside it they would leave it a strip."""
 

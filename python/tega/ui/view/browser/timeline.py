@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from tega.ui.view.state import EmgTail, ViewState
 
-__all__ = ["KEPT_S", "PastSnapshot", "Timeline"]
-
 KEPT_S: Final = 60.0
 """Time that one can look back in a live run, seconds."""
 
@@ -44,11 +42,6 @@ class Timeline:
     """A slider that looks back, and a switch that plays from there to the moment of looking, over and over.
 
     The run continues meanwhile, and the state shown on the page is the current one.
-
-    Args:
-        gui: viser's GUI; both are added where it stands.
-        kept_s: Time that one can look back, seconds.
-        now_s: The monotonic clock.
 
     Attributes:
         back: The slider, seconds before the newest moment; 0 for now.

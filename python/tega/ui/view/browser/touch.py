@@ -17,15 +17,6 @@ if TYPE_CHECKING:
 
     Pixels: TypeAlias = slice | NDArray[np.intp]
 
-__all__ = [
-    "EDA_BLUE",
-    "GAP",
-    "PEAK_GREEN",
-    "TILE_HEIGHT",
-    "TILE_WIDTH",
-    "TouchSheet",
-]
-
 # Of one finger's tile, px: half of a DIGIT's QVGA picture, a little more than the page shows.
 TILE_HEIGHT, TILE_WIDTH, GAP = 160, 120, 6
 # RGB.

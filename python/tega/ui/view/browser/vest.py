@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from tega.haptics import MotorLevels
 from tega.ui.view.figures import FINGER_COLOURS
-
-if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
-
-__all__ = ["TRIED", "vest_svg"]
 
 _WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 32, 22, 46, 42
 _N_COLUMNS = 4
