@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tega.devices.base import EmgChunk, TactileFrame
-from tega.loop.baseline import find_baseline
 from tega.loop.inbox.sources import SourceReport, chunk_of, frame_of, picture_of, samples_of
+from tega.loop.prepare import find_baseline
 
 BEGAN_NS = 7_000
 
