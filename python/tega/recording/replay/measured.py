@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING
 
-import msgspec
 from msgspec.structs import replace
 
 from tega.config.attached import with_attached
@@ -29,35 +29,42 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
 
 
-class PictureError(msgspec.Struct):
-    """Errors of contacts measured in JPEG pictures, or in their cells, against those recorded.
+class MeasuredFingers:
+    """Measures the pictures of a recording as they are read, in other threads unless somebody is told of each.
 
-    Attributes:
-        finger: Name of the finger.
-        compared: Frames compared.
-        contact_changed: Frames in which only one of the two has contact.
-        eda_mean_px: Mean error of the area over all frames, pixels.
-        eda_max_px: The largest.
-        cci_mean: Mean error of the concentration.
-        cci_max: The largest.
+    Args:
+        feed: The recording.
+        notify: Told of each picture, and may ask its metric for the map of it.
     """
 
-    finger: str
-    compared: int = 0
-    contact_changed: int = 0
-    eda_mean_px: float = 0.0
-    eda_max_px: float = 0.0
-    cci_mean: float = 0.0
-    cci_max: float = 0.0
+    def __init__(self, feed: RecordFeed, notify: Callable[[MeasuredPicture], object] | None = None) -> None:
+        head, self._notify = feed.head, notify
+        self._meters = {finger: finger_meter(head, finger) for finger in head.baselines}
+        self._contacts = {finger: Newest[Contact]() for finger in head.baselines}
+        if notify is not None:
+            feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
+        else:
+            feed.ahead.append(self._measure)
+            reads_sums = all(meter.metric.reads_sums for meter in self._meters.values())
+            feed.cells_suffice = reads_sums and not head.lossless
 
-    def note(self, recorded: Contact, again: Contact) -> None:
-        """Compare a contact with that of the compressed picture of the same frame."""
-        eda, cci = float(abs(recorded.eda - again.eda)), abs(recorded.cci - again.cci)
-        self.compared += 1
-        self.contact_changed += recorded.in_contact != again.in_contact
-        self.eda_mean_px += (eda - self.eda_mean_px) / self.compared
-        self.cci_mean += (cci - self.cci_mean) / self.compared
-        self.eda_max_px, self.cci_max = max(self.eda_max_px, eda), max(self.cci_max, cci)
+    def at(self, recorded: Contact) -> Contact | None:
+        """Return the contact measured in the picture of a recorded one, ``None`` where there is none."""
+        return self._contacts[recorded.finger].at(recorded.t_ns)
+
+    def _measure(self, picture: Picture) -> Callable[[], object]:
+        """Measure a picture; return a function that passes the contact on."""
+        try:
+            contact = measure(self._meters[picture.finger], picture)
+        except TegaError:  # a bad picture of a live sensor, dropped then as now
+            contact = None
+        return lambda: None if contact is None else self._pass_on(picture, contact)
+
+    def _pass_on(self, picture: Picture, contact: Contact) -> None:
+        self._contacts[picture.finger].rows.append(contact)
+        if self._notify is not None:
+            metric = self._meters[picture.finger].metric
+            self._notify(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
 
 
 class Measured:
@@ -66,32 +73,29 @@ class Measured:
     Args:
         feed: The recording.
         bus: Receives adaptations, the output of stages beside the connected ones, and pictures measured as in the run.
-        compressed: Whether compressed pictures are measured too, for their errors.
 
     Attributes:
         again: Whether measuring the pictures again gives the recorded contacts to the last bit: the pictures are
             unchanged, the metric has the version that measured them, and either the recording begins with the session
             or the metric has no memory.
-        errors: Errors of compressed pictures, by finger.
     """
 
-    def __init__(self, feed: RecordFeed, bus: Bus, *, compressed: bool = True) -> None:
-        self._head, self._bus = feed.head, bus
+    def __init__(self, feed: RecordFeed, bus: Bus) -> None:
         head, config = feed.head, feed.head.config
         metric, decoder = (
             chosen_stage(group, config.stages, config.session.preset).kind for group in ("metric", "decoder")
         )
-        self._exact = head.lossless and not metric_change(head)
-        self.again = self._exact and (head.from_ns == 0 or not metric.memory)
-        self.errors = {finger: PictureError(finger) for finger in head.baselines}
-        self._meters = {finger: finger_meter(head, finger) for finger in head.baselines}
-        self._contacts = {finger: Newest[Contact]() for finger in head.baselines}
+        # Else the contacts are those recorded, and the pictures are not what they were measured in.
+        exact = head.lossless and not metric_change(head)
+        self.again = exact and (head.from_ns == 0 or not metric.memory)
+        self._from_ns = head.from_ns
+        notify = bus.publish if exact and bus.wants(MeasuredPicture) else None
+        self._fingers = MeasuredFingers(feed, notify) if self.again or notify else None
         self._intents = Newest[Intent]()
         emg = head.calibration.emg if "emg" in head.sources else None
         maxima = None if emg is None else replace(emg, kind=head.emg_kind)
         # The intents of an operator's station or of another program are those recorded.
         self._decodes = "emg" in head.sources and not decoder.outside and head.sources["emg"].unit != "level"
-        self._muscles = None if maxima is None or decoder.outside else _block_meter(feed, maxima, bus)
         beside = tuple(one for one in config.stages.beside if not is_outside(one))
         if beside and (bus.wants(BesideContact) or bus.wants(BesideIntent)):
             feed.bus.subscribe(Picture, bus.publish, vital=True)
@@ -105,49 +109,23 @@ class Measured:
                 muscles=maxima,
                 live="emg" in head.sources and head.sources["emg"].live,
             )
-        if bus.wants(MeasuredPicture):  # its subscriber may ask the metric for the map of that picture
-            feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
-        elif head.lossless or compressed:
-            feed.ahead.append(self._measure)
-            feed.cells_suffice = not head.lossless and all(
-                meter.metric.reads_sums for meter in self._meters.values()
-            )
-        feed.bus.subscribe(EmgSamples, self._decode, vital=True)
+        if maxima is not None and not decoder.outside:
+            decode = partial(self._decode, _block_meter(feed, maxima, bus))
+            feed.bus.subscribe(EmgSamples, decode, vital=True)
 
     def contact(self, recorded: Contact) -> Contact | None:
         """Return what a recorded contact is now, measured or as recorded; ``None`` where its picture is left out."""
-        again = self._contacts[recorded.finger].at(recorded.t_ns)
-        if self.again and recorded.taken_ns >= self._head.from_ns:  # of earlier ones there are no pictures
-            return again
-        if again is not None:
-            self.errors[recorded.finger].note(recorded, again)
-        return recorded
+        again = None if self._fingers is None else self._fingers.at(recorded)
+        # Of contacts before the recording's beginning there are no pictures.
+        return again if self.again and recorded.taken_ns >= self._from_ns else recorded
 
     def intent(self, recorded: Intent) -> Intent | None:
         """Return what a recorded intent is now; ``None`` where its samples are left out."""
         return self._intents.at(recorded.t_ns) if self._decodes else recorded
 
-    def _measure(self, picture: Picture) -> Callable[[], object]:
-        """Measure a picture; return a function that passes the contact on."""
-        meter = self._meters[picture.finger]
+    def _decode(self, muscles: BlockMeter, given: EmgSamples) -> None:
         try:
-            contact = measure(meter, picture)
-        except TegaError:  # a bad picture of a live sensor, dropped then as now
-            contact = None
-        return lambda: None if contact is None else self._pass_on(picture, contact)
-
-    def _pass_on(self, picture: Picture, contact: Contact) -> None:
-        self._contacts[picture.finger].rows.append(contact)
-        # Else the contacts are those recorded, and this is not what they were measured in.
-        if self._exact and self._bus.wants(MeasuredPicture):
-            metric = self._meters[picture.finger].metric
-            self._bus.publish(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
-
-    def _decode(self, given: EmgSamples) -> None:
-        if self._muscles is None:
-            return
-        try:
-            intents = self._muscles.take(chunk_of(given))
+            intents = muscles.take(chunk_of(given))
         except TegaError:
             return
         if self._decodes:

@@ -67,7 +67,7 @@ class PlayedRun(Part):
 
     def __init__(self, feed: RecordFeed, playhead: Playhead) -> None:
         self.feed, self._playhead = feed, playhead
-        self._measured = Measured(feed, Bus(), compressed=False)
+        self._measured = Measured(feed, Bus())
         self._contacts, self._intents = feed.collect(Contact), feed.collect(Intent)
         self._commands, self._imposed = feed.collect(HandCommand), feed.collect(Imposed)
         self._checks, self._haptics = feed.collect(HandLook), feed.collect(Haptics)
