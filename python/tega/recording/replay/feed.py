@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, partial
 from itertools import chain, repeat
@@ -14,9 +14,10 @@ import numpy as np
 
 from tega import records
 from tega.errors import RecordingError
-from tega.recording.compute_ahead import PICTURES, compute_ahead
+from tega.recording.compute_ahead import compute_ahead
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import Message, Progress, read_picture
+from tega.recording.pictures import PICTURES, paired
 from tega.recording.record_columns import find_kind, record_of
 from tega.recording.replay.head import lead_in, read_head
 from tega.records import Contact, HandCommand, Intent, Picture, Record, VestFrame
@@ -33,8 +34,8 @@ _LONGEST_NS = 600_000_000_000
 
 Stamped = TypeVar("Stamped", bound="StampedRecord")
 Kind = TypeVar("Kind", bound=Record)
-# A message, and of a picture's number and times the message of its image.
-_Paired = tuple[Message, Message | None]
+# What was made of a picture ahead of its turn: functions to call in its turn.
+_Computed = list[Callable[[], object]] | None
 
 
 @cache
@@ -96,7 +97,7 @@ class RecordFeed:
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
         self._messages = self._read()
-        self._next: tuple[_Paired, list[Callable[[], object]] | None] | None = None
+        self._next: tuple[Message, _Computed] | None = None
         self._end = next(reversed(self.beforehand(records.End)), None)
         ticked: tuple[type[Record], ...] = (Contact, Intent, VestFrame, HandCommand)
         for kind in ticked:
@@ -143,7 +144,7 @@ class RecordFeed:
         """Read on until everything is there that may be needed up to a time since the start of the session."""
         until_ns = self.epoch_ns + t_ns + _AHEAD_NS
         self._next = self._next or next(self._messages, None)
-        while self._next is not None and (log_ns := self._next[0][0].log_ns) <= until_ns:
+        while self._next is not None and (log_ns := self._next[0].log_ns) <= until_ns:
             self.newest_ns = max(self.newest_ns, log_ns - self.epoch_ns)
             self._take(*self._next)
             self._next = next(self._messages, None)
@@ -167,28 +168,26 @@ class RecordFeed:
     def _wants_pictures(self) -> bool:
         return bool(self.ahead) or self.bus.wants(Picture)
 
-    def _read(self) -> Iterator[tuple[_Paired, list[Callable[[], object]] | None]]:
+    def _read(self) -> Iterator[tuple[Message, _Computed]]:
         """Yield the messages with what was made of them; it begins when the first is asked for."""
-        paired = _paired(chain(self._early, self.reader.in_order(self._wanted)))
+        messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
         if self._wants_pictures:
-            yield from compute_ahead(paired, _finger_of, self._compute)
+            yield from compute_ahead(messages, _finger_of, self._compute)
         else:
-            yield from zip(paired, repeat(None), strict=False)
+            yield from zip(messages, repeat(None), strict=False)
 
-    def _compute(self, one: _Paired) -> list[Callable[[], object]]:
+    def _compute(self, message: Message) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, in another thread; return those to call in its turn."""
-        message, image = one
-        assert image is not None
+        assert message.image is not None
         published = self.bus.wants(Picture)
         skipped = self.cells_suffice and not published and bool(getattr(message.value, "cells", b""))
-        pixels = np.empty((0, 0, 3), np.uint8) if skipped else read_picture(image)
+        pixels = np.empty((0, 0, 3), np.uint8) if skipped else read_picture(message.image)
         named = _kind_of(message.schema, message.topic)[1]
         picture = read(Picture, message.value, image=pixels, **named)
         finish = [function(picture) for function in self.ahead]
         return [*finish, partial(self.bus.publish, picture)] if published else finish
 
-    def _take(self, one: _Paired, computed: list[Callable[[], object]] | None) -> None:
-        message = one[0]
+    def _take(self, message: Message, computed: _Computed) -> None:
         kind, named = _kind_of(message.schema, message.topic)
         if kind is Picture:
             for finish in computed or ():
@@ -197,20 +196,6 @@ class RecordFeed:
             self.bus.publish(record_of(kind, message, named, self.epoch_ns))
 
 
-def _paired(messages: Iterable[Message]) -> Iterator[_Paired]:
-    """Yield the messages; an image is with its number and times, which follow it."""
-    images: dict[str, Message] = {}
-    for message in messages:
-        place = message.topic.rpartition("/")[0]
-        if message.schema in PICTURES:
-            if message.value is not None:
-                images[place] = message
-        elif message.value is not None and _kind_of(message.schema, message.topic)[0] is Picture:
-            yield message, images.pop(place, None)
-        else:
-            yield message, None
-
-
-def _finger_of(one: _Paired) -> str:
+def _finger_of(message: Message) -> str:
     """Return the finger of a picture; ``""`` of everything else."""
-    return "" if one[1] is None else _kind_of(one[0].schema, one[0].topic)[1]["finger"]
+    return "" if message.image is None else _kind_of(message.schema, message.topic)[1].get("finger", "")
