@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
 from tega.arm.frames import ToBase
+from tega.arm.pose import StampedPose
 from tega.arm.rotation import from_matrix
+from tega.arm.turn import Turn
 from tega.devices.arm.base import TellingArm
 from tega.records import (
     ArmHealth,
@@ -23,9 +25,8 @@ from tega.records import (
 )
 
 if TYPE_CHECKING:
-    from tega.arm.pose import ArmCommand, StampedPose
+    from tega.arm.pose import ArmCommand
     from tega.arm.settings import MappingSettings
-    from tega.arm.turn import Turn
     from tega.devices.arm.base import ArmDriver
     from tega.records.bus import Bus
 
@@ -121,6 +122,13 @@ class ArmRecords:
         if np.linalg.det(matrix) > 0:
             turned = tuple(from_matrix(matrix).tolist())
             self._bus.publish(TrackerAxes(t_ns=t_ns, parent=_BASE, child=_TRACKER, quaternion=turned))
+
+
+def turn_of(row: ArmTurn) -> Turn:
+    """Return the inputs of a recorded turn."""
+    poses, measured = ([StampedPose(*astuple(pose)) for pose in some] for some in (row.poses, row.measured))
+    same: dict[str, Any] = {name: getattr(row, name) for name in Turn._fields}
+    return Turn(**same | {"poses": tuple(poses), "measured": measured[0] if measured else None})
 
 
 def with_command(row: ArmTurn, command: ArmCommand) -> ArmTurn:

@@ -16,6 +16,7 @@ from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, Gr
 from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.origin import LEAD_IN
 from tega.recording.pictures import paired
+from tega.records.hand import frames_text
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
@@ -184,7 +185,7 @@ def message_columns(values: Sequence[Any], channels: Sequence[str] = ()) -> dict
             else:
                 columns[name] = cells if part is None else list(map(str, cells))
         elif part is not None:
-            columns[name] = list(map(_poses_text if part == "ArmPose" else _frames_text, cells))
+            columns[name] = list(map(_poses_text if part == "ArmPose" else frames_text, cells))
         elif field.type == field.TYPE_STRING:
             columns[name] = list(map(" ".join, cells))
         else:
@@ -237,10 +238,6 @@ def _own(descriptor: Any) -> frozenset[str]:
     """Return the columns of a message's own fields."""
     names = list(descriptor.fields_by_name)
     return frozenset({"log_s", *names, *(time_column(name) for name in names if name.endswith("_ns"))})
-
-
-def _frames_text(frames: Any) -> str:
-    return " ".join([f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames])
 
 
 def _poses_text(poses: Any) -> str:

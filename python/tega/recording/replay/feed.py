@@ -8,7 +8,7 @@ from contextlib import suppress
 from functools import cache, partial
 from itertools import chain, repeat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # So much earlier than its time a record is taken from the file, since it may be needed by what was stamped before it.
 _AHEAD_NS = 2_000_000_000
+# Logged at the tick at which the loop took it in or made it.
+_TICKED = {Contact, Intent, VestFrame, HandCommand}
 # Ticks are replayed one after the other: over a longer gap a damaged time would keep a replay busy for hours.
 _LONGEST_NS = 600_000_000_000
 
@@ -99,15 +101,7 @@ class RecordFeed:
         self._messages = self._read()
         self._next: tuple[Message, _Computed] | None = None
         self._end = next(reversed(self.beforehand(records.End)), None)
-        ticked: tuple[type[Record], ...] = (Contact, Intent, VestFrame, HandCommand)
-        for kind in ticked:
-            self.bus.subscribe(kind, self._note_tick, vital=True)
         self.bus.subscribe(records.RecorderStatus, self._status.append, vital=True)
-
-    def _note_tick(self, record: Any) -> None:
-        # No tick is far after the message that reports it, but in a damaged file.
-        tick_ns = min(getattr(record, "taken_ns", record.t_ns), self.newest_ns + _AHEAD_NS)
-        self.last_tick_ns = max(self.last_tick_ns, tick_ns)
 
     def collect(self, kind: type[Kind]) -> list[Kind]:
         """Return a list to which the records of a type and its subclasses are added as they are read."""
@@ -189,6 +183,8 @@ class RecordFeed:
 
     def _take(self, message: Message, computed: _Computed) -> None:
         kind, named = _kind_of(message.schema, message.topic)
+        if kind in _TICKED:
+            self.last_tick_ns = self.newest_ns
         if kind is Picture:
             for finish in computed or ():
                 finish()

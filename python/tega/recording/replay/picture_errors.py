@@ -73,7 +73,6 @@ def picture_errors(path: Path, config: Path | None, sets: Sequence[str]) -> list
         # A contact may come before its picture, and is compared when the loop took it in.
         t_ns = NEVER_NS if feed.ended else t_ns + _STEP_NS
         feed.read_until(t_ns)
-        contacts.sort(key=_taken_ns)
         n_taken = bisect_right(contacts, t_ns, key=_taken_ns)
         for recorded in contacts[:n_taken]:
             if (again := measured.at(recorded)) is not None:

@@ -15,16 +15,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from msgspec.structs import astuple, replace
+from msgspec.structs import replace
 
 from tega.arm.chain import ArmChain
-from tega.arm.pose import StampedPose
 from tega.arm.settings import ArmSettings
-from tega.arm.turn import Turn, lead
+from tega.arm.turn import lead
 from tega.errors import RecordingError
 from tega.hand import joined_level
 from tega.hand.link import HandLink, Received
-from tega.loop.arm_records import with_command
+from tega.loop.arm_records import turn_of, with_command
 from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_output import HandOutput
 from tega.loop.loop import DualLoop
@@ -181,7 +180,7 @@ def repeat_turns(recorded: Bus, settings: ArmSettings, bus: Bus) -> None:
     """Give a new chain the input of every recorded turn of the arm, and publish the turns with its commands."""
     chain = ArmChain(settings)
     recorded.subscribe(
-        ArmTurn, lambda row: bus.publish(with_command(row, lead(chain, _turn(row)))), vital=True
+        ArmTurn, lambda row: bus.publish(with_command(row, lead(chain, turn_of(row)))), vital=True
     )
 
 
@@ -201,12 +200,6 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
         lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))),
         vital=True,
     )
-
-
-def _turn(row: ArmTurn) -> Turn:
-    poses, measured = ([StampedPose(*astuple(pose)) for pose in some] for some in (row.poses, row.measured))
-    same: dict[str, Any] = {name: getattr(row, name) for name in Turn._fields}
-    return Turn(**same | {"poses": tuple(poses), "measured": measured[0] if measured else None})
 
 
 def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:
