@@ -23,8 +23,7 @@ from tega.recording.inspection import inspect_file
 from tega.recording.replay import recompute, replay_file
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.inbox import RecordedRun, recorded_arc
-from tega.recording.replay.measured import Measured
-from tega.recording.replay.picture_errors import PictureError
+from tega.recording.replay.measured import Measured, PictureError
 from tega.records import HandCommand
 from tega.records.bus import Bus
 from tega.safety.guard import Guard

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
-from itertools import chain, repeat
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
@@ -98,7 +98,8 @@ class RecordFeed:
         self._early = lead_in(self.reader, self.head.from_ns)
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
-        self._messages = self._read()
+        messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
+        self._messages = compute_ahead(messages, _finger_of, self._compute)
         self._next: tuple[Message, _Computed] | None = None
         self._end = next(reversed(self.beforehand(records.End)), None)
         self.bus.subscribe(records.RecorderStatus, self._status.append, vital=True)
@@ -156,19 +157,7 @@ class RecordFeed:
 
     def _wanted(self, schema: str, topic: str) -> bool:
         kind, _ = _kind_of(schema, topic)
-        return self._wants_pictures if kind is Picture else kind is not None and self.bus.wants(kind)
-
-    @property
-    def _wants_pictures(self) -> bool:
-        return bool(self.ahead) or self.bus.wants(Picture)
-
-    def _read(self) -> Iterator[tuple[Message, _Computed]]:
-        """Yield the messages with what was made of them; it begins when the first is asked for."""
-        messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
-        if self._wants_pictures:
-            yield from compute_ahead(messages, _finger_of, self._compute)
-        else:
-            yield from zip(messages, repeat(None), strict=False)
+        return kind is not None and (self.bus.wants(kind) or (kind is Picture and bool(self.ahead)))
 
     def _compute(self, message: Message) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, in another thread; return those to call in its turn."""

@@ -46,9 +46,7 @@ def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
     """
     config = load_config(path, sets=sets).config
     if path is None and config.vest.driver is None and config.hand.driver is None:
-        drawn = driver_class(_DRAWN).options_type()
-        vest = changed(config.vest, driver=_DRAWN, options=drawn)
-        config = changed(config, vest=vest)
+        config = load_config(None, sets=[*sets, f"vest.driver={_DRAWN}"]).config
     if config.vest.driver is None and config.hand.driver is None and config.session.out_dir is None:
         raise ConfigError(
             "nothing to play to: the settings name no vest, no hand and no output folder",

@@ -35,8 +35,7 @@ from tega.recording.replay.compare import Comparing, Comparison
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.head import Head, metric_change, with_changes
 from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
-from tega.recording.replay.measured import Measured
-from tega.recording.replay.picture_errors import PictureError, picture_errors
+from tega.recording.replay.measured import Measured, PictureError, picture_errors
 from tega.records import ArmTurn, HandExchange, HandLook, Imposed, bus_frames
 from tega.records.bus import Bus
 from tega.runtime.call_beside import called_beside
