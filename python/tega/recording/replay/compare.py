@@ -169,7 +169,6 @@ class Comparing:
 
     def __init__(self, feed: RecordFeed, bus: Bus) -> None:
         self._feed, self._rules = feed, _rules(feed.head)
-        self._outside = {one.name for one in feed.head.config.stages.beside if is_outside(one)}
         self._streams: dict[str, Compared] = {}
         for kind in self._rules:
             fingers = feed.head.baselines if "{finger}" in kind.topic else [""]
@@ -206,13 +205,10 @@ class Comparing:
         return self._streams[topic]
 
     def _add(self, record: Any, *, replayed: bool) -> None:
-        """Add a record to its stream, unless the recording begins later or another process made it."""
-        known_ns = record.log_ns
-        if known_ns < self._feed.head.from_ns > 0:
-            return
-        if isinstance(record, _BESIDE) and self._outside & _stage_names(record.stage):
-            return
-        self._stream(type(record), record.where).add(record, record.t_ns, known_ns, replayed=replayed)
+        """Add a record to its stream, unless the recording begins later."""
+        if not record.log_ns < self._feed.head.from_ns > 0:
+            stream = self._stream(type(record), record.where)
+            stream.add(record, record.t_ns, record.log_ns, replayed=replayed)
 
     def _add_made(self, frame: VestFrame) -> None:
         sent = SentFrame(t_ns=frame.t_ns, layout=frame.layout, intensities=frame.intensities)
@@ -230,15 +226,19 @@ class Comparing:
         return add
 
     def _measurable(self, topic: str, n_shared: int) -> bool:
-        """Return whether a stage's output can be computed again: a metric's with all that it remembers."""
-        if not topic.startswith("/beside/") or topic.endswith("/emg"):
+        """Return whether a stage's output can be computed again: here, and with all that the stage remembers."""
+        if not topic.startswith("/beside/"):
             return True
         _, _, stage, finger = topic.split("/")
         head, config = self._feed.head, self._feed.head.config
+        # The name of a second one of a kind has a number.
+        named = [one for one in config.stages.beside if one.name in {stage, stage.rpartition("-")[0]}]
+        if finger == "emg":
+            return not any(map(is_outside, named))
         remembers = any(
             chosen_stage("metric", one.stages, config.session.preset).kind.memory
-            for one in config.stages.beside
-            if one.group == "metric" and one.name in _stage_names(stage)
+            for one in named
+            if one.group == "metric"
         )
         n_pictures = self._stream(Picture, Picture.topic.format(finger=finger)).found.recorded
         whole = head.from_ns == 0 and not any(self._feed.lost.values()) and n_shared == n_pictures
@@ -271,11 +271,6 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
     # A real vest was worn; it was sent changes only.
     left_out += [] if head.facts["live_vest"] == "true" else [SentFrame]
     return {kind: rule for kind, rule in rules.items() if kind not in left_out}
-
-
-def _stage_names(stage: str) -> set[str]:
-    """Return the names that a stage beside the connected ones may have in the settings: a second one has a number."""
-    return {stage, stage.rpartition("-")[0]}
 
 
 def _command_values(command: HandCommand, *, steered: bool) -> dict[str, Any]:

@@ -36,8 +36,6 @@ _LONGEST_NS = 600_000_000_000
 
 Stamped = TypeVar("Stamped", bound="StampedRecord")
 Kind = TypeVar("Kind", bound=Record)
-# What was made of a picture ahead of its turn: functions to call in its turn.
-_Computed = list[Callable[[], object]] | None
 
 
 @cache
@@ -100,7 +98,7 @@ class RecordFeed:
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
         messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
         self._messages = compute_ahead(messages, _finger_of, self._compute)
-        self._next: tuple[Message, _Computed] | None = None
+        self._next: tuple[Message, list[Callable[[], object]] | None] | None = None
         self._end = next(reversed(self.beforehand(records.End)), None)
         self.bus.subscribe(records.RecorderStatus, self._status.append, vital=True)
 
@@ -170,7 +168,7 @@ class RecordFeed:
         finish = [function(picture) for function in self.ahead]
         return [*finish, partial(self.bus.publish, picture)] if published else finish
 
-    def _take(self, message: Message, computed: _Computed) -> None:
+    def _take(self, message: Message, computed: list[Callable[[], object]] | None) -> None:
         kind, named = _kind_of(message.schema, message.topic)
         if kind in _TICKED:
             self.last_tick_ns = self.newest_ns

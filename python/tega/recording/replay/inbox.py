@@ -62,8 +62,7 @@ class RecordedRun(Pacer):
         self._haptics = True
         self._newest: list[Newest[Any]] = []
         self._tried, self._sent = self.newest(records.TriedMotor), self.newest(records.ProgramFrame)
-        self._skips = self.newest(records.Skip)
-        self._looks = self.newest(HandLook)
+        self._skips, self._looks = self.newest(records.Skip), self.newest(HandLook)
         self._settled_ns, self.tick_ns = 0, -1
         feed.bus.subscribe(
             records.Haptics, lambda one: self._switches.update({one.n_asked: one.on}), vital=True

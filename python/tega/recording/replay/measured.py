@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 
 
 _STEP_NS = 1_000_000_000
-_taken_ns = attrgetter("taken_ns")
 
 
 class PictureError(msgspec.Struct):
@@ -84,8 +82,7 @@ class MeasuredFingers:
             feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
         else:
             feed.ahead.append(self._measure)
-            reads_sums = all(meter.metric.reads_sums for meter in self._meters.values())
-            feed.cells_suffice = reads_sums and not head.lossless
+            feed.cells_suffice = all(meter.metric.reads_sums for meter in self._meters.values())
 
     def at(self, recorded: Contact) -> Contact | None:
         """Return the contact measured in the picture of a recorded one, ``None`` where there is none."""
@@ -121,16 +118,16 @@ def picture_errors(path: Path, config: Path | None, sets: Sequence[str]) -> list
     feed = RecordFeed(path)
     feed.head = with_changes(feed.head, config, sets)
     errors = {finger: PictureError(finger) for finger in feed.head.baselines}
-    measured, contacts, t_ns = MeasuredFingers(feed), feed.collect(Contact), 0
+    measured, contacts, t_ns = MeasuredFingers(feed), deque[Contact](), 0
+    feed.bus.subscribe(Contact, contacts.append, vital=True)
     while not feed.ended or contacts:
         # A contact may come before its picture, and is compared when the loop took it in.
         t_ns = NEVER_NS if feed.ended else t_ns + _STEP_NS
         feed.read_until(t_ns)
-        n_taken = bisect_right(contacts, t_ns, key=_taken_ns)
-        for recorded in contacts[:n_taken]:
+        while contacts and contacts[0].taken_ns <= t_ns:
+            recorded = contacts.popleft()
             if (again := measured.at(recorded)) is not None:
                 errors[recorded.finger].note(recorded, again)
-        del contacts[:n_taken]
     return list(errors.values())
 
 

@@ -45,9 +45,11 @@ def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
         ConfigError: The settings cannot be used, or name nothing to play to.
     """
     config = load_config(path, sets=sets).config
-    if path is None and config.vest.driver is None and config.hand.driver is None:
-        config = load_config(None, sets=[*sets, f"vest.driver={_DRAWN}"]).config
-    if config.vest.driver is None and config.hand.driver is None and config.session.out_dir is None:
+    if config.vest.driver is not None or config.hand.driver is not None:
+        return config
+    if path is None:
+        return load_config(None, sets=[*sets, f"vest.driver={_DRAWN}"]).config
+    if config.session.out_dir is None:
         raise ConfigError(
             "nothing to play to: the settings name no vest, no hand and no output folder",
             "set vest.driver, hand.driver or session.out_dir",

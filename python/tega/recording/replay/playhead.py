@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -51,8 +50,8 @@ class Playhead:
         self.end_ns = self.shift_ns = self.n_jumps = 0
         self.tick_ns = self.n_late = self.worst_late_ns = 0
         self.fills: list[Callable[[int], None]] = []
-        self._lock, self._machine = threading.Lock(), SystemClock()
-        self._requested_ns: int | None = None
+        self._machine = SystemClock()
+        self._requested_ns = deque[int](maxlen=1)
         self._began_ns: int | None = None
 
     def begin(self, end_ns: int, lead_ns: int) -> None:
@@ -80,8 +79,7 @@ class Playhead:
 
     def go_to(self, t_s: float) -> None:
         """Request a position, seconds; of two requests the newer one counts. From any thread."""
-        with self._lock:
-            self._requested_ns = min(max(round(t_s * 1e9), 0), self.end_ns)
+        self._requested_ns.append(min(max(round(t_s * 1e9), 0), self.end_ns))
 
     def now_ns(self) -> int:
         """Return the time of the run in nanoseconds."""
@@ -104,10 +102,8 @@ class Playhead:
     def reach(self, t_ns: int) -> None:
         """Go on to a time of the run, carry out a requested jump, and have the streams filled."""
         self.tick_ns = t_ns
-        with self._lock:
-            requested_ns, self._requested_ns = self._requested_ns, None
-        if requested_ns is not None:
-            self.shift_ns = t_ns - requested_ns
+        if self._requested_ns:
+            self.shift_ns = t_ns - self._requested_ns.pop()
             self.n_jumps += 1
         for fill in self.fills:
             fill(t_ns)
