@@ -186,16 +186,12 @@ def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.ui
     pictures is as near as these.
     """
     from tega.recording.mcap_reader import McapReader, read_picture
+    from tega.recording.pictures import paired
 
-    image = f"/tactile/{finger}/image"
-    newest = None
-    for message in McapReader(path).messages(lambda topic: topic in {image, f"/tactile/{finger}/frame"}):
-        if message.value is None:
-            continue
-        if message.topic == image:
-            newest = message
-        elif newest is not None and (metric.memory or message.value.t_ns == t_ns):
-            frame = read_picture(newest)
+    topics = {f"/tactile/{finger}/{what}" for what in ("image", "frame")}
+    for message in paired(McapReader(path).messages(lambda topic: topic in topics)):
+        if message.image is not None and (metric.memory or message.value.t_ns == t_ns):
+            frame = read_picture(message.image)
             metric.loaded = getattr(message.value, "loaded", False)
             if getattr(message.value, "rezeroed", False):
                 metric.rezero()

@@ -70,7 +70,7 @@ impl Canvas {
         match relief {
             Some(relief) => {
                 self.begin();
-                self.rows(relief, light, still, (noise, part), (&area(relief), [0, HEIGHT]), out);
+                rows(self, relief, light, still, (noise, part), (&area(relief), [0, HEIGHT]), out);
             }
             None => {
                 for (y, out) in out.chunks_exact_mut(LINE).enumerate() {
@@ -87,7 +87,7 @@ impl Canvas {
 
     /// Paints some rows of a frame, which `out` has from its beginning; from the top down, after [`Self::begin`].
     #[inline(always)]
-    pub(crate) fn rows(
+    fn rows(
         &mut self,
         relief: Relief<'_>,
         light: &Light,
@@ -109,9 +109,9 @@ impl Canvas {
                 if self.below == v {
                     self.lines.swap(0, 1);
                 } else {
-                    self.line(relief, light, (v, area.lit), 0);
+                    line(self, relief, light, (v, area.lit), 0);
                 }
-                self.line(relief, light, (v + 1, area.lit), 1);
+                line(self, relief, light, (v + 1, area.lit), 1);
                 self.below = v + 1;
             }
             let lines = [0, 1].map(|side| &self.lines[side][FIRST + b0..FIRST + b1]);
@@ -293,6 +293,17 @@ pub(crate) fn area(relief: Relief<'_>) -> Area {
 }
 
 const _: () = assert!(LIT_ROWS + MARGIN_ROWS < ROWS, "every lit row has rows around it");
+
+tega_simd::dispatched! {
+    /// See [`Canvas::line`].
+    line = Canvas::line, (canvas: &mut Canvas, relief: Relief<'_>, light: &Light, lit: (usize, [usize; 2]), side: usize) -> ()
+}
+
+tega_simd::dispatched! {
+    /// See [`Canvas::rows`].
+    rows = Canvas::rows,
+    (canvas: &mut Canvas, relief: Relief<'_>, light: &Light, still: &[i8], noise: (&Noise, Part), some: (&Area, [usize; 2]), out: &mut [u8]) -> ()
+}
 
 tega_simd::dispatched! {
     /// See [`Canvas::paint`].

@@ -7,7 +7,7 @@ use crate::window::Window;
 
 /// The highest shape over each cell, at least the still gel.
 #[inline(always)]
-pub(crate) fn raise_floor(grid: &mut Grid, pressed: &[Pressed]) {
+fn raise_floor_plain(grid: &mut Grid, pressed: &[Pressed]) {
     for r in grid.window.rows[0]..grid.window.rows[1] {
         let at = grid.flat(r);
         grid.floor[at].fill(0.0);
@@ -75,7 +75,7 @@ pub(crate) fn refine(coarse: &Grid, fine: &mut Grid, line: &mut [f32]) {
 
 /// Relaxes every cell of the window once: even rows from what all were, then odd ones from the new even ones.
 #[inline(always)]
-pub(crate) fn sweep(grid: &mut Grid, relax: f32) {
+fn sweep_plain(grid: &mut Grid, relax: f32) {
     let shares = [relax * grid.square / (1.0 + 4.0 * grid.square), 1.0 - relax];
     let (stride, [first, last]) = (grid.stride, grid.window.rows);
     let mut next = std::mem::take(&mut grid.next);
@@ -115,4 +115,15 @@ fn relax_row(
         let h = here[c] * keep + ((up[c] + down[c]) + (left[c] + right[c])) * share;
         out[c] = if h > floor[c] { h } else { floor[c] };
     }
+}
+
+// Called in several places each: inlined they would take twice the room, and no less time.
+tega_simd::dispatched! {
+    /// See [`raise_floor_plain`].
+    raise_floor = raise_floor_plain, (grid: &mut Grid, pressed: &[Pressed]) -> ()
+}
+
+tega_simd::dispatched! {
+    /// See [`sweep_plain`].
+    sweep = sweep_plain, (grid: &mut Grid, relax: f32) -> ()
 }

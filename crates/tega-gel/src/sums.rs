@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use crate::light::Light;
 use crate::membrane::Relief;
 use crate::noise::{Noise, Part, SHEET_LINE, SHEET_ROWS, SHEETS};
-use crate::paint::{Canvas, area};
+use crate::paint::{Canvas, area, rows};
 use crate::picture::{HEIGHT, LINE, WIDTH};
 
 /// Pixels along a cell's side; bytes of its row.
@@ -125,8 +125,8 @@ impl Summing {
         }
         canvas.begin();
         for strip in area.rows[0] / CELL..area.rows[1].div_ceil(CELL) {
-            let rows = [CELL * strip, CELL * (strip + 1)];
-            canvas.rows(relief, light, still, (noise, part), (&area, rows), &mut self.painted);
+            let some = [CELL * strip, CELL * (strip + 1)];
+            rows(canvas, relief, light, still, (noise, part), (&area, some), &mut self.painted);
             let at = strip * ACROSS..(strip + 1) * ACROSS;
             sum_rows(&self.painted, out.each_mut().map(|out| &mut out[at.clone()]));
         }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
 from tega.arm.frames import ToBase
 from tega.arm.pose import ArmCommand, StampedPose
@@ -111,6 +111,13 @@ class ArmRecords:
         if np.linalg.det(matrix) > 0:
             turned = tuple(from_matrix(matrix).tolist())
             self._bus.publish(TrackerAxes(t_ns=t_ns, parent=_BASE, child=_TRACKER, quaternion=turned))
+
+
+def turn_of(row: ArmTurn) -> Turn:
+    """Return the inputs of a recorded turn."""
+    poses, measured = ([StampedPose(*astuple(pose)) for pose in some] for some in (row.poses, row.measured))
+    same: dict[str, Any] = {name: getattr(row, name) for name in Turn._fields}
+    return Turn(**same | {"poses": tuple(poses), "measured": measured[0] if measured else None})
 
 
 def with_command(row: ArmTurn, command: ArmCommand) -> ArmTurn:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final, Generic, TypeVar
 
-PICTURES: Final = frozenset({"foxglove.RawImage", "foxglove.CompressedImage"})
 # Decoded pictures of 640 x 480 that wait are 60 MB at most.
 _MOST_AHEAD: Final = 64
 # Threads take turns at the interpreter once a batch instead of once an item.

@@ -11,11 +11,12 @@ from typing import Any, Final, Literal
 
 from tega.errors import ConfigError
 from tega.recording.column_names import channel_columns, emg_source, list_columns, time_column
-from tega.recording.compute_ahead import PICTURES
 from tega.recording.copies import note_copy
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
 from tega.recording.mcap_reader import McapReader, Message, Progress
 from tega.recording.origin import LEAD_IN
+from tega.recording.pictures import paired
+from tega.records.hand import frames_text
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
@@ -66,19 +67,13 @@ def export_file(
     reader.progress = progress or reader.progress
     tables: dict[str, _TopicTable] = {}
     growing = GrowingCsv if kind == "csv" else GrowingParquet
-    waiting: dict[str, Message] = {}
     epoch_ns = 0
     channels: Sequence[str] = ()
-    for message in reader.messages(lambda topic: pictures or not topic.endswith("/image")):
-        topic, schema, log_ns, _, value = message
-        if schema in PICTURES:
-            waiting[topic] = message
-            continue
-        if schema == "tega.Frame" and pictures:
-            image = waiting.pop(f"{topic.removesuffix('/frame')}/image", None)
-            if image is not None:
-                finger = plain_name(topic.split("/")[2], subject=f"{topic}: finger", source=path.name)
-                _picture(image, folder / finger, value.seq)
+    for message in paired(reader.messages(lambda topic: pictures or not topic.endswith("/image"))):
+        topic, schema, log_ns, _, value, image = message
+        if image is not None:
+            finger = plain_name(topic.split("/")[2], subject=f"{topic}: finger", source=path.name)
+            _picture(image, folder / finger, value.seq)
         table = tables.get(topic)
         if table is None:
             if not tables:
@@ -190,7 +185,7 @@ def message_columns(values: Sequence[Any], channels: Sequence[str] = ()) -> dict
             else:
                 columns[name] = cells if part is None else list(map(str, cells))
         elif part is not None:
-            columns[name] = list(map(_poses_text if part == "ArmPose" else _frames_text, cells))
+            columns[name] = list(map(_poses_text if part == "ArmPose" else frames_text, cells))
         elif field.type == field.TYPE_STRING:
             columns[name] = list(map(" ".join, cells))
         else:
@@ -243,10 +238,6 @@ def _own(descriptor: Any) -> frozenset[str]:
     """Return the columns of a message's own fields."""
     names = list(descriptor.fields_by_name)
     return frozenset({"log_s", *names, *(time_column(name) for name in names if name.endswith("_ns"))})
-
-
-def _frames_text(frames: Any) -> str:
-    return " ".join([f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames])
 
 
 def _poses_text(poses: Any) -> str:

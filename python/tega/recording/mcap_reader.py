@@ -51,6 +51,7 @@ class Message(NamedTuple):
         log_ns: Time of arrival, nanoseconds since 1970.
         n_bytes: Its size in the file before compression.
         value: Decoded; ``None`` where the caller did not want it.
+        image: With a picture's numbers and times, its image; put there by :func:`tega.recording.pictures.paired`.
     """
 
     topic: str
@@ -58,6 +59,7 @@ class Message(NamedTuple):
     log_ns: int
     n_bytes: int
     value: Any
+    image: Message | None = None
 
 
 def open_recording(path: Path) -> IO[bytes]:

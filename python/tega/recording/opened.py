@@ -20,7 +20,7 @@ from datetime import UTC, datetime
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import Final, overload
+from typing import overload
 
 import tega.haptics  # noqa: F401  # draws vest frames
 from tega.errors import RecordingError
@@ -28,11 +28,10 @@ from tega.recording.column_names import emg_source
 from tega.recording.mcap_folder import session_files
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import table_ns
+from tega.recording.pictures import PICTURES
 from tega.recording.topics import NEVER_NS, PictureTopic, RecordedFile, Topic
 
 __all__ = ["PictureTopic", "RecordedTopics", "Topic", "open_recording"]
-
-_PICTURES: Final = ("foxglove.RawImage", "foxglove.CompressedImage")
 
 
 def open_recording(*paths: str | PathLike[str]) -> RecordedTopics:
@@ -143,7 +142,7 @@ class RecordedTopics(Mapping[str, "Topic"]):
             raise KeyError(f"{key}: no such topic; there are {', '.join(self._names)}")
         files = tuple(file for file in self._files if key in file.reader.topics)
         schema = files[0].reader.topics[key]
-        kind = PictureTopic if schema in _PICTURES else Topic
+        kind = PictureTopic if schema in PICTURES else Topic
         return kind(key, schema, self._files, self._from_ns, self._to_ns, clock=self.clock)
 
     def __iter__(self) -> Iterator[str]:

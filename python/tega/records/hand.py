@@ -39,6 +39,11 @@ def bus_frames(frames: Iterable[Any]) -> tuple[BusFrame, ...]:
     return tuple(made)
 
 
+def frames_text(frames: Iterable[Any]) -> str:
+    """Return frames for people: identifier and bytes of each, ``R`` for one that asks."""
+    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)
+
+
 class HandCommand(Record, frozen=True, kw_only=True):
     """Command to a hand in one tick, and its frames.
 

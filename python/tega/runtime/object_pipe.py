@@ -1,6 +1,6 @@
 """Send Python objects through a pipe between a run and a process of its own, pictures and samples as they lie.
 
-The recorder is such a process, the hand's loop, and each scene camera.
+The recorder is such a process, the hand's loop, each scene camera, and what :mod:`tega.runtime.call_beside` calls.
 
 Both ends are this version of TEGA, started by one person: nothing from outside comes through such a pipe.
 """

@@ -117,24 +117,21 @@ def read_reel(trial: RecordedTrial) -> Reel:
 def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     """Read an MCAP file once, from its beginning to its end."""
     from tega.recording.mcap_reader import McapReader
+    from tega.recording.pictures import paired
 
     cv2 = require("cv2", driver="recording", extra="record")
     reader = McapReader(path, check_sums=True)
     strips: dict[str, _Strip] = {}
-    pictures: dict[str, Any] = {}
     newest_ns = 0
     try:
-        for message in reader.messages(lambda topic: topic.endswith(("/image", "/frame", "/hand/joints"))):
+        for message in paired(
+            reader.messages(lambda topic: topic.endswith(("/image", "/frame", "/hand/joints")))
+        ):
             since_ns = message.log_ns - int(reader.metadata["tega"]["epoch_ns"]) - trial.zero_ns
             newest_ns = max(newest_ns, since_ns)
-            if message.schema == "foxglove.JointStates":
-                continue
-            finger = message.topic.split("/")[2]
             if message.schema == "tega.Frame":
-                strip = strips.setdefault(finger, _Strip([], []))
-                _keep(strip, message.value.t_ns - trial.zero_ns, pictures.pop(finger, None), cv2)
-            elif message.schema in {"foxglove.RawImage", "foxglove.CompressedImage"}:
-                pictures[finger] = message
+                strip = strips.setdefault(message.topic.split("/")[2], _Strip([], []))
+                _keep(strip, message.value.t_ns - trial.zero_ns, message.image, cv2)
     except TegaError:
         raise
     except Exception as error:  # of a damaged file decoders raise what they like

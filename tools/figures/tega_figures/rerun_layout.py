@@ -1,4 +1,4 @@
-"""Write Rerun's layout: ``python -m tega_figures.rerun_layout python/tega/ui/view/rerun-layout.rbl``."""
+"""Write Rerun's layout: ``python -m tega_figures.rerun_layout docs/rerun-layout.rbl``."""
 
 from __future__ import annotations
 

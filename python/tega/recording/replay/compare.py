@@ -26,6 +26,7 @@ from tega.records import (
     SentFrame,
     VestFrame,
 )
+from tega.records.hand import frames_text
 from tega.records.schema import values
 
 if TYPE_CHECKING:
@@ -168,7 +169,6 @@ class Comparing:
 
     def __init__(self, feed: RecordFeed, bus: Bus) -> None:
         self._feed, self._rules = feed, _rules(feed.head)
-        self._outside = {one.name for one in feed.head.config.stages.beside if is_outside(one)}
         self._streams: dict[str, Compared] = {}
         for kind in self._rules:
             fingers = feed.head.baselines if "{finger}" in kind.topic else [""]
@@ -205,13 +205,10 @@ class Comparing:
         return self._streams[topic]
 
     def _add(self, record: Any, *, replayed: bool) -> None:
-        """Add a record to its stream, unless the recording begins later or another process made it."""
-        known_ns = getattr(record, "taken_ns", record.t_ns)
-        if known_ns < self._feed.head.from_ns > 0:
-            return
-        if isinstance(record, _BESIDE) and self._outside & _stage_names(record.stage):
-            return
-        self._stream(type(record), record.where).add(record, record.t_ns, known_ns, replayed=replayed)
+        """Add a record to its stream, unless the recording begins later."""
+        if not record.log_ns < self._feed.head.from_ns > 0:
+            stream = self._stream(type(record), record.where)
+            stream.add(record, record.t_ns, record.log_ns, replayed=replayed)
 
     def _add_made(self, frame: VestFrame) -> None:
         sent = SentFrame(t_ns=frame.t_ns, layout=frame.layout, intensities=frame.intensities)
@@ -220,26 +217,28 @@ class Comparing:
     def _add_checksums(self, picture: Picture) -> Callable[[], object]:
         """Return a function that compares the checksum of a picture with that of its pixels as they were taken."""
         where, t_ns = picture.where, picture.t_ns
-        checksums = picture.pixels_crc32, zlib.crc32(picture.image.data)
+        recorded, again = picture.pixels_crc32, zlib.crc32(picture.image.data)
 
         def add() -> None:
-            for replayed, checksum in enumerate(checksums):
-                self._stream(Picture, where).add(checksum, t_ns, replayed=bool(replayed))
+            self._stream(Picture, where).add(recorded, t_ns, replayed=False)
+            self._stream(Picture, where).add(again, t_ns, replayed=True)
 
         return add
 
     def _measurable(self, topic: str, n_shared: int) -> bool:
-        """Return whether a stage's output can be computed again: of lossless pictures, with all that it remembers."""
+        """Return whether a stage's output can be computed again: here, and with all that the stage remembers."""
         if not topic.startswith("/beside/"):
             return True
         _, _, stage, finger = topic.split("/")
         head, config = self._feed.head, self._feed.head.config
-        if finger == "emg" or not head.lossless:
-            return finger == "emg"
+        # The name of a second one of a kind has a number.
+        named = [one for one in config.stages.beside if one.name in {stage, stage.rpartition("-")[0]}]
+        if finger == "emg":
+            return not any(map(is_outside, named))
         remembers = any(
             chosen_stage("metric", one.stages, config.session.preset).kind.memory
-            for one in config.stages.beside
-            if one.group == "metric" and one.name in _stage_names(stage)
+            for one in named
+            if one.group == "metric"
         )
         n_pictures = self._stream(Picture, Picture.topic.format(finger=finger)).found.recorded
         whole = head.from_ns == 0 and not any(self._feed.lost.values()) and n_shared == n_pictures
@@ -263,10 +262,10 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
         records.Adaptation: Rule(values),
         BesideContact: Rule(values, shared=True),
         BesideIntent: Rule(values, shared=True),
-        records.HandExchange: Rule(lambda one: {"sent": _hex(one.sent)}),
+        records.HandExchange: Rule(lambda one: {"sent": frames_text(one.sent)}),
         records.ArmTurn: Rule(_turn_values),
     }
-    left_out: list[type[Record]] = [] if head.lossless else [Picture]
+    left_out: list[type[Record]] = [] if head.lossless else [Picture, BesideContact]
     left_out += [] if "emg" in head.sources else [records.Intent, HandCommand]
     left_out += [] if "Event" in head.versions else [records.Event]
     # A real vest was worn; it was sent changes only.
@@ -274,22 +273,13 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
     return {kind: rule for kind, rule in rules.items() if kind not in left_out}
 
 
-def _stage_names(stage: str) -> set[str]:
-    """Return the names that a stage beside the connected ones may have in the settings: a second one has a number."""
-    return {stage, stage.rpartition("-")[0]}
-
-
 def _command_values(command: HandCommand, *, steered: bool) -> dict[str, Any]:
     level = {"level": joined_level(command.level, command.closure)}
     # The frames of a hand that closes its own loop are compared by its exchanges.
-    return level if steered else level | {"frames": _hex(command.frames)}
+    return level if steered else level | {"frames": frames_text(command.frames)}
 
 
 def _turn_values(turn: records.ArmTurn) -> dict[str, Any]:
     target = {f"target_{axis}": number for axis, number in zip(_POSE, turn.target, strict=False)}
     speeds = {f"velocity_{axis}": number for axis, number in zip(_SPEEDS, turn.velocity, strict=False)}
     return {"state": turn.state, "reason": turn.reason, "holds": turn.holds} | target | speeds
-
-
-def _hex(frames: tuple[records.BusFrame, ...]) -> str:
-    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
-from itertools import chain, repeat
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from tega import records
 from tega.errors import RecordingError
-from tega.recording.compute_ahead import PICTURES, compute_ahead
+from tega.recording.compute_ahead import compute_ahead
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import Message, Progress, read_picture
+from tega.recording.pictures import PICTURES, paired
 from tega.recording.record_columns import find_kind, record_of
 from tega.recording.replay.head import lead_in, read_head
 from tega.records import Contact, HandCommand, Intent, Picture, Record, VestFrame
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
 
 # So much earlier than its time a record is taken from the file, since it may be needed by what was stamped before it.
 _AHEAD_NS = 2_000_000_000
+# Logged at the tick at which the loop took it in or made it.
+_TICKED = {Contact, Intent, VestFrame, HandCommand}
 # Ticks are replayed one after the other: over a longer gap a damaged time would keep a replay busy for hours.
 _LONGEST_NS = 600_000_000_000
 
 Stamped = TypeVar("Stamped", bound="StampedRecord")
 Kind = TypeVar("Kind", bound=Record)
-# A message, and of a picture's number and times the message of its image.
-_Paired = tuple[Message, Message | None]
 
 
 @cache
@@ -95,18 +96,11 @@ class RecordFeed:
         self._early = lead_in(self.reader, self.head.from_ns)
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
-        self._messages = self._read()
-        self._next: tuple[_Paired, list[Callable[[], object]] | None] | None = None
+        messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
+        self._messages = compute_ahead(messages, _finger_of, self._compute)
+        self._next: tuple[Message, list[Callable[[], object]] | None] | None = None
         self._end = next(reversed(self.beforehand(records.End)), None)
-        ticked: tuple[type[Record], ...] = (Contact, Intent, VestFrame, HandCommand)
-        for kind in ticked:
-            self.bus.subscribe(kind, self._note_tick, vital=True)
         self.bus.subscribe(records.RecorderStatus, self._status.append, vital=True)
-
-    def _note_tick(self, record: Any) -> None:
-        # No tick is far after the message that reports it, but in a damaged file.
-        tick_ns = min(getattr(record, "taken_ns", record.t_ns), self.newest_ns + _AHEAD_NS)
-        self.last_tick_ns = max(self.last_tick_ns, tick_ns)
 
     def collect(self, kind: type[Kind]) -> list[Kind]:
         """Return a list to which the records of a type and its subclasses are added as they are read."""
@@ -143,7 +137,7 @@ class RecordFeed:
         """Read on until everything is there that may be needed up to a time since the start of the session."""
         until_ns = self.epoch_ns + t_ns + _AHEAD_NS
         self._next = self._next or next(self._messages, None)
-        while self._next is not None and (log_ns := self._next[0][0].log_ns) <= until_ns:
+        while self._next is not None and (log_ns := self._next[0].log_ns) <= until_ns:
             self.newest_ns = max(self.newest_ns, log_ns - self.epoch_ns)
             self._take(*self._next)
             self._next = next(self._messages, None)
@@ -161,35 +155,23 @@ class RecordFeed:
 
     def _wanted(self, schema: str, topic: str) -> bool:
         kind, _ = _kind_of(schema, topic)
-        return self._wants_pictures if kind is Picture else kind is not None and self.bus.wants(kind)
+        return kind is not None and (self.bus.wants(kind) or (kind is Picture and bool(self.ahead)))
 
-    @property
-    def _wants_pictures(self) -> bool:
-        return bool(self.ahead) or self.bus.wants(Picture)
-
-    def _read(self) -> Iterator[tuple[_Paired, list[Callable[[], object]] | None]]:
-        """Yield the messages with what was made of them; it begins when the first is asked for."""
-        paired = _paired(chain(self._early, self.reader.in_order(self._wanted)))
-        if self._wants_pictures:
-            yield from compute_ahead(paired, _finger_of, self._compute)
-        else:
-            yield from zip(paired, repeat(None), strict=False)
-
-    def _compute(self, one: _Paired) -> list[Callable[[], object]]:
+    def _compute(self, message: Message) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, in another thread; return those to call in its turn."""
-        message, image = one
-        assert image is not None
+        assert message.image is not None
         published = self.bus.wants(Picture)
         skipped = self.cells_suffice and not published and bool(getattr(message.value, "cells", b""))
-        pixels = np.empty((0, 0, 3), np.uint8) if skipped else read_picture(image)
+        pixels = np.empty((0, 0, 3), np.uint8) if skipped else read_picture(message.image)
         named = _kind_of(message.schema, message.topic)[1]
         picture = read(Picture, message.value, image=pixels, **named)
         finish = [function(picture) for function in self.ahead]
         return [*finish, partial(self.bus.publish, picture)] if published else finish
 
-    def _take(self, one: _Paired, computed: list[Callable[[], object]] | None) -> None:
-        message = one[0]
+    def _take(self, message: Message, computed: list[Callable[[], object]] | None) -> None:
         kind, named = _kind_of(message.schema, message.topic)
+        if kind in _TICKED:
+            self.last_tick_ns = self.newest_ns
         if kind is Picture:
             for finish in computed or ():
                 finish()
@@ -197,20 +179,6 @@ class RecordFeed:
             self.bus.publish(record_of(kind, message, named, self.epoch_ns))
 
 
-def _paired(messages: Iterable[Message]) -> Iterator[_Paired]:
-    """Yield the messages; an image is with its number and times, which follow it."""
-    images: dict[str, Message] = {}
-    for message in messages:
-        place = message.topic.rpartition("/")[0]
-        if message.schema in PICTURES:
-            if message.value is not None:
-                images[place] = message
-        elif message.value is not None and _kind_of(message.schema, message.topic)[0] is Picture:
-            yield message, images.pop(place, None)
-        else:
-            yield message, None
-
-
-def _finger_of(one: _Paired) -> str:
+def _finger_of(message: Message) -> str:
     """Return the finger of a picture; ``""`` of everything else."""
-    return "" if one[1] is None else _kind_of(one[0].schema, one[0].topic)[1]["finger"]
+    return "" if message.image is None else _kind_of(message.schema, message.topic)[1].get("finger", "")

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from tega.errors import RecordingError, TegaError
 from tega.loop.inbox.stream import NEVER_NS
 from tega.recording.mcap_reader import read_picture
+from tega.recording.pictures import paired
 from tega.recording.replay.measured import finger_meter, measure
 from tega.records import EmgSamples, Picture
 from tega.records.schema import read
@@ -131,8 +132,9 @@ class FollowedFile:
             follower.begin(at_ns, jumped=jumped)
         since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS) + self._least_delay_ns
         if jumped or since_ns > self._read_ns:
-            self._messages = self._reader.in_order(
-                lambda _schema, topic: topic in self._topics, since_ns=max(self.zero_ns + since_ns, 0)
+            since_ns = max(self.zero_ns + since_ns, 0)
+            self._messages = paired(
+                self._reader.in_order(lambda _schema, topic: topic in self._topics, since_ns=since_ns)
             )
             self._read_ns, self._waiting = -NEVER_NS, []
 
@@ -172,24 +174,19 @@ class PlayedFinger(Follower):
         super().__init__(finger)
         self._head, self._bus = head, bus
         self._meter: FrameMeter
-        self._image: Message | None = None
         self._displayed_ns = 0
 
     def begin(self, at_ns: int, *, jumped: bool) -> None:
         """Begin a second before a position, or skip the pictures before it."""
-        self._image, self._displayed_ns, self.since_ns = None, at_ns, at_ns
+        self._displayed_ns, self.since_ns = at_ns, at_ns
         if jumped:
             self._meter, self.since_ns = finger_meter(self._head, self.name), at_ns - _WARM_NS
 
     def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:
-        """Take an image, or the number and times that follow it."""
-        if not message.topic.endswith("/frame"):
-            self._image = message
+        """Measure the next picture."""
+        if message.image is None:
             return
-        image, self._image = self._image, None
-        if image is None:
-            return
-        picture = read(Picture, message.value, finger=self.name, image=read_picture(image))
+        picture = read(Picture, message.value, finger=self.name, image=read_picture(message.image))
         contact = measure(self._meter, picture)
         if contact is not None and known_ns >= self._displayed_ns:
             contact = replace(contact, t_ns=contact.t_ns + snapshot.shift_ns)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
-from heapq import heappop, heappush
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
@@ -56,20 +56,19 @@ class RecordedRun(Pacer):
         self.contacts = {f: LiveStream[Contact](capacity=_MOST) for f in feed.head.baselines}
         self.levels = LiveStream[Intent](capacity=_MOST) if "emg" in feed.head.sources else None
         self.active = feed.holds(records.TriedMotor) or feed.holds(records.ProgramFrame)
-        self._taken: list[tuple[int, int, Contact | Intent]] = []  # by tick and number, as a heap
-        self._numbers, self._calls = count(), count()
+        self._taken = deque[Contact | Intent]()  # in the file's order, which is that of their ticks
+        self._calls = count()
         self._switches: dict[int, bool] = {}
         self._haptics = True
         self._newest: list[Newest[Any]] = []
         self._tried, self._sent = self.newest(records.TriedMotor), self.newest(records.ProgramFrame)
-        self._skips = self.newest(records.Skip)
-        self._looks = self.newest(HandLook)
+        self._skips, self._looks = self.newest(records.Skip), self.newest(HandLook)
         self._settled_ns, self.tick_ns = 0, -1
         feed.bus.subscribe(
             records.Haptics, lambda one: self._switches.update({one.n_asked: one.on}), vital=True
         )
-        feed.bus.subscribe(Contact, self._note, vital=True)
-        feed.bus.subscribe(Intent, self._note, vital=True)
+        feed.bus.subscribe(Contact, self._taken.append, vital=True)
+        feed.bus.subscribe(Intent, self._taken.append, vital=True)
 
     def newest(self, kind: Any) -> Newest[Any]:
         """Return the records of a type as the recording is read; those that ticks have passed are forgotten."""
@@ -81,9 +80,9 @@ class RecordedRun(Pacer):
     def doze(self, t_ns: int) -> int:
         """Return when the loop was woken, or the deadline."""
         self._feed.read_until(t_ns)
-        if not self._taken or self._taken[0][0] >= t_ns:
+        if not self._taken or self._taken[0].taken_ns >= t_ns:
             return t_ns
-        self._reach(self._taken[0][0])
+        self._reach(self._taken[0].taken_ns)
         return self.tick_ns
 
     def wait(self, t_ns: int) -> bool:
@@ -131,9 +130,6 @@ class RecordedRun(Pacer):
     def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
         """Do nothing: a trial was answered in the run."""
 
-    def _note(self, record: Contact | Intent) -> None:
-        heappush(self._taken, (record.taken_ns, next(self._numbers), record))
-
     def _reach(self, t_ns: int) -> None:
         self.tick_ns, end = t_ns, self._feed.end
         # The last tick of a set time is before its end, and takes in what came until then.
@@ -145,8 +141,8 @@ class RecordedRun(Pacer):
                 stream.end(end.end_ns)
 
     def _put(self, t_ns: int) -> None:
-        while self._taken and self._taken[0][0] <= t_ns:
-            record = heappop(self._taken)[-1]
+        while self._taken and self._taken[0].taken_ns <= t_ns:
+            record = self._taken.popleft()
             if isinstance(record, Contact):
                 if (contact := self._measured.contact(record)) is not None:
                     self.contacts[record.finger].put(contact)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -16,17 +19,20 @@ from tega.loop.beside import measure_beside_on
 from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
+from tega.loop.inbox.stream import NEVER_NS
 from tega.recording.cells import read_sums
-from tega.recording.replay.feed import Newest
-from tega.recording.replay.head import metric_change
+from tega.recording.replay.feed import Newest, RecordFeed
+from tega.recording.replay.head import metric_change, with_changes
 from tega.records import AdaptationSwitch, BesideContact, BesideIntent, Contact, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
     from tega.config.calibration import EmgMaxima
-    from tega.recording.replay.feed import RecordFeed
     from tega.recording.replay.head import Head
     from tega.records.bus import Bus
+
+
+_STEP_NS = 1_000_000_000
 
 
 class PictureError(msgspec.Struct):
@@ -60,38 +66,100 @@ class PictureError(msgspec.Struct):
         self.eda_max_px, self.cci_max = max(self.eda_max_px, eda), max(self.cci_max, cci)
 
 
+class MeasuredFingers:
+    """Measures the pictures of a recording as they are read, in other threads unless somebody is told of each.
+
+    Args:
+        feed: The recording.
+        notify: Told of each picture, and may ask its metric for the map of it.
+    """
+
+    def __init__(self, feed: RecordFeed, notify: Callable[[MeasuredPicture], object] | None = None) -> None:
+        head, self._notify = feed.head, notify
+        self._meters = {finger: finger_meter(head, finger) for finger in head.baselines}
+        self._contacts = {finger: Newest[Contact]() for finger in head.baselines}
+        if notify is not None:
+            feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
+        else:
+            feed.ahead.append(self._measure)
+            feed.cells_suffice = all(meter.metric.reads_sums for meter in self._meters.values())
+
+    def at(self, recorded: Contact) -> Contact | None:
+        """Return the contact measured in the picture of a recorded one, ``None`` where there is none."""
+        return self._contacts[recorded.finger].at(recorded.t_ns)
+
+    def _measure(self, picture: Picture) -> Callable[[], object]:
+        """Measure a picture; return a function that passes the contact on."""
+        try:
+            contact = measure(self._meters[picture.finger], picture)
+        except TegaError:  # a bad picture of a live sensor, dropped then as now
+            contact = None
+        return lambda: None if contact is None else self._pass_on(picture, contact)
+
+    def _pass_on(self, picture: Picture, contact: Contact) -> None:
+        self._contacts[picture.finger].rows.append(contact)
+        if self._notify is not None:
+            metric = self._meters[picture.finger].metric
+            self._notify(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
+
+
+def picture_errors(path: Path, config: Path | None, sets: Sequence[str]) -> list[PictureError]:
+    """Return the errors of contacts measured in a recording's pictures, by finger.
+
+    Args:
+        path: The recording.
+        config: Other settings to measure with, as for :func:`~tega.recording.replay.replay_file`.
+        sets: Single settings.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+        ConfigError: The other settings cannot be used.
+    """
+    feed = RecordFeed(path)
+    feed.head = with_changes(feed.head, config, sets)
+    errors = {finger: PictureError(finger) for finger in feed.head.baselines}
+    measured, contacts, t_ns = MeasuredFingers(feed), deque[Contact](), 0
+    feed.bus.subscribe(Contact, contacts.append, vital=True)
+    while not feed.ended or contacts:
+        # A contact may come before its picture, and is compared when the loop took it in.
+        t_ns = NEVER_NS if feed.ended else t_ns + _STEP_NS
+        feed.read_until(t_ns)
+        while contacts and contacts[0].taken_ns <= t_ns:
+            recorded = contacts.popleft()
+            if (again := measured.at(recorded)) is not None:
+                errors[recorded.finger].note(recorded, again)
+    return list(errors.values())
+
+
 class Measured:
     """Measures pictures and samples of a recording as they are read.
 
     Args:
         feed: The recording.
         bus: Receives adaptations, the output of stages beside the connected ones, and pictures measured as in the run.
-        compressed: Whether compressed pictures are measured too, for their errors.
 
     Attributes:
         again: Whether measuring the pictures again gives the recorded contacts to the last bit: the pictures are
             unchanged, the metric has the version that measured them, and either the recording begins with the session
             or the metric has no memory.
-        errors: Errors of compressed pictures, by finger.
     """
 
-    def __init__(self, feed: RecordFeed, bus: Bus, *, compressed: bool = True) -> None:
-        self._head, self._bus = feed.head, bus
+    def __init__(self, feed: RecordFeed, bus: Bus) -> None:
         head, config = feed.head, feed.head.config
         metric, decoder = (
             chosen_stage(group, config.stages, config.session.preset).kind for group in ("metric", "decoder")
         )
-        self._exact = head.lossless and not metric_change(head)
-        self.again = self._exact and (head.from_ns == 0 or not metric.memory)
-        self.errors = {finger: PictureError(finger) for finger in head.baselines}
-        self._meters = {finger: finger_meter(head, finger) for finger in head.baselines}
-        self._contacts = {finger: Newest[Contact]() for finger in head.baselines}
+        # Else the contacts are those recorded, and the pictures are not what they were measured in.
+        exact = head.lossless and not metric_change(head)
+        self.again = exact and (head.from_ns == 0 or not metric.memory)
+        self._from_ns = head.from_ns
+        notify = bus.publish if exact and bus.wants(MeasuredPicture) else None
+        self._fingers = MeasuredFingers(feed, notify) if self.again or notify else None
         self._intents = Newest[Intent]()
         emg = head.calibration.emg if "emg" in head.sources else None
         maxima = None if emg is None else replace(emg, kind=head.emg_kind)
         # The intents of an operator's station or of another program are those recorded.
         self._decodes = "emg" in head.sources and not decoder.outside and head.sources["emg"].unit != "level"
-        self._muscles = None if maxima is None or decoder.outside else _block_meter(feed, maxima, bus)
         beside = tuple(one for one in config.stages.beside if not is_outside(one))
         if beside and (bus.wants(BesideContact) or bus.wants(BesideIntent)):
             feed.bus.subscribe(Picture, bus.publish, vital=True)
@@ -105,49 +173,23 @@ class Measured:
                 muscles=maxima,
                 live="emg" in head.sources and head.sources["emg"].live,
             )
-        if bus.wants(MeasuredPicture):  # its subscriber may ask the metric for the map of that picture
-            feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
-        elif head.lossless or compressed:
-            feed.ahead.append(self._measure)
-            feed.cells_suffice = not head.lossless and all(
-                meter.metric.reads_sums for meter in self._meters.values()
-            )
-        feed.bus.subscribe(EmgSamples, self._decode, vital=True)
+        if maxima is not None and not decoder.outside:
+            decode = partial(self._decode, _block_meter(feed, maxima, bus))
+            feed.bus.subscribe(EmgSamples, decode, vital=True)
 
     def contact(self, recorded: Contact) -> Contact | None:
         """Return what a recorded contact is now, measured or as recorded; ``None`` where its picture is left out."""
-        again = self._contacts[recorded.finger].at(recorded.t_ns)
-        if self.again and recorded.taken_ns >= self._head.from_ns:  # of earlier ones there are no pictures
-            return again
-        if again is not None:
-            self.errors[recorded.finger].note(recorded, again)
-        return recorded
+        again = None if self._fingers is None else self._fingers.at(recorded)
+        # Of contacts before the recording's beginning there are no pictures.
+        return again if self.again and recorded.taken_ns >= self._from_ns else recorded
 
     def intent(self, recorded: Intent) -> Intent | None:
         """Return what a recorded intent is now; ``None`` where its samples are left out."""
         return self._intents.at(recorded.t_ns) if self._decodes else recorded
 
-    def _measure(self, picture: Picture) -> Callable[[], object]:
-        """Measure a picture; return a function that passes the contact on."""
-        meter = self._meters[picture.finger]
+    def _decode(self, muscles: BlockMeter, given: EmgSamples) -> None:
         try:
-            contact = measure(meter, picture)
-        except TegaError:  # a bad picture of a live sensor, dropped then as now
-            contact = None
-        return lambda: None if contact is None else self._pass_on(picture, contact)
-
-    def _pass_on(self, picture: Picture, contact: Contact) -> None:
-        self._contacts[picture.finger].rows.append(contact)
-        # Else the contacts are those recorded, and this is not what they were measured in.
-        if self._exact and self._bus.wants(MeasuredPicture):
-            metric = self._meters[picture.finger].metric
-            self._bus.publish(MeasuredPicture(image=picture.image, contact=contact, metric=metric))
-
-    def _decode(self, given: EmgSamples) -> None:
-        if self._muscles is None:
-            return
-        try:
-            intents = self._muscles.take(chunk_of(given))
+            intents = muscles.take(chunk_of(given))
         except TegaError:
             return
         if self._decodes:

@@ -22,11 +22,10 @@ from tega.loop.controls import Controls
 from tega.loop.parts import Part
 from tega.loop.prepare import Progress
 from tega.recording.replay.feed import RecordFeed
-from tega.recording.replay.followed_file import Player
 from tega.recording.replay.played_run import PlayedRun
 from tega.recording.replay.playhead import Playhead
 from tega.records.bus import Bus
-from tega.runtime.features import features, targets
+from tega.runtime.features import features
 from tega.runtime.files.foreign_file import reports_damage
 
 LEAD_S = 2
@@ -46,11 +45,11 @@ def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
         ConfigError: The settings cannot be used, or name nothing to play to.
     """
     config = load_config(path, sets=sets).config
-    if path is None and config.vest.driver is None and config.hand.driver is None:
-        drawn = driver_class(_DRAWN).options_type()
-        vest = changed(config.vest, driver=_DRAWN, options=drawn)
-        config = changed(config, vest=vest)
-    if config.vest.driver is None and config.hand.driver is None and config.session.out_dir is None:
+    if config.vest.driver is not None or config.hand.driver is not None:
+        return config
+    if path is None:
+        return load_config(None, sets=[*sets, f"vest.driver={_DRAWN}"]).config
+    if config.session.out_dir is None:
         raise ConfigError(
             "nothing to play to: the settings name no vest, no hand and no output folder",
             "set vest.driver, hand.driver or session.out_dir",
@@ -106,8 +105,7 @@ def play_file(
     controls = Controls() if controls is None else controls
     playhead = Playhead() if playhead is None else playhead
     playhead.speed = speed
-    players: list[Player] = [player() for _, player in targets("played")]
-    played = _read(path, playhead, players, controls)
+    played = _read(path, playhead, controls)
     feed, head, pace = played.feed, played.feed.head, speed or 1.0
     # Whole seconds, so that the ticks of the vest lie where they lay.
     lead_ns = math.ceil(LEAD_S * pace) * 1_000_000_000 if live else 0
@@ -119,7 +117,7 @@ def play_file(
     prepared, bus = played.sources(note), Bus() if bus is None else bus
     if others:
         progress("reading the other files", 0, 0)
-    played.follow(bus, players, others)
+    played.follow(bus, others)
     played.facts = {
         "file": path.name,
         "speed": "max" if speed is None else speed,
@@ -141,7 +139,7 @@ def play_file(
 
 
 @reports_damage
-def _read(path: Path, playhead: Playhead, players: Sequence[Player], controls: Controls) -> PlayedRun:
+def _read(path: Path, playhead: Playhead, controls: Controls) -> PlayedRun:
     """Read a recording."""
 
     def check(_name: str, _done: int, _total: int) -> None:
@@ -149,8 +147,6 @@ def _read(path: Path, playhead: Playhead, players: Sequence[Player], controls: C
             raise KeyboardInterrupt
 
     feed = RecordFeed(path, progress=check)
-    for player in players:
-        player.listen(feed.bus)
     played = PlayedRun(feed, playhead)
     feed.read_rest()
     return played

@@ -37,6 +37,7 @@ from tega.recording.replay.measured import Measured
 from tega.recording.replay.playhead import PlayedItems, Playhead, Track
 from tega.records import ArmTurn, Contact, EmgSamples, HandCommand, HandLook, Haptics, Imposed, Intent, Marker
 from tega.records.bus import Bus
+from tega.runtime.features import targets
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.lifecycle import Elsewhere
 from tega.stages.base import MeasuredPicture
@@ -67,7 +68,7 @@ class PlayedRun(Part):
 
     def __init__(self, feed: RecordFeed, playhead: Playhead) -> None:
         self.feed, self._playhead = feed, playhead
-        self._measured = Measured(feed, Bus(), compressed=False)
+        self._measured = Measured(feed, Bus())
         self._contacts, self._intents = feed.collect(Contact), feed.collect(Intent)
         self._commands, self._imposed = feed.collect(HandCommand), feed.collect(Imposed)
         self._checks, self._haptics = feed.collect(HandLook), feed.collect(Haptics)
@@ -76,6 +77,9 @@ class PlayedRun(Part):
         self._closing = threading.Event()
         self._snapshot: PlayedMoment | None = None
         self.facts: dict[str, Any] = {}
+        self._players: list[Player] = [player() for _, player in targets("played")]
+        for player in self._players:
+            player.listen(feed.bus)
 
     @reports_damage
     def sources(self, note: str) -> Prepared:
@@ -89,16 +93,14 @@ class PlayedRun(Part):
                 replace(then, driver="recorded", label=label, live=False, n_items=None, notes=(note,))
             )
 
-        found: dict[str, list[Contact]] = {finger: [] for finger in head.baselines}
-        for row in self._contacts:
-            if (contact := self._measured.contact(row)) is not None:
-                found[row.finger].append(replace(contact, taken_ns=row.taken_ns))
         fingers = {}
-        for finger, items in found.items():
-            report, stream = SourceReport(n_items=len(items)), PlayedItems(items, self._playhead).stream
-            fingers[finger] = Finger(
-                source(finger), head.baselines[finger], "recording", report, stream=stream
-            )
+        for finger, baseline in head.baselines.items():
+            rows = [row for row in self._contacts if row.finger == finger]
+            now = [
+                replace(one, taken_ns=row.taken_ns) for row in rows if (one := self._measured.contact(row))
+            ]
+            report, stream = SourceReport(n_items=len(now)), PlayedItems(now, self._playhead).stream
+            fingers[finger] = Finger(source(finger), baseline, "recording", report, stream=stream)
         if "emg" in head.sources and emg is not None:
             with with_attached(head.config.stages, head.files) as stages:
                 decoder = muscle_decoder(stages, head.config.session.preset, emg)
@@ -114,7 +116,7 @@ class PlayedRun(Part):
         switches = Track(self._haptics, self._playhead)
         return lambda: ((switch := switches.at_playhead()) is None or switch.on) and permitted()
 
-    def follow(self, bus: Bus, players: Sequence[Player], others: Sequence[Path]) -> None:
+    def follow(self, bus: Bus, others: Sequence[Path]) -> None:
         """Open the files to follow: a thread for each, or the run's own where that has no real time.
 
         Topics without subscribers on the bus are not read. A jump publishes no marker.
@@ -127,14 +129,14 @@ class PlayedRun(Part):
         markers = (Marker(t_ns=one.t_ns, text=one.text, source=PLAYED) for one in self._marked)
         self._markers = Track(sorted(markers, key=lambda marker: marker.t_ns), playhead)
         self._turns = Track(self._turned, playhead)
-        if topics := _topics(feed, bus, players):
+        if topics := _topics(feed, bus, self._players):
             self._files.append(FollowedFile(feed.reader, feed.epoch_ns, topics))
         start_ns = table_ns(feed.head.facts, "start_ns")
         for other in others:
             if start_ns is None:
                 raise RecordingError(f"{feed.reader.path.name}: does not say when it began: no start_ns")
             times = {"start_ns": start_ns, "end_ns": playhead.end_ns}
-            self._files += filter(None, (player.beside(other, bus, **times) for player in players))
+            self._files += filter(None, (player.beside(other, bus, **times) for player in self._players))
         self._followers = [one for file in self._files for one in file.followers]
         for name, n in Counter(one.name for one in self._followers).items():
             if n > 1:
@@ -206,11 +208,8 @@ class PlayedRun(Part):
 
     def _levels(self, n_channels: int) -> PlayedItems[Intent]:
         """Return the hand's intents: the muscles' level, or the one imposed instead."""
-        intent, imposed, found = (
-            Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL),
-            None,
-            list[Intent](),
-        )
+        intent = Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL)
+        imposed, found = None, list[Intent]()
         began = next((one for one in self._commands[:1] if one.level), intent)
         first = replace(intent, level=began.level, closure=began.closure)
         changes: list[Intent | Imposed] = [*self._intents, *self._imposed]

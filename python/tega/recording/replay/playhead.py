@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
-import time
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +14,7 @@ from msgspec.structs import replace
 from tega.errors import InvalidValueError
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Contact, Intent, Record
+from tega.runtime.clock import SystemClock
 
 Played = TypeVar("Played", bound=Record)
 Taken = TypeVar("Taken", bound=Contact | Intent)
@@ -51,8 +50,8 @@ class Playhead:
         self.end_ns = self.shift_ns = self.n_jumps = 0
         self.tick_ns = self.n_late = self.worst_late_ns = 0
         self.fills: list[Callable[[int], None]] = []
-        self._lock = threading.Lock()
-        self._requested_ns: int | None = None
+        self._machine = SystemClock()
+        self._requested_ns = deque[int](maxlen=1)
         self._began_ns: int | None = None
 
     def begin(self, end_ns: int, lead_ns: int) -> None:
@@ -80,34 +79,31 @@ class Playhead:
 
     def go_to(self, t_s: float) -> None:
         """Request a position, seconds; of two requests the newer one counts. From any thread."""
-        with self._lock:
-            self._requested_ns = min(max(round(t_s * 1e9), 0), self.end_ns)
+        self._requested_ns.append(min(max(round(t_s * 1e9), 0), self.end_ns))
 
     def now_ns(self) -> int:
         """Return the time of the run in nanoseconds."""
         if self.speed is None or self._began_ns is None:
             return self.tick_ns
-        return math.floor((time.monotonic_ns() - self._began_ns) * self.speed)
+        return math.floor((self._machine.now_ns() - self._began_ns) * self.speed)
 
     def sleep_until(self, t_ns: int) -> None:
         """Sleep until the run has come to ``t_ns``, then go on to it."""
         if self.speed is not None:
             if self._began_ns is None:
-                self._began_ns = time.monotonic_ns()
+                self._began_ns = self._machine.now_ns()
             due_ns = self._began_ns + math.ceil(t_ns / self.speed)
-            while (left_ns := due_ns - time.monotonic_ns()) > 0:
-                time.sleep(left_ns * 1e-9)
-            self.n_late += -left_ns > _LATE_NS
-            self.worst_late_ns = max(self.worst_late_ns, -left_ns)
+            self._machine.sleep_until(due_ns)
+            late_ns = self._machine.now_ns() - due_ns
+            self.n_late += late_ns > _LATE_NS
+            self.worst_late_ns = max(self.worst_late_ns, late_ns)
         self.reach(max(self.tick_ns, t_ns))
 
     def reach(self, t_ns: int) -> None:
         """Go on to a time of the run, carry out a requested jump, and have the streams filled."""
         self.tick_ns = t_ns
-        with self._lock:
-            requested_ns, self._requested_ns = self._requested_ns, None
-        if requested_ns is not None:
-            self.shift_ns = t_ns - requested_ns
+        if self._requested_ns:
+            self.shift_ns = t_ns - self._requested_ns.pop()
             self.n_jumps += 1
         for fill in self.fills:
             fill(t_ns)

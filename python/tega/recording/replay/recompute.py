@@ -8,21 +8,22 @@ computed from the recorded contacts, and the images are measured as well to find
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from msgspec.structs import astuple, replace
+from msgspec.structs import replace
 
 from tega.arm.chain import ArmChain
-from tega.arm.pose import StampedPose
 from tega.arm.settings import ArmSettings
-from tega.arm.turn import Turn, lead
+from tega.arm.turn import lead
+from tega.errors import RecordingError
 from tega.hand import joined_level
 from tega.hand.link import HandLink, Received
-from tega.loop.arm_records import with_command
+from tega.loop.arm_records import turn_of, with_command
 from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_output import HandOutput
 from tega.loop.loop import DualLoop
@@ -34,11 +35,11 @@ from tega.recording.replay.compare import Comparing, Comparison
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.head import Head, metric_change, with_changes
 from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
-from tega.recording.replay.measured import Measured, PictureError
+from tega.recording.replay.measured import Measured, PictureError, picture_errors
 from tega.records import ArmTurn, HandExchange, HandLook, Imposed, bus_frames
 from tega.records.bus import Bus
+from tega.runtime.call_beside import called_beside
 from tega.runtime.files.foreign_file import reports_damage
-from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame
@@ -105,20 +106,15 @@ def replay_file(
     bus = Bus() if bus is None else bus
     feed = RecordFeed(path, progress=progress)
     head = feed.head = with_changes(feed.head, config, sets)
-    # The loop needs nothing of compressed pictures; a display may, at the time of each.
-    long = feed.reader.until_ns - feed.reader.from_ns > _LONG_NS
-    beside = long and not head.lossless and not bus.wants(MeasuredPicture)
-    comparing, measured = Comparing(feed, bus), Measured(feed, bus, compressed=not beside)
+    comparing, measured = Comparing(feed, bus), Measured(feed, bus)
     if feed.holds(HandExchange):
         repeat_exchanges(feed.bus, head, bus)
     if feed.holds(ArmTurn):
         repeat_turns(feed.bus, head.arm, bus)
-    from tega.recording.replay.errors_program import errors_beside  # which is a program of its own, too
-
-    with errors_beside(path, config, sets) if beside else nullcontext() as errors:
+    long = feed.reader.until_ns - feed.reader.from_ns > _LONG_NS
+    with nullcontext(list) if measured.again else _begun_errors(path, config, sets, long=long) as errors:
         end_ns = _run(feed, RecordedRun(feed, measured, comparing.settle), bus)
-        streams = list(comparing.results())
-        pictures = list(measured.errors.values()) if errors is None else errors()
+        streams, pictures = list(comparing.results()), errors()
     return Replay(
         file=path.name,
         lossless=head.lossless,
@@ -127,11 +123,19 @@ def replay_file(
         from_s=head.from_ns / 1e9,
         duration_s=(end_ns - head.from_ns) / 1e9,
         streams=streams,
-        pictures=[] if measured.again else pictures,
+        pictures=pictures,
         dropped=feed.lost,
         same=not any(stream.differ for stream in streams),
         pose_base=head.config.session.pose_base,
     )
+
+
+def _begun_errors(*asked: Any, long: bool) -> AbstractContextManager[Callable[[], list[PictureError]]]:
+    """Begin with the arguments of :func:`picture_errors`: of a long recording in another process meanwhile."""
+    if not long:
+        return nullcontext(partial(picture_errors, *asked))
+    lost = RecordingError("the program that measures pictures ended", "run it again; is memory short?")
+    return called_beside(picture_errors, *asked, lost=lost)
 
 
 def _run(feed: RecordFeed, recorded: RecordedRun, bus: Bus) -> int:
@@ -175,7 +179,7 @@ def repeat_turns(recorded: Bus, settings: ArmSettings, bus: Bus) -> None:
     """Give a new chain the input of every recorded turn of the arm, and publish the turns with its commands."""
     chain = ArmChain(settings)
     recorded.subscribe(
-        ArmTurn, lambda row: bus.publish(with_command(row, lead(chain, _turn(row)))), vital=True
+        ArmTurn, lambda row: bus.publish(with_command(row, lead(chain, turn_of(row)))), vital=True
     )
 
 
@@ -195,12 +199,6 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
         lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))),
         vital=True,
     )
-
-
-def _turn(row: ArmTurn) -> Turn:
-    poses, measured = ([StampedPose(*astuple(pose)) for pose in some] for some in (row.poses, row.measured))
-    same: dict[str, Any] = {name: getattr(row, name) for name in Turn._fields}
-    return Turn(**same | {"poses": tuple(poses), "measured": measured[0] if measured else None})
 
 
 def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:

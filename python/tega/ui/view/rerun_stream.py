@@ -28,8 +28,8 @@ _FLUSH_S = 1.0
 class RerunStream:
     """Sends a run's records to a viewer that is open on this machine; use as a context manager.
 
-    TEGA serves nothing here: the viewer does. The layout is sent first; ``python/tega/ui/view/rerun-layout.rbl`` is the
-    same, to open beside a recording.
+    TEGA serves nothing here: the viewer does. The layout is sent first; ``docs/rerun-layout.rbl`` is the same, to open
+    beside a recording.
 
     Attributes:
         url: Address to which the records go; empty while closed.
