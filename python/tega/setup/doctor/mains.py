@@ -32,7 +32,7 @@ _FITS: Final = 10.0
 _LEAST_EXPLAINED: Final = 0.6
 """A wave against another picture explains this share of what differs between lines, or is none."""
 _SLOW: Final = 0.039
-"""Turns from picture to picture under which `live` cannot tell a wave from a contact: MOVES in tega-tactile."""
+"""Turns from picture to picture under which bands hardly move for ``live``: MOVES in tega-tactile's mains.rs."""
 
 
 class Bands(NamedTuple):
