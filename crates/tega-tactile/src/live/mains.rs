@@ -268,11 +268,11 @@ impl Mains {
     fn fit_wave(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along) {
         let held = (1.0 / (TRIED * TRIED)) as f32;
         for _ in 0..ROUNDS {
-            self.waves[along as usize].gains(true, &mut self.lines.gain);
+            self.waves[along as usize].gains(&mut self.lines.gain);
             self.weigh(white, gel, noise, grid, along, LEFT);
             self.waves[along as usize].fit(&self.lines.products, &self.lines.squares, held);
         }
-        self.waves[along as usize].gains(false, &mut self.lines.gain);
+        self.waves[along as usize].gains(&mut self.lines.gain);
     }
 
     /// Sums each line's cells, trusted by what the lines' gains leave of their change, against what bands usually do.
