@@ -21,6 +21,7 @@ def test_contacts_of_a_hold_are_in_the_picture(name: str, level: int) -> None:
     assert held.share.mean() >= 0.95
     assert held.share.min() >= 0.85
     assert held.slip_mm < 10
+    assert held.torques.max() <= 0.38
     assert np.abs(held.along_mm).max() < 8
 
 

@@ -16,9 +16,19 @@ HOLDS = (
     Case("large ball", 0.3, "slopes", "vocdex", 6492855054770293862),
     Case("edge", 0.8, "slopes", "tacto", 6191578288683992749),
 )
+# Fitted line by line, slow bands put these areas off by 8 to 23 %.
+SLOW = tuple(
+    case._replace(lamp_hz=120.0)
+    for case in (
+        Case("bar", 0.2, "slopes", "D20641", 14220176138537047688),
+        Case("bar", 0.3, "slopes", "D20641", 7570470667680161510),
+        Case("face", 0.3, "slopes", "D20641", 13908686207634548141),
+        Case("edge", 0.4, "lamps", "D20641", 282747977437598182),
+    )
+)
 
 
-@pytest.mark.parametrize("hold", HOLDS, ids=lambda hold: hold.shape)
+@pytest.mark.parametrize("hold", HOLDS + SLOW, ids=lambda hold: f"{hold.shape}, {hold.lamp_hz:g} Hz")
 def test_bands_of_mains_light_leave_the_area_of_a_hold(
     recordings: Path, monkeypatch: pytest.MonkeyPatch, hold: Case
 ) -> None:

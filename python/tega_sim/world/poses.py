@@ -9,13 +9,14 @@ import numpy as np
 from tega.hand import HandController
 
 # Levels 1 (open) to 5 (tight): a finger's joints, the thumb's. Open, but no wider than the objects ask for. From level
-# 2 on pads meet the objects, by `python -m tega_figures.pads.design` and, for levels 4 and 5, firmer by hand.
+# 2 on pads meet the objects, by `python -m tega_figures.pads.design` and, for levels 4 and 5, firmer by hand, as far as
+# no joint has more than 0.38 torque units.
 _LEVELS_RAD: Final = (
     ((0.0, 0.500, 0.400, 0.300), (1.35, 0.200, -0.140, 0.400)),
     ((0.0, 1.045, 0.954, 0.477), (1.35, 0.033, 0.224, 0.981)),
     ((0.0, 1.194, 1.012, 0.529), (1.35, 0.050, 0.598, 1.085)),
     ((0.0, 1.240, 1.120, 0.475), (1.35, 0.110, 0.720, 1.090)),
-    ((0.0, 1.345, 1.180, 0.460), (1.35, 0.230, 0.820, 1.170)),
+    ((0.0, 1.315, 1.180, 0.460), (1.35, 0.230, 0.820, 1.170)),
 )
 
 

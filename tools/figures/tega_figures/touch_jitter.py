@@ -49,7 +49,9 @@ class Case(NamedTuple):
     clumped: bool = True
     """Whether neighbouring pixels share most of their noise, as a DIGIT's do, or each has its own."""
     mains: float = 0.0
-    """Amplitude of 100 Hz in the light, as a share."""
+    """Amplitude of the lamp in the light, as a share."""
+    lamp_hz: float = 100.0
+    """How fast it flickers, but for mains that are 0.07 % fast."""
 
 
 class Jitter(NamedTuple):
@@ -117,7 +119,7 @@ def measure(case: Case) -> Jitter:
     def picture(t_s: float, *, pressed: bool) -> NDArray[np.uint8]:
         light = still + dent if pressed else still.astype(np.float32)
         if case.mains:
-            phase = 2 * np.pi * 100.0 * (t_s * 1.0007 + 0.9 / RATE_HZ * down)
+            phase = 2 * np.pi * case.lamp_hz * (t_s * 1.0007 + 0.9 / RATE_HZ * down)
             light = light * (1.0 + case.mains * np.sin(phase)).astype(np.float32)
         noise = np.roll(noises[rng.integers(len(noises))], int(rng.integers(still.size)))
         taken: NDArray[np.uint8] = np.clip(np.rint(light + noise.reshape(still.shape)), 0, 255).astype(
@@ -216,10 +218,15 @@ def _missed(one: Jitter) -> bool:
     show_default=True,
     help="Banding, a share; each hold is paired with one without.",
 )
+@click.option(
+    "--lamp-hz", type=click.FloatRange(1.0, 1000.0), default=100.0, show_default=True, help="Flicker."
+)
 @click.option("--processes", type=click.IntRange(1, 64), default=2, show_default=True)
-def main(seeds: int, seed_text: str, mains: float, processes: int, *, clumped: bool) -> None:
+def main(seeds: int, seed_text: str, mains: float, lamp_hz: float, processes: int, *, clumped: bool) -> None:
     """Print how much steady holds scatter; exit code 1 if one is over 4 % or jumps by more than 15 %."""
-    cases = [case._replace(mains=mains, clumped=clumped) for case in draw_cases(seeds, seed_text)]
+    cases = [
+        case._replace(mains=mains, lamp_hz=lamp_hz, clumped=clumped) for case in draw_cases(seeds, seed_text)
+    ]
     still = [case._replace(mains=0.0) for case in cases] if mains else []
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
         found = list(pool.imap(measure, cases, 1))

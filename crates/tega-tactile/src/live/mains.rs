@@ -6,11 +6,13 @@
 //! adds to, over the three quarters of the lines that have least of it. Where there are bands, the gain of each line is fitted with that variance as its prior and taken out.
 //!
 //! A dent on a line pulls its gain, and always to the same side, so a contact is told from bands by its staying: bands that move from picture to
-//! picture have no mean. In contact the gains are fitted to what a picture differs by from the mean of those before. Bands that hardly move are fitted
-//! to the change itself, in which a contact is hardly trusted. Where there are none, nothing is changed.
+//! picture have no mean. In contact the gains are fitted to what a picture differs by from the mean of those before. Bands that hardly move are a
+//! wave of known length ([`super::wave`]), or else are fitted to the change itself, in which a contact is hardly trusted. Where there are none,
+//! nothing is changed.
 
 use super::cells::Grid;
 use super::colour::Field;
+use super::wave::Wave;
 
 /// Root mean square gain from which bands are taken out: about 0.2 % of amplitude.
 const LEAST: f64 = 0.0015;
@@ -28,6 +30,10 @@ const ROUNDS: usize = 3;
 const HELD_S: f64 = 0.5;
 /// Bands move where two pictures one after the other have less than this share of their gains' square in common.
 const MOVES: f64 = 0.97;
+/// A wave is followed where they have more than this share.
+const FOLLOWED: f64 = 0.9;
+/// Change of a cell that a wave leaves, mean square in noise units, from which the cell is less trusted.
+const LEFT: f32 = 2.0;
 /// Larger gains are no bands.
 const MOST: f32 = 0.04;
 
@@ -49,6 +55,8 @@ pub(super) struct Mains {
     /// Outer thirds of the last picture that was measured, along rows and columns, and the first one's gains in the picture before.
     thirds: [[Lines; 2]; 2],
     before: [Vec<f32>; 2],
+    /// Along rows and columns, bands that hardly move.
+    waves: [Wave; 2],
     /// Means of what the thirds' gains have in common, now and with those before.
     common: [[f64; 2]; 2],
     lines: Lines,
@@ -117,6 +125,9 @@ impl Mains {
         self.frames += 1.0;
         let share = (dt_s / (LEARN_S + dt_s)).max(1.0 / self.frames);
         self.variance.iter_mut().zip(variances).for_each(|(of, now)| *of += share * (now - *of));
+        for (wave, [one, other]) in self.waves.iter_mut().zip(&self.thirds) {
+            wave.learn([&one.gain, &other.gain], dt_s);
+        }
         for (([one, other], before), common) in self.thirds.iter().zip(&mut self.before).zip(&mut self.common)
         {
             let now = [&one.gain, &*before].map(|gain| f64::from(dot(gain, &other.gain)));
@@ -133,6 +144,23 @@ impl Mains {
         (variance > LEAST * LEAST).then_some((along, variance))
     }
 
+    /// Bands that hardly move, if there are any and none that do.
+    fn wave(&self) -> Option<Along> {
+        let moves = self.known().is_some_and(|(along, _)| self.moves(along, FOLLOWED));
+        BOTH.into_iter().find(|along| self.waves[*along as usize].is_known() && !moves)
+    }
+
+    /// Whether two pictures one after the other have less than a share of their gains' square in common.
+    fn moves(&self, along: Along, share: f64) -> bool {
+        let [now, before] = self.common[along as usize];
+        before < share * now
+    }
+
+    /// Whether any bands are taken out.
+    pub fn are_seen(&self) -> bool {
+        self.known().is_some() || self.wave().is_some()
+    }
+
     /// Amplitude of the bands, as a share of the light; 0 where there are none.
     pub fn amplitude(&self) -> f64 {
         self.known().map_or(0.0, |(_, variance)| (2.0 * variance).sqrt())
@@ -147,9 +175,14 @@ impl Mains {
         grid: &Grid,
         held_s: Option<f64>,
     ) -> bool {
+        if let Some(along) = self.wave() {
+            self.fit_wave(white, gel, noise, grid, along);
+            self.take_out(white, gel, noise, grid, along);
+            return true;
+        }
         let Some((along, variance)) = self.known() else { return false };
         let [now, before] = self.common[along as usize];
-        if let Some(held_s) = held_s.filter(|_| before < MOVES * now) {
+        if let Some(held_s) = held_s.filter(|_| self.moves(along, MOVES)) {
             let mut moved = std::mem::take(&mut self.moved);
             self.hold(white, held_s, (before / now).clamp(-1.0, MOVES), &mut moved);
             self.fit(&moved, gel, noise, grid, along, variance);
@@ -222,27 +255,47 @@ impl Mains {
             bright += gel.iter().map(|b| b * b).sum::<f32>() / (noise * noise);
         }
         let usual = 1.0 + 2.0 * variance as f32 * bright / (3 * n) as f32;
-        for round in 0..ROUNDS {
-            self.trust.clear();
-            self.trust.extend((0..n).map(|k| {
-                let change = |c: usize| {
-                    let gain = if round == 0 { 0.0 } else { self.lines.gain[line(k, grid, along)] };
-                    let left = white[c][k] - gain * gel[c][k] / noise[c];
-                    left * left
-                };
-                let distrust = 1.0 + ((change(0) + change(2)) + change(1)) / (3.0 * usual);
-                1.0 / (distrust * distrust)
-            }));
-            self.lines.clear(if along == Along::Rows { grid.rows } else { grid.cols });
-            for k in 0..n {
-                let [product, square] = answer(white, gel, noise, k);
-                let at = line(k, grid, along);
-                self.lines.products[at] += self.trust[k] * product;
-                self.lines.squares[at] += self.trust[k] * square;
-            }
+        self.lines.clear(lines_of(grid, along));
+        for _ in 0..ROUNDS {
+            self.weigh(white, gel, noise, grid, along, usual);
             // Bands are wider than a line: one that a contact covers has its neighbours' gain.
             self.lines.spread();
             self.lines.solve(held);
+        }
+    }
+
+    /// Fits a wave of known length to a change, from that of the picture before on.
+    fn fit_wave(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along) {
+        let held = (1.0 / (TRIED * TRIED)) as f32;
+        for _ in 0..ROUNDS {
+            self.waves[along as usize].gains(&mut self.lines.gain);
+            self.weigh(white, gel, noise, grid, along, LEFT);
+            self.waves[along as usize].fit(&self.lines.products, &self.lines.squares, held);
+        }
+        self.waves[along as usize].gains(&mut self.lines.gain);
+    }
+
+    /// Sums each line's cells, trusted by what the lines' gains leave of their change, against what bands usually do.
+    fn weigh(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along, usual: f32) {
+        let n = grid.cells();
+        self.trust.clear();
+        self.trust.extend((0..n).map(|k| {
+            let change = |c: usize| {
+                let left = white[c][k] - self.lines.gain[line(k, grid, along)] * gel[c][k] / noise[c];
+                left * left
+            };
+            let distrust = 1.0 + ((change(0) + change(2)) + change(1)) / (3.0 * usual);
+            1.0 / (distrust * distrust)
+        }));
+        for sums in [&mut self.lines.products, &mut self.lines.squares] {
+            sums.clear();
+            sums.resize(lines_of(grid, along), 0.0);
+        }
+        for k in 0..n {
+            let [product, square] = answer(white, gel, noise, k);
+            let at = line(k, grid, along);
+            self.lines.products[at] += self.trust[k] * product;
+            self.lines.squares[at] += self.trust[k] * square;
         }
     }
 
@@ -289,6 +342,11 @@ impl Mains {
         self.trust.sort_unstable_by(f32::total_cmp);
         f64::from(self.trust.iter().sum::<f32>()) / (KEPT * lines as f64)
     }
+}
+
+/// How many lines there are.
+fn lines_of(grid: &Grid, along: Along) -> usize {
+    if along == Along::Rows { grid.rows } else { grid.cols }
 }
 
 /// The line of a cell.

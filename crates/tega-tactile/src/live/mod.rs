@@ -28,6 +28,7 @@ mod thumbnail;
 mod touch;
 mod tracker;
 mod trig;
+mod wave;
 
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 

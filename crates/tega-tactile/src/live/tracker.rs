@@ -202,7 +202,7 @@ impl TouchTracker {
         let threshold = began + self.leftover;
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
         let still = self.state == State::Quiet;
-        let banded = self.mains.amplitude() > 0.0 && self.cells.colour.tells();
+        let banded = self.mains.are_seen() && self.cells.colour.tells();
         let bands = if banded { self.without_bands(still, dt_s) } else { None };
         if banded {
             now = f64::from(glance_again(&mut self.cells));

@@ -18,12 +18,15 @@ from tega.runtime.opencv import read_image
 from tega.setup.calibration.gel import compare_gels, dark
 from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.mains import moving_bands, standing_bands
 from tega.tactile.tracker import TouchTracker, sensor_noise
 
 LEAST_PICTURES = 10
 """Fewer pictures say too little about a sensor's noise."""
 MOST_BANDING = 0.005
 """Bands of mains light, as a share of the light, from which areas are off by more than 5 % where they hardly move."""
+MOST_SLOW_BANDING = 0.002
+"""The same, of slow bands: that they are at least so large shows at such speeds that they may be ten times as large."""
 
 
 def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
@@ -38,7 +41,7 @@ def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]
         The problems found; empty for none, or with fewer than ten images.
     """
     if case.baseline is None:
-        return [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures)]
+        return [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures, None)]
     try:
         baseline = read_image(case.baseline, driver=case.driver)
     except TegaError as error:
@@ -51,7 +54,7 @@ def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]
         return [case.reported(label, "error", text, why=why, todo=("take the baseline again",))]
     return [
         *_is_dark(case, label, pictures),
-        *_has_bands(case, label, pictures),
+        *_has_bands(case, label, pictures, baseline),
         *_compared(case, label, pictures, baseline, case.baseline),
     ]
 
@@ -71,22 +74,34 @@ def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]
     ]
 
 
-def _has_bands(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
+def _has_bands(
+    case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]], baseline: NDArray[np.uint8] | None
+) -> list[Finding]:
     if len(pictures) < LEAST_PICTURES:
         return []
-    tracker = TouchTracker(_mean(pictures), noise=sensor_noise(pictures))
-    for picture in pictures:
-        tracker.update(picture)
-    if tracker.banding < MOST_BANDING:
+    bands, words, most = moving_bands(pictures), "move", MOST_BANDING
+    why = "a lamp on mains flickers at 100 or 120 Hz; contacts are measured without bands that move so fast"
+    if bands.slow:
+        words, most = "or more hardly move", MOST_SLOW_BANDING
+    if baseline is not None and bands.amplitude < most:
+        bands, words, most = (
+            standing_bands(pictures, baseline),
+            "that its baseline has not stand",
+            MOST_BANDING,
+        )
+    if bands.amplitude < most:
         return []
+    if bands.slow:
+        why = "a lamp on mains flickers at 100 or 120 Hz; bands that hardly move make areas wrong"
+    percent = 100 * bands.amplitude
     return [
         case.reported(
             label,
             "warning",
-            f"{case.driver} {label}: bands of {100 * tracker.banding:.1f} % of the light move over the picture",
-            why="a lamp on mains flickers at 100 or 120 Hz: if its bands hardly move, areas are wrong",
+            f"{case.driver} {label}: bands of {percent:.1f} % of the light {words} over the picture",
+            why=why,
             todo=("keep lamps on mains away from the gel, or cover its sides",),
-            measured={"banding_percent": round(100 * tracker.banding, 2)},
+            measured={"banding_percent": round(percent, 2)},
         )
     ]
 
