@@ -22,6 +22,7 @@ from reference.moments import Moments
 from reference.waiting import until
 from tega.loop.motor_tests import MotorAnswer
 from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.state import ViewState
 
 # Of the state's badge: of a run that steers, and of one that nothing is heard of.
 GREEN, GREY = "rgb(43, 138, 62)", "rgb(134, 142, 150)"
@@ -179,6 +180,25 @@ def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
             time.sleep(0.1)
 
 
+def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
+    snapshot = Moments().at(2.0)
+
+    def in_state(state: str, reason: str) -> ViewState:
+        return snapshot._replace(loop=snapshot.loop._replace(state=state, reason=reason))
+
+    with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
+        view.offer(in_state("active", "all devices ready"))
+        page.get_by_text("ACTIVE", exact=True).wait_for(timeout=60_000)
+        assert page.get_by_text("all devices ready").count() == 0
+        view.offer(in_state("hold", "emg: no signal for 0.5 s"))
+        page.get_by_text("HOLD", exact=True).wait_for(timeout=60_000)
+        page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=60_000)
+        view.offer(in_state("stopped", "stopped: Ctrl-C"))
+        view.__exit__(None, None, None)
+        page.get_by_text("STOPPED", exact=True).wait_for(timeout=60_000)
+        assert page.get_by_text("ACTIVE", exact=True).count() == 0
+
+
 def test_a_program_that_is_stopped_leaves_no_page_that_says_active(browser):
     """The browser says it alone: a stopped process holds its connection open and sends nothing."""
     serve = (
@@ -232,11 +252,15 @@ def test_a_click_on_a_motor_asks_for_it_and_says_what_came_of_it(browser):
         return MotorAnswer(done=False, words="not tried: the run is active")
 
     controls = Controls(try_motor=ask, can_go=True)
-    moments = Moments()
+    steered = Moments().at(2.0)
     with BrowserView("armed", port=0, controls=controls) as view, opened(browser, view.url) as page:
-        view.offer(moments.at(2.0))
+        view.offer(steered)
         page.get_by_label("try motor 22").first.click(timeout=60_000)
         page.get_by_text("not tried: the run is active").first.wait_for(timeout=60_000)
         assert requested == [22]
-        page.get_by_role("button", name="Go").click()
+        go = page.get_by_role("button", name="Go", exact=True)
+        assert go.is_disabled()
+        view.offer(steered._replace(loop=steered.loop._replace(state="armed")))
+        go.click(timeout=60_000)
         until(lambda: controls.may_go)
+        until(go.is_disabled)
