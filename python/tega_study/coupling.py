@@ -82,7 +82,7 @@ def read_course(path: Path) -> TouchCourse:
 
 
 def write_course(path: Path, course: TouchCourse) -> None:
-    """Write a course, whole or not at all."""
+    """Write a course, whole or not at all; the file's folder is made."""
     rows = np.column_stack(course)
     text = "t_s,cci,eda,pose\n" + "".join(f"{t:.3f},{c:.5f},{e:.5f},{p:.0f}\n" for t, c, e, p in rows)
     write_whole(path, text)

@@ -70,7 +70,10 @@ def beep_tone(level_dbfs: float) -> NDArray[np.float32]:
 
 
 class MaskingSound(Opened):
-    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears, and beeps."""
+    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears, and beeps.
+
+    The settings state a level, unless there are beeps.
+    """
 
     def __init__(self, settings: MaskingSection, *, beeps: bool = False) -> None:
         if settings.level_dbfs is None and not beeps:

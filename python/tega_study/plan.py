@@ -277,7 +277,7 @@ def _toml(settings: StudySettings) -> str:
 
 
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
-    """Write a plan into a new folder, whole or not at all.
+    """Write a plan into a new folder, whole or not at all; its trials are signed again.
 
     Raises:
         InvalidValueError: There is something already.

@@ -98,7 +98,7 @@ def is_running(pid: int, module: str) -> bool:
 
 
 def end_child(child: subprocess.Popen[bytes] | subprocess.Popen[str], patience_s: float) -> int:
-    """Close a program's input, wait for it to end, and kill it if it does not.
+    """Close a program's input, wait for it to end, and kill it if it does not; one that has ended gives its code.
 
     Returns:
         Its exit code, negative for the signal that ended it.

@@ -20,5 +20,5 @@ class Bell:
             self._silent.release()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for a ring."""
+        """Wait for a ring; without time left none is looked for."""
         return timeout_s > 0 and self._silent.acquire(timeout=timeout_s)

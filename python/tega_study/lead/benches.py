@@ -74,7 +74,7 @@ class TrialBench(Protocol):
         ...
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
-        """Run a trial until it is over."""
+        """Run a trial until it is over; its recording goes into a new folder."""
         ...
 
 

@@ -86,7 +86,7 @@ def collect(
     names: Sequence[str],
     full: NDArray[np.float64] | None = None,
 ) -> list[EmgChunk]:
-    """Collect samples for a while, showing them.
+    """Collect samples for a while, showing them; a full bar is ``full``, (channels,), or the largest so far.
 
     Raises:
         CalibrationError: Less than half of the samples came.

@@ -32,7 +32,7 @@ class TouchFrame(NamedTuple):
 
 
 class TwoMeans:
-    """A quantity's quick and slow mean."""
+    """A quantity's quick and slow mean; NaN before the first value."""
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
         self._quick_s, self._slow_s = quick_s, slow_s
