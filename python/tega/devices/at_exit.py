@@ -39,11 +39,7 @@ def _print_words() -> None:
 
 
 def closes_on_exit(close: Callable[[], None]) -> None:
-    """Have a function called when the program ends.
-
-    Args:
-        close: A bound ``close``; calling it twice does nothing.
-    """
+    """Have a bound ``close`` called when the program ends; calling it twice must do nothing."""
     _open.append(close)
     atexit.register(close)
     if threading.current_thread() is threading.main_thread():

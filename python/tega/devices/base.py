@@ -89,13 +89,10 @@ class DiscoveringDevice(Protocol):
 
     @classmethod
     def discover(cls, timeout_s: float) -> Sequence[Found]:
-        """List the devices for this driver; opens nothing, sends nothing that changes a device's state.
+        """List the driver's devices; opens none, and sends nothing that changes a device's state.
 
-        Args:
-            timeout_s: How long looking may take.
-
-        Raises:
-            DeviceUnavailableError: It could not look; the message says why.
+        Looking takes ``timeout_s`` at most. ``DeviceUnavailableError``: it could not look; the message gives
+        the reason.
         """
         ...
 
@@ -169,10 +166,10 @@ class CountingSource(Protocol):
 
 @runtime_checkable
 class BudgetedVest(Protocol):
-    """A vest that holds its motors to a limit, to their heat and to a day's vibration; without it nothing does.
+    """A vest that holds its motors to a limit, to their heat and to a day's vibration; no other part does.
 
-    The wearer's vibration earlier that day is added to the budget before the vest is opened. The vibration of this
-    run is stored.
+    The wearer's vibration earlier that day is added to the budget before the vest is opened. The vibration of
+    this run is stored.
     """
 
     @property
@@ -193,11 +190,10 @@ class StampingVest(Protocol):
     """A vest that reports when each frame leaves; without it no latency is measured for the vest."""
 
     def handed_over(self) -> Sequence[tuple[int, int, int]]:
-        """Return the frames that left since the last call.
+        """Return the frames with new content that left since the last call, each as three times in ns.
 
-        Returns:
-            For each frame with new content: the ``t_ns`` it was written with, the monotonic time, ns, until which it
-            was held back (0 if it was not), and the monotonic time at which it left.
+        They are the ``t_ns`` it was written with, the monotonic time until which it was held back (0 if it
+        was not), and the monotonic time at which it left.
         """
         ...
 

@@ -56,12 +56,7 @@ class AlternationCheck:
         self.found, self.is_decided = "", False
 
     def take(self, counters: NDArray[np.uint8], microvolts: NDArray[np.float64]) -> None:
-        """Compare the next packets.
-
-        Args:
-            counters: (n,), the number of each packet.
-            microvolts: (n, 8), all channels, those that are switched off included.
-        """
+        """Compare the next packets: numbers (n,), and all channels (n, 8), also those switched off."""
         self._counters = np.concatenate([self._counters, counters])
         self._volts = np.concatenate([self._volts, microvolts])
         while len(self._counters) >= _WINDOW:

@@ -40,11 +40,9 @@ class DeviceClock:
         self._last_ns = None
 
     def to_host_ns(self, device_ns: int, arrival_ns: int) -> int:
-        """Return when a packet was stamped, on the monotonic clock; never less than before, never after it came.
+        """Return the monotonic time of a device's stamp; never less than before, never after the arrival.
 
-        Args:
-            device_ns: The device's stamp.
-            arrival_ns: When it was read here; never less than before.
+        ``arrival_ns`` is when the packet was read here; it must never be less than before.
         """
         offset = arrival_ns - device_ns
         if self._lowest and abs(offset - self._lowest[0][1]) > _LEAP_NS and self._leapt(device_ns):

@@ -10,14 +10,9 @@ from tega.runtime.lifecycle import require
 
 
 def hid_module(driver: str) -> Any:
-    """Import hidapi.
+    """Import hidapi: the module with ``enumerate`` and ``device``.
 
-    Returns:
-        The module with ``enumerate`` and ``device``.
-
-    Raises:
-        MissingExtraError: It is not installed.
-        DeviceUnavailableError: Another package of the same module name hides it.
+    ``DeviceUnavailableError``: another package of the same module name hides it.
     """
     # On Linux only the wheel's second module goes through the kernel's own driver for such devices.
     hid = require("hidraw" if sys.platform == "linux" else "hid", driver=driver, extra="lab")

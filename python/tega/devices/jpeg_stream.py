@@ -21,9 +21,7 @@ _PADDING: Final = 16
 def keep_own_size(cv2: Any, capture: Any) -> Any:
     """Set an open network stream to give packets where it sends JPEG, and return it.
 
-    Args:
-        cv2: OpenCV.
-        capture: A stream that was opened through FFmpeg, and from which nothing was read.
+    ``capture`` was opened through FFmpeg, and nothing was read from it.
     """
     if int(capture.get(cv2.CAP_PROP_FOURCC)) == cv2.VideoWriter.fourcc(*"MJPG"):
         capture.set(cv2.CAP_PROP_FORMAT, -1)

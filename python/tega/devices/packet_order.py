@@ -23,19 +23,12 @@ _NEXT, _LOSS, _REPEATED, _STANDS, _JUMPS = range(5)
 
 
 class PacketOrder:
-    """Passes on packets with consecutive numbers.
+    """Passes on packets with consecutive numbers; their counter repeats after ``turn`` packets.
 
-    A repeated packet is used once. A packet with a number that shows a loss is held until the next packet, which must
-    have a later number. Otherwise, or if there was no time for such a loss, the packet is damaged: it is discarded
-    and counts as lost.
-
-    Args:
-        turn: After how many packets the counter repeats.
-        hint: The next step where the numbers are no counter.
-
-    Attributes:
-        n_repeated: Packets left out so far because they came twice.
-        n_damaged: Packets left out so far because their number cannot be true.
+    A repeated packet is used once. A packet with a number that shows a loss is held until the next packet,
+    which must have a later number. Otherwise, or if there was no time for such a loss, the packet is damaged:
+    it is discarded and counts as lost. ``hint`` is the next step where the numbers are no counter.
+    ``n_repeated`` and ``n_damaged`` count the packets left out.
     """
 
     def __init__(self, turn: int, *, hint: str = "") -> None:

@@ -25,9 +25,9 @@ _LATE_S = 0.016
 class Stamp(NamedTuple):
     """Time of a chunk, and the losses before it.
 
-    Attributes:
-        t_ns: When its last sample was complete, on the clock of the arrivals; never decreases.
-        n_lost: Whole turns of the packet counter that elapsed time shows to have gone missing before it, in samples.
+    ``t_ns`` is when its last sample was complete, on the clock of the arrivals; it never decreases.
+    ``n_lost``, in samples, are whole turns of the packet counter that elapsed time shows to be missing before
+    it.
     """
 
     t_ns: int
@@ -60,15 +60,10 @@ class SampleClock:
         self._last_ns = 0
 
     def take(self, n_samples: int, arrival_ns: int, n_missing: int = 0) -> Stamp:
-        """Count samples in.
+        """Count samples in, and return the time of the last of them and the losses that only time shows.
 
-        Args:
-            n_samples: How many arrived.
-            arrival_ns: When, on the monotonic clock.
-            n_missing: How many the device's counter says are missing before them.
-
-        Returns:
-            The time of the last of them, and losses that only time shows.
+        ``arrival_ns`` is on the monotonic clock. ``n_missing`` samples are missing before these by the
+        device's counter.
         """
         self._n += n_missing + n_samples
         self._points.append((self._n, arrival_ns))
@@ -113,11 +108,11 @@ class SampleClock:
         return slope / spread if spread > 0 else None
 
     def proves(self, rate_hz: float, tolerance: float) -> bool:
-        """Return whether the true rate is within a tolerance of a rate, however late each sample was delivered.
+        """Return whether the true rate is within a tolerance of a rate, however late samples were delivered.
 
-        Each may have come up to 16 ms late, or as late as the arrivals themselves show, if that is more. From the
-        first to the last, so much more or less time may have passed than between their arrivals: 5 % are proven in a
-        third of a second.
+        Each may have come up to 16 ms late, or as late as the arrivals themselves show, if that is more. From
+        the first to the last, so much more or less time may have passed than between their arrivals: 5 % are
+        proven in a third of a second.
         """
         points, seconds = list(self._points), self.measured_s
         if seconds <= _LATE_S or points[-1][0] == points[0][0]:

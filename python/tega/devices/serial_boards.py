@@ -26,15 +26,7 @@ _BY_ID = Path("/dev/serial/by-id")
 
 
 def find_boards(driver: str, *, dongles: bool) -> list[Found]:
-    """List the ports of a kind.
-
-    Args:
-        driver: For which driver.
-        dongles: The adapters that a Cyton's dongle has, or all others.
-
-    Raises:
-        MissingExtraError: pyserial is not installed.
-    """
+    """List a driver's ports: those with the adapters that a Cyton's dongle has, or all others."""
     list_ports = require("serial.tools.list_ports", driver=driver, extra="lab")
     found = []
     for info in list_ports.comports():

@@ -26,14 +26,9 @@ _WRITE_TIMEOUT_S = 0.5
 class SerialPort:
     """An open port, 8 data bits, no parity, one stop bit.
 
-    Args:
-        port: Its name, such as ``/dev/ttyUSB0``, ``/dev/serial/by-id/…`` or ``COM3``.
-        baud: Bits per second.
-        driver: Name of the driver, for messages.
-
-    Raises:
-        DeviceUnavailableError: It is not there, in use, not allowed, or cannot be set up.
-        MissingExtraError: pyserial is not installed.
+    ``port`` is such as ``/dev/ttyUSB0``, ``/dev/serial/by-id/…`` or ``COM3``; ``baud`` is bits per second;
+    ``driver`` names the driver in messages. ``DeviceUnavailableError``: the port is not there, in use, not
+    allowed, or cannot be set up.
     """
 
     def __init__(self, port: str, baud: int, *, driver: str) -> None:
@@ -71,11 +66,7 @@ class SerialPort:
     def arrived(self) -> tuple[bytes, int]:
         """Return the bytes since the last call, without waiting, and the arrival time of the last.
 
-        Returns:
-            The bytes, and a time in nanoseconds of the monotonic clock; ignore the time if there are no bytes.
-
-        Raises:
-            DeviceUnavailableError: The port is gone.
+        The time is in ns of the monotonic clock; ignore it if there are no bytes.
         """
         try:
             if sys.platform == "linux":
@@ -90,11 +81,7 @@ class SerialPort:
         return self.arrived()[0]
 
     def write(self, data: bytes) -> None:
-        """Send bytes.
-
-        Raises:
-            DeviceUnavailableError: The port is gone, or takes nothing.
-        """
+        """Send bytes; ``DeviceUnavailableError`` if the port is gone, or accepts nothing."""
         try:
             self._port.write(data)
         except OSError as error:

@@ -50,12 +50,7 @@ class ValueCheck:
         self._n_new = 0
 
     def take(self, samples: NDArray[np.float64], found: Contradictions) -> None:
-        """Compare the next samples.
-
-        Args:
-            samples: (n, channels).
-            found: Where the results are noted.
-        """
+        """Compare the next samples, (n, channels), and note the results in ``found``."""
         if self._limits is None and not self._free:
             return
         self._new.append(samples)

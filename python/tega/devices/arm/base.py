@@ -59,9 +59,5 @@ class PreflightedArm(Protocol):
 
     @classmethod
     def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
-        """Return the findings: for each check whether it passed, a description, and the fix if it failed.
-
-        Raises:
-            TegaError: The arm does not answer, or is none.
-        """
+        """Return for each check whether it passed, a description and the fix; raises where no arm answers."""
         ...

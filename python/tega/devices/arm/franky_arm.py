@@ -68,10 +68,5 @@ class FrankyArm(ProcessArm):
 
     @classmethod
     def preflight(cls, options: FrankyArmOptions) -> list[tuple[bool, str, str]]:
-        """Return whether robot, library and machine fit together; see :func:`tega.devices.arm.robot.fci.preflight`.
-
-        Raises:
-            DeviceUnavailableError: The robot does not answer.
-            WrongDeviceError: The answering device is not a robot.
-        """
+        """Check whether robot, library and machine fit; see :func:`tega.devices.arm.robot.fci.preflight`."""
         return preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")[2]

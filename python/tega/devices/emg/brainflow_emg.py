@@ -58,9 +58,9 @@ class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
 class BrainFlowEmg(LiveEmg):
     """Takes samples out of BrainFlow's buffer as they come.
 
-    Missing samples are counted if the board's counter is supported (Cyton, synthetic board); for other boards only
-    the rate reveals a loss. BrainFlow does not report a board that goes away: the board is then silent, and given up
-    after ``silence_s``.
+    Missing samples are counted if the board's counter is supported (Cyton, synthetic board); for other boards
+    only the rate reveals a loss. BrainFlow does not report a board that goes away: the board is then silent,
+    and given up after ``silence_s``.
     """
 
     name: ClassVar[str] = "brainflow"

@@ -74,11 +74,7 @@ class Cyton(LiveSerialEmg):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
-        """List the USB serial ports with the adapter that a Cyton's dongle has; opens none.
-
-        Raises:
-            MissingExtraError: pyserial is not installed.
-        """
+        """List the USB serial ports with the adapter that a Cyton's dongle has; opens none."""
         return find_boards(cls.name, dongles=True)
 
     def _start(self) -> None:

@@ -78,13 +78,7 @@ class EmgFile(Opened):
         )
 
     def open(self) -> None:
-        """Read the file.
-
-        Raises:
-            RecordingError: It is missing, cannot be parsed, lacks a channel, can be read in several ways, states no
-                rate, or contradicts the given one.
-            MissingExtraError: Its format needs a package that is not installed.
-        """
+        """Read the file; ``RecordingError`` also if it contradicts the given rate or is ambiguous."""
         from tega.runtime.files.signals import read_signals
         from tega.runtime.files.tables.table import Reading
 
@@ -121,11 +115,7 @@ class EmgFile(Opened):
         return self._signals is not None and self._next >= len(self._signals.samples)
 
     def read(self, timeout_s: float) -> EmgChunk | None:  # noqa: ARG002  # a file never keeps one waiting
-        """Return the next tenth of a second, cut where samples were lost.
-
-        Raises:
-            DeviceUnavailableError: The source is not open.
-        """
+        """Return the next tenth of a second, cut where samples were lost."""
         signals = self._signals
         if signals is None or signals.rate_hz is None:
             raise DeviceUnavailableError(f"emg-file {self._options.file.name!r} is not open", "open it first")

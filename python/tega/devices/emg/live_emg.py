@@ -56,12 +56,11 @@ class LiveEmgOptions(Options, frozen=True, kw_only=True):
 
 
 class Arrived(NamedTuple):
-    """Samples that came in at once.
+    """Samples that came in at once, at least one; ``arrival_ns`` is on the monotonic clock.
 
     Attributes:
-        samples: float64 (n, channels), at least one; all channels of the device.
+        samples: float64 (n, channels), all channels of the device.
         missing: int64 (n,), samples missing before each, by the device's counter; ``None`` where it has none.
-        arrival_ns: When, on the monotonic clock.
     """
 
     samples: NDArray[np.float64]
@@ -72,18 +71,17 @@ class Arrived(NamedTuple):
 class LiveEmg(Opened):
     """A live EMG source; a driver adds the start, the reading of samples, and the stop.
 
-    A driver sets ``_rate_hz``, the stated rate, ``_n_channels``, all channels of the device, and ``limits`` as soon as
-    it knows them, at the latest in ``_start``.
+    A driver sets ``_rate_hz``, the stated rate, ``_n_channels``, all channels of the device, and ``limits``
+    as soon as it knows them, at the latest in ``_start``. ``health`` is ``None`` before the source was
+    opened.
 
     Attributes:
         usual_channels: Channels to use where none are set; none means all.
-        counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
+        counter_turn: After how many samples the device's own counter repeats; ``None`` where it has none.
         counter_hint: The next step where the device's numbers are no counter.
-        free_columns: Whether the settings alone say which columns are muscles.
-        compared: The evidence that the stream carries, and the assumptions that it is compared with
-            (:mod:`tega.runtime.evidence`).
-        limits: The converter's limits in the unit of the samples; ``None`` where they are not known.
-        health: Health of the signal; ``None`` before the source was opened.
+        free_columns: Whether only the settings define which columns are muscles.
+        compared: Evidence in the stream, and what it is compared with (:mod:`tega.runtime.evidence`).
+        limits: The converter's limits in the unit of the samples; ``None`` if unknown.
     """
 
     kind: ClassVar[Kind] = "emg"
@@ -187,14 +185,11 @@ class LiveEmg(Opened):
         return self._contradictions.now
 
     def open(self) -> None:
-        """Connect, switch the stream on and measure its true rate; the samples of that time are not delivered.
+        """Connect, start the stream and measure its true rate; the samples of that time are not delivered.
 
-        Raises:
-            DeviceUnavailableError: It is not there, does not answer, or sends no sample; or this machine is too busy to
-                measure its rate.
-            SampleRateError: It is too slow for the filter, or not as fast as it is said to be.
-            StreamContradictionError: Its own evidence says that its samples cannot be used.
-            MissingExtraError: A package it needs is not installed.
+        ``DeviceUnavailableError`` also means that this machine is too busy to measure the rate.
+        ``SampleRateError``: too slow for the filter, or not the stated rate. ``StreamContradictionError``:
+        the stream's own evidence shows that its samples cannot be used.
         """
         self.close()
         self._open, self._lost = True, None
@@ -220,15 +215,11 @@ class LiveEmg(Opened):
         self._stop()
 
     def read(self, timeout_s: float) -> EmgChunk | None:
-        """Return the next samples without a gap between them, or ``None`` when none came within ``timeout_s``.
+        """Return the next samples without a gap between them; ``None`` when none came within ``timeout_s``.
 
-        Samples from before the first call are discarded: a port keeps at most half a second, and such losses are not
-        counted.
-
-        Raises:
-            DeviceUnavailableError: The source is not open, was unplugged, or has been silent for too long.
-            SampleRateError: It has become too slow or too fast.
-            StreamContradictionError: Its own evidence says that its samples cannot be used.
+        Samples from before the first call are discarded: a port keeps at most half a second, and such losses
+        are not counted. ``DeviceUnavailableError`` also means that the source has been silent for too long.
+        Raises ``SampleRateError`` and ``StreamContradictionError`` as :meth:`open` does.
         """
         if not self._open:
             raise DeviceUnavailableError(f"{self.name} {self._label!r} is not open", "open it first")

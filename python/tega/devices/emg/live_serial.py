@@ -27,9 +27,8 @@ class LiveSerialOptions(LiveEmgOptions, frozen=True, kw_only=True):
 class LiveSerialEmg(LiveEmg):
     """A live EMG source on a serial port; a driver adds its commands and a decoder.
 
-    Attributes:
-        stop_command: Bytes that end the stream.
-        pieces: Kind of whole pieces in the stream, by the name of the decoder's count of them.
+    ``stop_command`` ends the stream. ``pieces`` names the kind of whole pieces in the stream by the name of
+    the decoder's count of them.
     """
 
     extra: ClassVar[str] = "lab"

@@ -83,11 +83,7 @@ class LslEmg(LiveEmg):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:
-        """List the streams of numbers on the network that say they are EMG.
-
-        Raises:
-            MissingExtraError: pylsl is not installed.
-        """
+        """List the network's streams of numbers whose stated type is EMG."""
         lsl = load_lsl(LslEmg.name)
         return [
             Found(

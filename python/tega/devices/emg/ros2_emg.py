@@ -69,12 +69,7 @@ class Ros2Emg(Opened):
         )
 
     def open(self) -> None:
-        """Read the topic.
-
-        Raises:
-            RecordingError: It is no bag, has no such topic, or lacks a channel.
-            MissingExtraError: mcap-ros2-support is not installed.
-        """
+        """Read the topic; ``RecordingError`` where it is not a bag, or topic or channel is missing."""
         options, name = self._options, self._options.file.name
         bag = Ros2Bag(options.file, topic=options.topic, pictures=False)
         times: list[int] = []
@@ -132,11 +127,7 @@ class Ros2Emg(Opened):
         return self._samples is not None and self._next >= len(self._samples)
 
     def read(self, timeout_s: float) -> EmgChunk | None:  # noqa: ARG002  # a file never keeps one waiting
-        """Return the next tenth of a second.
-
-        Raises:
-            DeviceUnavailableError: The source is not open.
-        """
+        """Return the next tenth of a second."""
         if self._samples is None or self._rate_hz is None:
             raise DeviceUnavailableError(f"bag {self._options.file.name!r} is not open", "open it first")
         if self.ended:

@@ -33,10 +33,7 @@ class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
 
 class SerialEmg(LiveSerialEmg):
-    """Lines of numbers from a serial port.
-
-    Lines carry no number of their own: a lost line is not seen, only that fewer come.
-    """
+    """Lines of numbers from a serial port, without counters: only the rate reveals that a line was lost."""
 
     name: ClassVar[str] = "serial-emg"
     unit: ClassVar[str] = "as sent"
@@ -57,11 +54,7 @@ class SerialEmg(LiveSerialEmg):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
-        """List the USB serial ports that may have a board behind them; opens none.
-
-        Raises:
-            MissingExtraError: pyserial is not installed.
-        """
+        """List the USB serial ports that may have a board behind them; opens none."""
         return find_boards(cls.name, dongles=False)
 
     def _start(self) -> None:

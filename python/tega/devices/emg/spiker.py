@@ -45,7 +45,7 @@ class SpikerOptions(LiveSerialOptions, frozen=True, kw_only=True):
 class Spiker(LiveSerialEmg):
     """A board that sends as soon as it has power; the driver sets its number of channels.
 
-    Frames carry no number and no checksum: a lost one is not seen, only that fewer come. A frame of another length
+    Frames carry no number and no checksum: only the rate reveals that one was lost. A frame of another length
     than agreed is refused and counted.
     """
 

@@ -127,10 +127,8 @@ class Digit(Opened):
     def open(self) -> None:
         """Open and set up the camera, read back its settings, and wait for its first good frame.
 
-        Raises:
-            ConfigError: Neither or both of ``serial`` and ``source``, or a light level outside 0 to 15.
-            DeviceUnavailableError: No such camera, it does not open, has another size, or sends no good picture.
-            MissingExtraError: OpenCV is not installed.
+        ``ConfigError``: neither or both of ``serial`` and ``source``, or a light level outside 0 to 15.
+        ``DeviceUnavailableError`` also means another size of frame, or no good frame.
         """
         o = self._options
         self.close()
@@ -170,9 +168,7 @@ class Digit(Opened):
     def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
         """Set the baselines that distinguish its own frames from those of other sensors, until it is closed.
 
-        Args:
-            own: Its baseline, uint8 (H, W, 3), oriented as its pictures are.
-            others: The other sensors' baselines, in the same form, by their names in notes.
+        All are uint8 (H, W, 3), oriented as its pictures are; ``others`` by their names in notes.
         """
         turns = -1 if self._options.orientation == "upright" else 0
         self._baselines = sensor_bands(
@@ -199,11 +195,7 @@ class Digit(Opened):
         return False
 
     def read(self, timeout_s: float) -> TactileFrame | None:
-        """Return the newest picture that was not given yet, or ``None`` when none came within ``timeout_s``.
-
-        Raises:
-            DeviceUnavailableError: The camera is not open.
-        """
+        """Return the newest picture not given yet, or ``None`` when none came within ``timeout_s``."""
         if self._thread is None:
             raise DeviceUnavailableError(f"digit {self.info.label} is not open", "open it first")
 

@@ -52,12 +52,7 @@ class ImageFolder(RecordedPictures):
         self._times_s: list[float] | None = None
 
     def open(self) -> None:
-        """List the folder.
-
-        Raises:
-            RecordingError: It is no folder, or holds no picture.
-            MissingExtraError: OpenCV is not installed.
-        """
+        """List the folder; ``RecordingError`` if it holds no picture."""
         folder = self._options.folder
         load_cv2("images")
         if not folder.is_dir():
@@ -92,12 +87,7 @@ class ImageFolder(RecordedPictures):
         self._seq += n_frames
 
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
-        """Return the next picture.
-
-        Raises:
-            RecordingError: It is cut short, unreadable, or not of the first one's size.
-            DeviceUnavailableError: The source is not open.
-        """
+        """Return the next picture; ``RecordingError`` if it is damaged or not of the first one's size."""
         if self._files is None:
             raise self._closed()
         if self.ended:

@@ -35,12 +35,7 @@ WORDS: Final[Mapping[Verdict, str]] = MappingProxyType(
 
 
 class JudgedPicture(NamedTuple):
-    """Verdict on a picture.
-
-    Attributes:
-        verdict: Whether the picture can be used, or the reason why not.
-        origin: Sensor that the picture comes from; ``None`` where that was not compared.
-    """
+    """Whether a picture can be used, or why not, and its sensor: ``None`` where that was not compared."""
 
     verdict: Verdict
     origin: Origin | None = None
@@ -51,10 +46,8 @@ def judge_picture(
 ) -> JudgedPicture:
     """Judge whether a picture can be used.
 
-    Args:
-        image: uint8 (H, W, 3), rows in the order the sensor sends them.
-        last: The previous frame, in the same form; ``None`` for the first.
-        baselines: Bands of this and other sensors, to find another sensor's lines; ``None`` for no such check.
+    Pictures are uint8 (H, W, 3), rows in the order the sensor sends them. ``last`` is the previous frame,
+    ``None`` for the first. ``baselines`` serve to find another sensor's lines; ``None`` for no such check.
     """
     if last is not None and image.shape != last.shape:
         return JudgedPicture("odd_size")
@@ -72,11 +65,7 @@ def judge_picture(
 
 
 class PictureTally:
-    """Counts judged pictures.
-
-    Attributes:
-        foreign_shares: Largest share of a frame that came from each other sensor, by sensor.
-    """
+    """Counts judged pictures; ``foreign_shares`` is the largest share of a frame from each other sensor."""
 
     def __init__(self, counts: CameraCounts) -> None:
         self._counts = counts

@@ -21,9 +21,8 @@ _ALL_SHARE: Final = 0.9
 class Origin(NamedTuple):
     """Verdict on the sensor that a frame comes from.
 
-    Attributes:
-        other: The sensor that some of its bands look like; ``""`` if none do.
-        unlike: Whether nearly all of its bands are far from its own baseline and near to no other.
+    ``other`` is the sensor that some of its bands look like, ``""`` if none. ``unlike``: nearly all of its
+    bands are far from its own baseline and near to no other.
     """
 
     other: str
@@ -32,13 +31,7 @@ class Origin(NamedTuple):
 
 
 class SensorBands(NamedTuple):
-    """Bands of the baselines of several sensors.
-
-    Attributes:
-        shape: Shape of the sensor's own baseline.
-        own: Its bands.
-        others: Bands of the other sensors by name.
-    """
+    """Bands of the sensor's own baseline, of that shape, and of those of other sensors by name."""
 
     shape: tuple[int, ...]
     own: bytes
@@ -46,11 +39,9 @@ class SensorBands(NamedTuple):
 
 
 def sensor_bands(own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> SensorBands:
-    """Return the bands with which pictures are compared.
+    """Return the bands with which pictures are compared, from baselines by sensor.
 
-    Args:
-        own: Baseline of the sensor, uint8 (H, W, 3), lines as the sensor sends them.
-        others: Baselines of the others by name, in the same form; those of another size are left out.
+    Baselines are uint8 (H, W, 3), lines as the sensor sends them; others of another size are left out.
     """
     alike = {name: picture_bands(b) for name, b in others.items() if b.shape == own.shape}
     return SensorBands(own.shape, picture_bands(own), alike)
@@ -59,13 +50,9 @@ def sensor_bands(own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]
 def picture_origin(image: NDArray[np.uint8], baselines: SensorBands) -> Origin:
     """Return which sensor a picture comes from, compared band by band.
 
-    A band belongs to another sensor if it is far from its own baseline, close to the other's, and much closer to the
-    latter. A press changes a band, but never into another sensor's light. Sensors with similar baselines cannot be
-    distinguished.
-
-    Args:
-        image: uint8 (H, W, 3), lines as the sensor sends them.
-        baselines: Bands of :func:`sensor_bands`.
+    A band belongs to another sensor if it is far from its own baseline, close to the other's, and much closer
+    to the latter. A press changes a band, but never into another sensor's light. Sensors with similar
+    baselines cannot be distinguished. ``image`` is uint8 (H, W, 3), lines as the sensor sends them.
     """
     if image.shape != baselines.shape:
         return Origin("", 0.0, unlike=False)

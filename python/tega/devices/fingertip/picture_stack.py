@@ -45,11 +45,7 @@ class StackFile(RecordedPictures):
         self._times_s: list[float] | None = None
 
     def open(self) -> None:
-        """Open the file.
-
-        Raises:
-            RecordingError: It is missing, or holds no stack of pictures.
-        """
+        """Open the file; ``RecordingError`` if it holds no stack of pictures."""
         self.close()
         self._stack = stack = PictureStack(self._options.file, variable=self._options.variable)
         self._begin(stack.n_pictures)
@@ -70,12 +66,7 @@ class StackFile(RecordedPictures):
             self._seq += n_frames
 
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
-        """Return the next picture.
-
-        Raises:
-            RecordingError: The file is damaged.
-            DeviceUnavailableError: The source is not open.
-        """
+        """Return the next picture; ``RecordingError`` if the file is damaged."""
         if self._stack is None:
             raise self._closed()
         image = self._stack.read()

@@ -14,11 +14,9 @@ if TYPE_CHECKING:
 
 
 class RecordedPictures(Opened):
-    """Pictures of one size, numbered from 0.
+    """Pictures of one size, numbered from 0, of a file or folder ``label``.
 
-    Args:
-        label: Name of the file or the folder.
-        rate_hz: Pictures per second, as far as they are known; a driver updates it when it is opened.
+    ``rate_hz`` is pictures per second as far as known; a driver updates it when it is opened.
     """
 
     kind: ClassVar[Kind] = "tactile"

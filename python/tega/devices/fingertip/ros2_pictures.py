@@ -47,12 +47,7 @@ class Ros2Pictures(RecordedPictures):
         self._pending: tuple[int, Any] | None = None
 
     def open(self) -> None:
-        """Open the bag, and measure the rate over its first pictures.
-
-        Raises:
-            RecordingError: It is no bag, or has no such topic.
-            MissingExtraError: mcap-ros2-support is not installed.
-        """
+        """Open the bag, and measure the rate over its first pictures."""
         self.close()
         bag = Ros2Bag(self._options.file, topic=self._options.topic, pictures=True)
         times = np.array([t_ns for (t_ns, _), _ in zip(bag.messages(), range(_FIRST), strict=False)])
@@ -84,9 +79,7 @@ class Ros2Pictures(RecordedPictures):
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
         """Return the next picture.
 
-        Raises:
-            RecordingError: It is damaged, of another encoding than 8 bits, or not of the first one's size.
-            DeviceUnavailableError: The source is not open.
+        ``RecordingError``: it is damaged, of another encoding than 8 bits, or not of the first one's size.
         """
         if self._bag is None:
             raise self._closed()

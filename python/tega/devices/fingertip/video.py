@@ -44,12 +44,7 @@ class VideoFile(RecordedPictures):
         self._cut = False
 
     def open(self) -> None:
-        """Open the file, and decode the first frame.
-
-        Raises:
-            RecordingError: It is missing, is no video, states no rate, or nothing of it decodes.
-            MissingExtraError: PyAV is not installed.
-        """
+        """Open the file, and decode the first frame; ``RecordingError`` also if it states no rate."""
         self.close()
         path = self._options.file
         if path.suffix.lower() in IMAGE_SUFFIXES and path.exists():
@@ -80,10 +75,8 @@ class VideoFile(RecordedPictures):
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
         """Return the next frame.
 
-        Raises:
-            RecordingError: The frames are not those that the header states, and that is not allowed; or a frame has
-                another size than the first.
-            DeviceUnavailableError: The source is not open.
+        ``RecordingError``: a frame has another size than the first, or the frames are not those that the
+        header states and that is not allowed.
         """
         frames = self._frames
         if frames is None:

@@ -19,14 +19,13 @@ _BACKENDS = {"win32": "CAP_MSMF", "darwin": "CAP_AVFOUNDATION"}
 
 
 class VideoNode(NamedTuple):
-    """A camera's capture node.
+    """A camera's capture node. ``serial``, ``usb_id`` and ``bus`` are ``""`` where it has none.
 
     Attributes:
         device: Path or name to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
-        serial: Its USB serial number; ``""`` where it has none.
-        revision: Its firmware revision, 0x0200 for 2.00; 0 where it is not known.
-        usb_id: Vendor and product, such as ``2833:0209``; ``""`` for a camera that is not on USB.
-        bus: Number of the USB bus it shares with others; ``""`` for a camera that is not on USB.
+        revision: Firmware revision, 0x0200 for 2.00; 0 if unknown.
+        usb_id: Vendor and product, such as ``2833:0209``.
+        bus: Number of the USB bus, which other cameras may share.
     """
 
     device: str
@@ -40,8 +39,7 @@ class VideoNode(NamedTuple):
 def video_nodes(sysfs: Path = SYSFS) -> list[VideoNode]:
     """List the capture nodes of this machine; a camera's second node, for metadata, is left out.
 
-    Args:
-        sysfs: Where Linux lists them; other systems are asked for their numbered cameras.
+    ``sysfs`` is where Linux lists them; other systems report numbered cameras.
     """
     if sys.platform != "linux":
         return numbered_cameras(sys.platform)
@@ -70,13 +68,10 @@ def numbered_cameras(
 ) -> list[VideoNode]:
     """List the cameras of Windows or macOS, in the order of the numbers that OpenCV opens them by.
 
-    Neither system reports a camera's serial number, so a camera is selected by its index, which may change when
-    cameras are plugged in or out. Untested on either system.
-
-    Args:
-        system: As ``sys.platform`` names it.
-        enumerate_cameras: Lists the cameras of one way into OpenCV; that of cv2-enumerate-cameras when ``None``. Where
-            the package is not installed, no camera is listed.
+    Neither system reports a camera's serial number, so a camera is selected by its index, which may change
+    when cameras are plugged in or out. Untested on either system. ``system`` is as in ``sys.platform``.
+    ``enumerate_cameras`` lists the cameras of one backend of OpenCV; ``None`` for that of
+    cv2-enumerate-cameras, or no camera if it is not installed.
     """
     if enumerate_cameras is None:
         try:
@@ -101,9 +96,8 @@ def numbered_cameras(
 def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, str]:
     """Return the path or number of a source for OpenCV, and the name of the backend.
 
-    Args:
-        source: ``/dev/video2``, ``camera:2``, or the address of a stream.
-        system: As ``sys.platform`` names it.
+    ``source`` is ``/dev/video2``, ``camera:2``, or the address of a stream; ``system`` as in
+    ``sys.platform``.
     """
     number = source.removeprefix(_NUMBERED)
     if number != source and number.isdecimal():
@@ -114,14 +108,9 @@ def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, st
 
 
 def find_node(serial: str, sysfs: Path = SYSFS) -> VideoNode:
-    """Return the capture node of the camera with a serial number.
+    """Return the capture node of the camera with a printed serial number, such as ``D20641``.
 
-    Args:
-        serial: As printed, such as ``D20641``.
-        sysfs: Where the kernel lists cameras.
-
-    Raises:
-        DeviceUnavailableError: No camera has it; the message lists those there are.
+    ``DeviceUnavailableError``: no camera has it; the message lists those there are.
     """
     nodes = video_nodes(sysfs)
     for node in nodes:

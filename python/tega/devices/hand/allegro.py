@@ -130,11 +130,8 @@ class Allegro(Opened):
     def open(self) -> None:
         """Open the bus, check the hand, and hold it where it is.
 
-        Raises:
-            WrongDeviceError: The hand is of another version or side.
-            DeviceUnavailableError: No adapter, no hand, or one that must not be steered; the message says which.
-            ConfigError: The pose file cannot be used.
-            MissingExtraError: python-can is not installed.
+        ``WrongDeviceError``: the hand is of another version or side. ``DeviceUnavailableError`` also for a
+        hand that must not be steered; the message gives the reason.
         """
         from tega.devices.hand.hand_ends import HandProcess, HandThread
 
@@ -213,19 +210,11 @@ class Allegro(Opened):
         return "" if seen is None or not seen.guard_problem else f"hand: {seen.guard_problem}"
 
     def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
-        """Ask for a closure level; the hand's own process moves there.
+        """Request a closure level, 1 to 5 with fractions between two poses; the hand's process moves there.
 
-        Args:
-            level: Closure level, 1 to 5 with fractions between two poses.
-            added: Levels that a reflex adds, 0 to 1.
-
-        Returns:
-            The frames sent to the hand since the last call.
-
-        Raises:
-            InvalidValueError: The level is not from 1 to 5, or the addition not from 0 to 1.
-            WrongDeviceError: Another hand has answered after a silence.
-            DeviceUnavailableError: Not open, or the hand was let go because of a fault; the message says which.
+        ``added`` are levels that a reflex adds, 0 to 1. Returns the frames sent to the hand since the last
+        call. ``WrongDeviceError``: another hand has answered after a silence. ``DeviceUnavailableError``: not
+        open, or the hand was let go because of a fault, which the message names.
         """
         if not 1 <= level <= 5:
             raise InvalidValueError(f"level = {level} is out of range: 1 (open) to 5 (tight)")
@@ -237,8 +226,8 @@ class Allegro(Opened):
     def limp(self) -> list[CanFrame]:
         """Begin to let go and return the frames sent since the last call.
 
-        The torque fades within 0.2 s in the hand's own process; :meth:`close` waits for it. The frames of that time
-        come with the next call.
+        The torque fades within 0.2 s in the hand's own process; :meth:`close` waits for it. The frames of
+        that time come with the next call.
         """
         if self._end is not None:
             self._end.say(LET_GO)
@@ -263,11 +252,7 @@ class Allegro(Opened):
         return None if self._seen is None else self._seen.target_rad
 
     def state(self) -> HandState:
-        """Return phase, version, temperatures and counters, as they were at most 50 ms ago.
-
-        Raises:
-            DeviceUnavailableError: The hand is not open.
-        """
+        """Return phase, version, temperatures and counters, as they were at most 50 ms ago."""
         if self._seen is None:
             raise DeviceUnavailableError("allegro: the hand is not open", "open it first")
         return self._seen.state

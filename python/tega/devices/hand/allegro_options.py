@@ -55,11 +55,7 @@ class AllegroOptions(Options, frozen=True):
     guard: bool = True
 
     def link(self) -> HandLink:
-        """Make the hand's side of the exchange, without a bus.
-
-        Raises:
-            ConfigError: The pose file cannot be used.
-        """
+        """Make the hand's side of the exchange, without a bus; ``ConfigError`` for an unusable pose file."""
         from tega.hand import TORQUE_LIMITS, HandController
         from tega.hand.link import HandLink
         from tega.hand.poses import load_poses

@@ -17,14 +17,10 @@ _IP_TIMEOUT_S = 2.0
 
 
 class CanLink(NamedTuple):
-    """One CAN bus of this machine.
+    """A CAN bus of this machine, such as ``can0``; ``is_virtual``: no adapter is behind it.
 
-    Attributes:
-        name: Such as ``can0``.
-        is_up: Whether it is switched on.
-        bitrate: Bits per second; ``None`` where it is not set or not known.
-        state: The controller's, such as ``ERROR-ACTIVE`` or ``BUS-OFF``; ``""`` where it is not known.
-        is_virtual: Whether no adapter is behind it.
+    ``bitrate`` is bits per second, ``None`` where it is not set or not known. ``state`` is the controller's,
+    such as ``ERROR-ACTIVE`` or ``BUS-OFF``, ``""`` where it is not known.
     """
 
     name: str
@@ -37,9 +33,7 @@ class CanLink(NamedTuple):
 def can_links(*, sysfs: Path = SYSFS, describe: Callable[[str], str] | None = None) -> list[CanLink]:
     """List the buses that the kernel knows; empty where it is not Linux.
 
-    Args:
-        sysfs: Where the kernel lists network interfaces.
-        describe: Returns what ``ip -details -json link show NAME`` prints; asks it when ``None``.
+    ``describe`` returns what ``ip -details -json link show NAME`` prints; ``None`` runs that command.
     """
     links = []
     for entry in sorted(sysfs.glob("*")):

@@ -31,15 +31,10 @@ _MOST_ID, _MOST_BYTES = 1 << 29, 64
 
 
 class LoggedFrame(NamedTuple):
-    """A frame of a log.
+    """A frame of a log, classic or CAN FD (``fd``), with up to 64 bytes.
 
-    Attributes:
-        t_s: Seconds since the log's first frame.
-        frame: The frame; its identifier may have 29 bits, its payload up to 64 bytes.
-        extended: Whether the identifier has 29 bits.
-        error: Whether it is an error frame of the controller.
-        fd: Whether it is a CAN FD frame.
-        channel: Name or number of the bus in the log.
+    ``t_s`` counts from the log's first frame. ``extended``: the identifier has 29 bits. ``error``: an error
+    frame of the controller. ``channel`` is name or number of the bus in the log.
     """
 
     t_s: float
@@ -53,12 +48,8 @@ class LoggedFrame(NamedTuple):
 def read_can_log(path: Path) -> Iterator[LoggedFrame]:
     """Return the frames of a log in their order.
 
-    Args:
-        path: A file of Vector (``.asc``, ``.blf``), can-utils (``.log``), PEAK (``.trc``) or ASAM (``.mf4``).
-
-    Raises:
-        RecordingError: It is missing, of another format, empty or damaged.
-        MissingExtraError: python-can is not installed, or asammdf for ``.mf4``.
+    The log is of Vector (``.asc``, ``.blf``), can-utils (``.log``), PEAK (``.trc``) or ASAM (``.mf4``, which
+    needs asammdf). ``RecordingError``: it is missing, of another format, empty or damaged.
     """
     if path.suffix.lower() not in LOG_SUFFIXES:
         raise RecordingError(

@@ -69,11 +69,7 @@ _INTERFACES: Final[Mapping[str, _Interface]] = {
 def open_can_bus(
     driver: str, interface: str, make: Callable[[], Any], *, can: Any, channel: str | int
 ) -> Any:
-    """Open a bus.
-
-    Raises:
-        DeviceUnavailableError: The adapter is missing, refuses, or needs a package that is not installed.
-    """
+    """Open a bus; ``DeviceUnavailableError`` where its adapter is missing, refuses, or lacks a package."""
     with _quiet():
         try:
             return make()

@@ -28,11 +28,7 @@ class CanRecorder(TableRecorder):
         self._table(columns(HandCommand))
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
-        """Write frames down.
-
-        Raises:
-            DeviceUnavailableError: The recorder is not open.
-        """
+        """Write frames down."""
         sent: Any = tuple(frames)
         self._table(columns(HandCommand)).write(*rows(HandCommand(t_ns=t_ns, level=0, frames=sent)))
         return frames

@@ -44,12 +44,9 @@ _left: list[subprocess.Popen[bytes]] = []
 class GuardProcess:
     """Starts and feeds the guard of a device from the program that it watches; one that is lost is replaced.
 
-    Raises:
-        DeviceUnavailableError: It does not start, so that the device must not be switched on.
-
-    Attributes:
-        problem: Why there is none now; ``""`` while there is one.
-        confirmed: Whether the device that was left to it has confirmed that it is safe.
+    ``problem`` is why there is none now, ``""`` while there is one; ``confirmed``: the device that was left
+    to it has confirmed that it is safe. ``DeviceUnavailableError``: it does not start, so that the device
+    must not be switched on.
     """
 
     def __init__(self, subject: str, module: str, *arguments: str) -> None:
@@ -91,11 +88,9 @@ class GuardProcess:
     def leave_to_it(self, *, confirm_s: float = 0.0) -> int:
         """Leave the device to the guard: to it this looks as if the program were gone, and it goes on trying.
 
-        Waits until a guard has answered that it has the device. One that was lost is replaced first; one that stands
-        still is ended and replaced.
-
-        Returns:
-            Number of the process that has the device; 0 where none has answered.
+        Waits until a guard has answered that it has the device. One that was lost is replaced first; one that
+        stands still is ended and replaced. Returns the number of the process that has the device; 0 where
+        none has answered.
         """
         self._leave(safe=False)
         if not self._has_it.wait(DEAF_S):
@@ -191,14 +186,12 @@ def _forget(process: subprocess.Popen[bytes]) -> None:
 
 
 def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
-    """Wait, in the process, and leave the device safe if the program ends without a word or stands still.
+    """Wait, in the guard's process, and leave the device safe if the program vanishes or stands still.
 
     Before the first message of the program nothing of the device is on, and the process does nothing.
-
-    Args:
-        device: The device, for the system's log.
-        let_go: Leaves the device safe, trying until the device confirms. Called with a function that returns whether
-            the program goes on. Returns ``""``, or the reason why the device has not confirmed.
+    ``let_go`` leaves the device safe, trying until the device confirms; its argument returns whether the
+    program goes on, and its result is ``""``, or the reason why the device has not confirmed. ``device`` is
+    for the system's log.
     """
     _answer(b"ready\n")
     pieces = receive()

@@ -70,10 +70,9 @@ def can_message(can: Any, frame: CanFrame) -> Any:
 class HandBus:
     """A bus on any adapter that python-can knows; one thread at a time uses it.
 
-    Attributes:
-        trouble: Why the adapter went away, to be put behind a message; ``""`` while it is there.
-        n_garbled: Pieces of the adapter's stream that were no frame.
-        n_unsent: Frames the adapter did not take.
+    ``trouble`` is why the adapter went away, to be put behind a message; ``""`` while it is there.
+    ``n_garbled`` counts pieces of the adapter's stream that were no frame, ``n_unsent`` frames the adapter
+    did not take.
     """
 
     def __init__(self, interface: str, channel: str | int, *, bitrate: int, more: Mapping[str, Any]) -> None:
@@ -103,20 +102,11 @@ class HandBus:
         return self._terminal is not None and self._terminal_now() != self._terminal
 
     def load(self) -> None:
-        """Load python-can, which takes its time.
-
-        Raises:
-            MissingExtraError: It is not installed.
-        """
+        """Load python-can, which takes its time."""
         self._can = require("can", driver="allegro", extra="lab")
 
     def open(self) -> None:
-        """Open the bus.
-
-        Raises:
-            DeviceUnavailableError: The adapter is not there, or refuses.
-            MissingExtraError: python-can is not installed.
-        """
+        """Open the bus; ``DeviceUnavailableError`` where the adapter is not there, or refuses."""
         self.load()
         self._bus, self.trouble = self._opened(), ""
 
@@ -130,8 +120,7 @@ class HandBus:
     def receive(self, *, may_reopen: bool) -> list[Received]:
         """Return the frames that have come, after 2 ms at most.
 
-        Args:
-            may_reopen: Whether a bus that went away is opened again, tried once a second.
+        ``may_reopen``: a bus that went away is opened again, tried once a second.
         """
         from tega.hand.link import Received
 
@@ -177,11 +166,10 @@ class HandBus:
     def send(
         self, frames: Sequence[CanFrame], *, outdated: Callable[[], bool] = lambda: False
     ) -> list[CanFrame]:
-        """Send frames and return those that the adapter took.
+        """Send frames in order and return those that the adapter took.
 
-        Args:
-            frames: The frames, in order.
-            outdated: Called right before each frame is sent; once it returns true, the remaining frames are skipped.
+        ``outdated`` is called right before each frame; once it returns true, the remaining frames are
+        skipped.
         """
         sent: list[CanFrame] = []
         together = hasattr(self._bus, "send_together")
@@ -202,13 +190,10 @@ class HandBus:
         return sent
 
     def switch_off(self, frames: Sequence[CanFrame], *, device_id: int, patience_s: float) -> bool:
-        """Command a hand to release, repeatedly, until it confirms that its motors are off.
+        """Command a hand to release until it confirms that its motors are off; return whether it did.
 
-        A hand does not report its torques. The query is sent behind the frames that remove them, and a bus delivers
-        frames in order: an answer with SERVO OFF confirms both.
-
-        Returns:
-            Whether the hand has confirmed it.
+        A hand does not report its torques. The query is sent behind the frames that remove them, and a bus
+        delivers frames in order: an answer with SERVO OFF confirms both.
         """
         from tega.wire import AllegroInfo, CanFrame, allegro_decode, allegro_request_info
 

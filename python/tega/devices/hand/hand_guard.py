@@ -38,11 +38,7 @@ _POLL_S: Final = 0.02
 
 
 def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id: int) -> GuardProcess:
-    """Start the process that guards a hand, and return it when it is ready.
-
-    Raises:
-        DeviceUnavailableError: It does not start.
-    """
+    """Start the process that guards a hand, and return it when it is ready."""
     settings = {"bus": bus, "frames": [[f.id, f.data.hex()] for f in frames], "device_id": device_id}
     return GuardProcess("lets go of the hand", _MODULE, json.dumps(settings))
 
@@ -55,14 +51,9 @@ def guard_runs(pid: int) -> bool:
 def take_over(options: AllegroOptions, guard_pid: int) -> tuple[bool, int]:
     """Release a hand after its own process is gone: by its guard if that runs, else by a new one.
 
-    A guard ends when the hand has confirmed, or when it is killed. So the hand is asked once more after its end.
-
-    Args:
-        options: The driver's settings.
-        guard_pid: Number of the guard's process; 0 for none.
-
-    Returns:
-        Whether the hand has confirmed that its motors are off, and the process that goes on trying; 0 for none.
+    A guard ends when the hand has confirmed, or when it is killed. So the hand is asked once more after its
+    end. ``guard_pid`` is 0 for none. Returns whether the hand has confirmed that its motors are off, and the
+    process that goes on trying; 0 for none.
     """
     until_s = time.monotonic() + _CONFIRM_S
     while guard_runs(guard_pid):

@@ -38,7 +38,7 @@ class LoggedHand(NamedTuple):
     Attributes:
         t_s: Seconds since the log's first frame.
         angles_rad: float64 (16,), index, middle, ring, thumb.
-        torque_counts: The last pulse widths that a program sent, int64 (16,); ``None`` before all fingers had one.
+        torque_counts: Last pulse widths sent by a program, int64 (16,); ``None`` before all fingers had one.
         servo_on: Whether motors were switched on, by the last frame about that; ``None`` before one.
         celsius: The last joint temperatures; ``None`` where a sensor has not answered.
     """
@@ -51,20 +51,15 @@ class LoggedHand(NamedTuple):
 
 
 class HandLogFacts(msgspec.Struct, kw_only=True):
-    """Facts of a log, complete once it is read.
+    """Facts of a log, complete once it is read; versions and serial are ``""`` if the hand was not asked.
 
     Attributes:
-        device_id: Number of the hand on its bus.
-        channel: Bus of the log.
-        hardware: Version, such as ``4.2``; ``""`` if the hand was not asked.
-        firmware: Version, likewise.
+        hardware: Version, such as ``4.2``.
         side: ``right``, ``left``, ``unknown`` or ``""``.
-        serial: Serial number without its ``SAH040``; ``""`` likewise.
-        frames: Number of frames.
+        serial: Serial number without its ``SAH040``.
         sets: Number of complete sets of joint angles.
         incomplete: Number of sets in which a finger's frame was missing.
-        duration_s: From the first frame to the last, seconds.
-        kinds: Number of frames of each kind.
+        duration_s: From the first frame to the last.
     """
 
     device_id: int
@@ -154,11 +149,7 @@ class HandLog:
 def find_hand(
     frames: Iterable[LoggedFrame], *, device_id: int | None, channel: str | None
 ) -> tuple[int, str]:
-    """Return the number and the bus of the hand in a log: the one that reports joint angles.
-
-    Raises:
-        RecordingError: None is in the log, or there are several.
-    """
+    """Return number and bus of the hand in a log, the one that reports joint angles; there must be one."""
     found: Counter[tuple[int, str]] = Counter()
     n, channels = 0, set()
     for logged in frames:

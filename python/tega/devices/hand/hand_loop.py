@@ -38,13 +38,9 @@ _REPORT_S: Final = 0.008
 class HandLoop:
     """Steers one hand from its first request to its last SERVO OFF.
 
-    Args:
-        options: The driver's settings.
-        notify: Called after each answer to the hand, each change, and twenty times a second, in the loop's thread.
-        whole: If true, every exchange is reported with all received frames; else only those that sent something.
-
-    Attributes:
-        whole: The same, until the loop runs.
+    ``notify`` is called after each answer to the hand, each change, and twenty times a second, in the loop's
+    thread. With ``whole``, which may be changed until the loop runs, every exchange is reported with all
+    received frames; else only those that sent something.
     """
 
     def __init__(
@@ -65,13 +61,7 @@ class HandLoop:
         self._cpu_s = 0.0
 
     def warm_up(self) -> None:
-        """Make ready and start the guard; the bus is not touched.
-
-        Raises:
-            DeviceUnavailableError: The guard does not start.
-            ConfigError: The pose file cannot be used.
-            MissingExtraError: python-can is not installed.
-        """
+        """Make ready and start the guard; the bus is not touched. ``ConfigError``: an unusable pose file."""
         o = self._options
         self._link = o.link()
         self._bus.load()
@@ -81,13 +71,7 @@ class HandLoop:
         self._warm = True
 
     def open(self) -> None:
-        """Open the bus, and make ready before where that was not done; nothing is sent yet.
-
-        Raises:
-            DeviceUnavailableError: There is no adapter, or the guard does not start.
-            ConfigError: The pose file cannot be used.
-            MissingExtraError: python-can is not installed.
-        """
+        """Open the bus, after :meth:`warm_up` where that was not done; nothing is sent yet."""
         if not self._warm:
             self.warm_up()
         try:

@@ -20,7 +20,6 @@ class HandSpoken(NamedTuple):
 
     Attributes:
         t_ns: When, monotonic clock.
-        level: Closure level asked for.
         received: Frames received since the last one.
         out: Frames to be sent.
         action: ``exchange``, ``release`` or ``abandon``.
@@ -40,19 +39,17 @@ class HandSpoken(NamedTuple):
 
 
 class HandNews(NamedTuple):
-    """How it is with a hand and its loop.
+    """State of a hand and its loop. Angles are float64 (16,); ``None`` before the first.
 
     Attributes:
         fault: For which the hand was let go for good.
-        angles_rad: As last reported, float64 (16,); ``None`` before.
-        target_rad: Target of the last cycle, float64 (16,); ``None`` before.
+        target_rad: Target of the last cycle.
         ready: Whether the hand is steered, or never will be.
         trouble: Why the adapter went away, or the error that ended the loop.
         guard_problem: Why no guard would release the hand.
         n_garbled: Pieces of the adapter's stream that were no frame.
         n_unsent: Frames that the adapter did not take.
         cpu_s: Processor time of the loop's thread.
-        ended: Whether the loop has ended.
         let_go: Whether no motor was switched on, or the hand has confirmed that they are off.
         guard_pid: Number of the process that guards the hand; 0 while there is none.
     """
@@ -87,14 +84,9 @@ _STILL_S = 0.9
 class HandOrders:
     """Requests of a run to a hand's loop, in the loop's own program.
 
-    Args:
-        received: If true, the run has to send messages regularly, since it may hang independently of the loop.
-
-    Attributes:
-        requested: Requested closure level and its addition.
-        leaving: Set once the hand is to be let go.
-        reason: Why it is let go although the run goes on.
-        gone: Whether the run has ended without a word.
+    With ``received`` the run has to send messages regularly, since it may hang independently of the loop.
+    ``requested`` is the closure level and its addition. ``reason`` is why the hand is let go although the run
+    goes on; ``gone``: the run has ended without a message.
     """
 
     def __init__(self, *, received: bool) -> None:

@@ -76,13 +76,7 @@ class PythonCan(Opened):
         )
 
     def open(self) -> None:
-        """Open the bus.
-
-        Raises:
-            ConfigError: Real hardware without ``open_loop``.
-            DeviceUnavailableError: The adapter or its bus is not there.
-            MissingExtraError: python-can is not installed.
-        """
+        """Open the bus; ``ConfigError`` for real hardware without ``open_loop``."""
         o = self._options
         self.close()
         if may_have_hardware(o.interface, o.channel) and not o.open_loop:
@@ -108,11 +102,7 @@ class PythonCan(Opened):
                 bus.shutdown()
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no past
-        """Send frames in order.
-
-        Raises:
-            DeviceUnavailableError: The bus is not open, or did not take a frame in time.
-        """
+        """Send frames in order; ``DeviceUnavailableError`` if the bus did not take a frame in time."""
         if self._bus is None:
             raise DeviceUnavailableError("python-can: the bus is not open", "open it first")
         for frame in frames:

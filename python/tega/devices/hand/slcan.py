@@ -26,11 +26,7 @@ _DONE = frozenset({b"\r", b"z\r", b"Z\r"})  # what it says to every frame that i
 
 @cache
 def slcan_bus() -> Any:
-    """Return the class of such a bus, a subclass of python-can's; python-can's own where a port cannot be waited for.
-
-    Raises:
-        MissingExtraError: python-can is not installed.
-    """
+    """Return a subclass of python-can's slcan bus, or that bus itself where a port cannot be waited for."""
     base: Any = require("can.interfaces.slcan", driver="slcan", extra="lab").slcanBus
     error_check: Any = require("can.exceptions", driver="slcan", extra="lab").error_check
     if os.name != "posix":

@@ -7,12 +7,7 @@ from typing import NamedTuple
 
 
 class Edge(NamedTuple):
-    """A button that went down or up.
-
-    Attributes:
-        t_ns: Time of the event; for a press, its first contact.
-        pressed: Whether it went down.
-    """
+    """A button that went down or up; for a press ``t_ns`` is its first contact."""
 
     t_ns: int
     button: str
@@ -22,12 +17,10 @@ class Edge(NamedTuple):
 class Debounce:
     """Follows the contacts of some buttons; time is an argument.
 
-    A dead-man switch must release at the first sign of a release, so a release counts at once and a bouncing contact
-    counts as released. A press counts once the contact has held for ``hold_ns``, with the time of its first contact.
-    Together they give one press for one step on a pedal with shorter bounces.
-
-    Args:
-        hold_ns: How long a contact has to hold; 0 takes every press.
+    A dead-man switch must release at the first sign of a release, so a release counts at once and a bouncing
+    contact counts as released. A press counts once the contact has held for ``hold_ns`` (0 takes every
+    press), with the time of its first contact. Together they give one press for one step on a pedal with
+    shorter bounces.
     """
 
     def __init__(self, hold_ns: int) -> None:
@@ -36,11 +29,7 @@ class Debounce:
         self.held: frozenset[str] = frozenset()
 
     def take(self, t_ns: int, down: Set[str]) -> Iterator[Edge]:
-        """Process a report.
-
-        Yields:
-            The events that have become certain, in time order.
-        """
+        """Process a report; yield the events that have become certain, in time order."""
         yield from self.settle(t_ns)
         for button in sorted(self._since.keys() - down):
             del self._since[button]
@@ -52,11 +41,7 @@ class Debounce:
         yield from self.settle(t_ns)
 
     def settle(self, t_ns: int) -> Iterator[Edge]:
-        """Let time pass.
-
-        Yields:
-            The presses that have held long enough.
-        """
+        """Let time pass; yield the presses that have held long enough."""
         for button, since_ns in sorted(self._since.items()):
             if button not in self.held and t_ns - since_ns >= self._hold_ns:
                 self.held |= {button}

@@ -50,11 +50,8 @@ class HidInputOptions(Options, frozen=True, kw_only=True):
 class InputCounts(msgspec.Struct, kw_only=True):
     """Counts of the reports of an input device.
 
-    Attributes:
-        reports: Reports in all.
-        odd: Reports of a wrong length, of an unknown kind, or with impossible values; not used.
-        stalled: Times it fell silent in the middle of a motion or a press.
-        lost: Times it went away.
+    ``odd`` ones have a wrong length, an unknown kind or impossible values and are not used. ``stalled``
+    counts the times it fell silent in the middle of a motion or a press, ``lost`` those it went away.
     """
 
     reports: int = 0
@@ -66,12 +63,9 @@ class InputCounts(msgspec.Struct, kw_only=True):
 class HidInput(Opened):
     """An input device on USB; a driver adds its identity, its reports, and the meaning of silence.
 
-    A thread takes every report as it comes, so that none waits and the state is always the newest. A device that
-    goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s and then at
-    most every 2 s.
-
-    Attributes:
-        known: Names of devices that are found without being named, by vendor and product number.
+    A thread takes every report as it comes, so that none waits and the state is always the newest. A device
+    that goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s
+    and then at most every 2 s. ``known``: devices that are found unnamed, by vendor and product number.
     """
 
     kind: ClassVar[Kind] = "input"
@@ -143,12 +137,7 @@ class HidInput(Opened):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
-        """List the devices that are there and known, each once whatever number of interfaces it has.
-
-        Raises:
-            MissingExtraError: hidapi is not installed.
-            DeviceUnavailableError: Another package hides it.
-        """
+        """List the known devices that are there, each once whatever number of interfaces it has."""
         there = {
             (d["vendor_id"], d["product_id"], d["serial_number"]) for d in hid_module(cls.name).enumerate()
         }
@@ -182,11 +171,7 @@ class HidInput(Opened):
         )
 
     def state(self) -> InputReading:
-        """Return the device's state now.
-
-        Raises:
-            DeviceUnavailableError: It is not open.
-        """
+        """Return the device's state now."""
         self._require_open()
         with self._lock:
             live = self._there and not self._is_stalled
@@ -198,11 +183,7 @@ class HidInput(Opened):
             )
 
     def events(self) -> Sequence[InputEvent]:
-        """Return the buttons' events since the last call, oldest first.
-
-        Raises:
-            DeviceUnavailableError: It is not open.
-        """
+        """Return the buttons' events since the last call, oldest first."""
         self._require_open()
         with self._lock:
             events = tuple(self._events)
@@ -210,12 +191,7 @@ class HidInput(Opened):
         return events
 
     def open(self) -> None:
-        """Find the device, open it and begin to read.
-
-        Raises:
-            DeviceUnavailableError: It is not there, or may not be opened.
-            MissingExtraError: hidapi is not installed.
-        """
+        """Find the device, open it and begin to read."""
         self.close()
         self.counts, self._trouble = InputCounts(), ""
         self._events.clear()

@@ -122,12 +122,7 @@ class HoloLens(ThreadedTracker):
         return ""
 
     def open(self) -> None:
-        """Connect and wait for the first packet.
-
-        Raises:
-            DeviceUnavailableError: The headset does not answer, or sends nothing.
-            WrongDeviceError: The received data is no spatial input.
-        """
+        """Connect and wait for the first packet; ``WrongDeviceError`` if it is no spatial input."""
         if self._thread is not None:
             return
         self._forget()

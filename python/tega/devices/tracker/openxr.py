@@ -90,12 +90,7 @@ class OpenXr(ThreadedTracker):
         return ""
 
     def open(self) -> None:
-        """Connect to the runtime, and wait until it begins the session.
-
-        Raises:
-            DeviceUnavailableError: There is no runtime, it lacks a required feature, or the session does not begin.
-            MissingExtraError: pyopenxr is not installed.
-        """
+        """Connect to the runtime, and wait until it begins the session."""
         if self._thread is not None:
             return
         # The loader writes on standard error whatever it is asked in vain; what it says is told here in words.

@@ -16,22 +16,14 @@ _MANIFEST: Final = "openxr/1/active_runtime.json"
 
 
 class Made(NamedTuple):
-    """An instance of the runtime.
-
-    Attributes:
-        handle: Handle for OpenXR's calls.
-    """
+    """An instance of the runtime; ``handle`` is for OpenXR's calls."""
 
     handle: Any
     name: str
     extensions: frozenset[str]
 
     def check(self, source: str) -> None:
-        """Check that the runtime supports a source.
-
-        Raises:
-            DeviceUnavailableError: It cannot.
-        """
+        """Check that the runtime supports a source; ``DeviceUnavailableError`` if it does not."""
         if _HEADLESS not in self.extensions:
             raise DeviceUnavailableError(
                 f"openxr: {self.name} has no sessions without a picture ({_HEADLESS})",
@@ -45,11 +37,7 @@ class Made(NamedTuple):
 
 
 def make_instance(xr: Any) -> Made:
-    """Connect to the active runtime.
-
-    Raises:
-        DeviceUnavailableError: There is none, or it does not answer.
-    """
+    """Connect to the active runtime; ``DeviceUnavailableError`` if there is none, or it does not answer."""
     # Times are converted to CLOCK_MONOTONIC, which is Python's monotonic clock on Linux alone.
     wanted = {_HEADLESS, *_NEEDED.values(), *((TIMES,) if sys.platform == "linux" else ())}
     try:

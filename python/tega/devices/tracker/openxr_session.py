@@ -30,12 +30,9 @@ _CHANGE_S: Final = 1.0
 
 
 class Located(NamedTuple):
-    """Place and turn of something that is tracked.
+    """Place and turn of something that is tracked; ``position_m`` is x, y, z.
 
-    Attributes:
-        position_m: x, y, z, metres.
-        valid: Whether place and turn are known at all.
-        tracked: Whether both are measured, and not guessed.
+    ``valid``: both are known at all; ``tracked``: both are measured, and not guessed.
     """
 
     position_m: tuple[float, float, float]
@@ -47,16 +44,14 @@ class Located(NamedTuple):
 class XrSession:
     """One connection to the runtime, used by one thread.
 
+    ``DeviceUnavailableError``: there is no runtime, or it lacks a required feature.
+
     Attributes:
         runtime: Name and version of the runtime.
-        is_begun: Whether the session runs.
         state: State of the session, in OpenXR's terms and lower case.
         device: Held or worn device, as the runtime names it; ``""`` if there is none.
         converts_times: Whether the runtime can convert its times to the machine's clock.
         restart_from_ns: From when on the origin is another one, on the monotonic clock; 0 for never.
-
-    Raises:
-        DeviceUnavailableError: There is no runtime, or it lacks a required feature.
     """
 
     def __init__(self, xr: Any, options: OpenXrOptions) -> None:
@@ -148,11 +143,7 @@ class XrSession:
         return self._xr.string_to_path(self._instance, path)
 
     def poll(self) -> None:
-        """Process the runtime's events, and follow its requests.
-
-        Raises:
-            DeviceUnavailableError: The session is over.
-        """
+        """Process the runtime's events; ``DeviceUnavailableError`` once the session is over."""
         xr = self._xr
         try:
             while True:
@@ -215,11 +206,7 @@ class XrSession:
         return int(xr.convert_timespec_time_to_time_khr(self._instance, then).value)
 
     def locate(self, now_ns: int) -> Located | None:
-        """Return the place and turn at a time; ``None`` while the runtime does not let this program see them.
-
-        Raises:
-            DeviceUnavailableError: The session is over.
-        """
+        """Return place and turn at a time; ``None`` while the runtime does not let this program see them."""
         xr = self._xr
         if self.state != "focused":
             return None

@@ -29,14 +29,13 @@ _MANY: Final = 0.1
 
 
 class TrackerCounts(msgspec.Struct, kw_only=True):
-    """Counts of what a tracker said, and of connections to it.
+    """Counts of a tracker's answers, and of connections to it.
 
     Attributes:
         poses: Answers in all, without a pose too.
         lost: Answers that had no pose of the subject.
         guessed: Answers with a pose that was only guessed.
         repeated: Answers with the pose of the previous one; they are skipped.
-        connections: Connections or sessions that were begun.
         silent: Connections dropped since nothing came.
         broken: Connections closed after data that is no answer, or half of one.
         recentred: Changes of the origin that were announced.
@@ -53,15 +52,10 @@ class TrackerCounts(msgspec.Struct, kw_only=True):
 
 
 class ThreadedTracker(Opened):
-    """A tracker that a driver's ``open`` starts a thread for, which puts poses into ``_poses`` under ``_lock``.
+    """A tracker whose driver's ``open`` starts a thread, which puts poses into ``_poses`` under ``_lock``.
 
-    The thread stops once ``_leaving`` is set; it reports to the operator with ``_say``.
-
-    Attributes:
-        driver: Its name among drivers.
-        leave_s: How long the thread may take to leave.
-        frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
-        counts: Counts of answers and connections.
+    The thread stops once ``_leaving`` is set, within ``leave_s``; it reports to the operator with ``_say``.
+    ``frame`` names the axes of the poses in :data:`tega.arm.FRAMES`.
     """
 
     kind: ClassVar[Kind] = "tracker"
@@ -110,11 +104,7 @@ class ThreadedTracker(Opened):
             self._leave(thread)
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:  # noqa: ARG002  # poses carry their own times
-        """Return the poses that came since the last call, oldest first; never waits.
-
-        Raises:
-            DeviceUnavailableError: It is not open.
-        """
+        """Return the poses that came since the last call, oldest first; never waits."""
         if self._thread is None:
             raise DeviceUnavailableError(f"{self.driver}: it is not open", "use it in a with block")
         with self._lock:

@@ -10,10 +10,9 @@ SYSFS = Path("/sys/class")
 
 
 def bluetooth_trouble(sysfs: Path = SYSFS) -> tuple[str, str]:
-    """Return this machine's Bluetooth problem and its fix; two empty strings if none is found.
+    """Return this machine's Bluetooth problem and its fix; ``""`` and ``""`` if none is found.
 
-    Args:
-        sysfs: Where the kernel lists its classes of devices; where there is none, nothing is said.
+    ``sysfs`` is where the kernel lists its classes of devices; where there is none, no problem is found.
     """
     for switch in sorted((sysfs / "rfkill").glob("*")):
         if attribute(switch / "type") != "bluetooth":

@@ -31,18 +31,14 @@ _REQUESTS: Final = 1 << 31  # a request's number fits into 31 bits, as those of 
 
 
 class PlayerVersion:
-    """Version of the Player's websocket.
-
-    Args:
-        admitted: Whether the Player lets any program in.
+    """Version of the Player's websocket, ``number`` 2 or 3.
 
     Attributes:
-        number: 2 or 3.
         tls: Encryption of its transport; ``None`` for none.
-        admitted: Whether the Player has let the program in.
-        has_vest: Whether it says that a vest is connected; ``None`` before it has said anything.
+        admitted: Whether the Player has let the program in; true from the start if it lets any program in.
+        has_vest: Whether it reports a connected vest; ``None`` before its first report.
         vest_name: The Player's name for the vest; ``""`` if it gives none.
-        battery_percent: The vest's battery; ``None`` where it does not say.
+        battery_percent: The vest's battery; ``None`` where it is not reported.
     """
 
     number: ClassVar[int]
@@ -76,11 +72,7 @@ class PlayerVersion:
         return ""
 
     def receive(self, message: str) -> None:
-        """Take in a message of the Player.
-
-        Raises:
-            WireError: It is none.
-        """
+        """Take in a message of the Player; ``WireError`` if it is none."""
         raise NotImplementedError
 
 

@@ -66,12 +66,7 @@ class BleVest(StreamedVest):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:
-        """Listen for vests; connects to none.
-
-        Raises:
-            DeviceUnavailableError: There is no Bluetooth, or it is switched off.
-            MissingExtraError: bleak is not installed.
-        """
+        """Listen for vests; connects to none. ``DeviceUnavailableError``: no Bluetooth, or it is off."""
         bleak = require("bleak", driver=cls.name, extra=cls.extra)
         try:
             received = asyncio.run(

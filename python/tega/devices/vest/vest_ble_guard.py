@@ -34,23 +34,17 @@ _REST_S: Final = 1.0
 def guard_vest(address: str, path: str) -> GuardProcess:
     """Start the process that guards a vest, and return it when it is ready.
 
-    Args:
-        address: The vest's address.
-        path: Its path on the system's message bus, where there is one: a connected vest cannot be found by scanning.
-
-    Raises:
-        DeviceUnavailableError: It does not start.
+    ``path`` is the vest's on the system's message bus, where there is one: a connected vest cannot be found
+    by scanning.
     """
     return GuardProcess("silences the vest", _MODULE, address, path)
 
 
 class VestWatch:
-    """Keep the state that outlives a link to a vest: the process that silences it, and whether it is silent.
+    """Keeps what outlives a link to a vest: the process that silences it, and whether it is silent.
 
-    Attributes:
-        guard: The process; ``None`` before the first link.
-        silent: Whether zeros were the last that the vest is known to have taken, and nothing was sent since.
-        confirmed: Whether the vest itself has answered behind those zeros.
+    ``guard`` is ``None`` before the first link. ``silent``: zeros were the last that the vest is known to
+    have taken, and nothing was sent since. ``confirmed``: the vest itself has answered behind those zeros.
     """
 
     def __init__(self) -> None:

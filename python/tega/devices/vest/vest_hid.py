@@ -65,8 +65,7 @@ class HidVest(StreamedVest):
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
         """List the USB boards with the vendor and product number of the default settings.
 
-        Raises:
-            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
+        Without hidapi, or where another package hides it, this raises ``DeviceUnavailableError``.
         """
         usual = HidVestOptions()
         return [

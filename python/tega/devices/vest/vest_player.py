@@ -56,14 +56,9 @@ class PlayerVest(StreamedVest):
         return []
 
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        """Hand a frame over; returns at once.
+        """Hand a frame over, and return it within limits; all zeros while the link is down or has no vest.
 
-        Returns:
-            The frame within the limits; all zeros while the link is down or reports no vest.
-
-        Raises:
-            DeviceUnavailableError: The vest is not open.
-            InvalidValueError: The layout has a fifth row and ``motor_values`` is 32.
+        Returns at once. ``InvalidValueError``: the layout has a fifth row and ``motor_values`` is 32.
         """
         if self._options.motor_values == 32 and np.any(frame.motors % 20 >= _ROW_FIVE):
             raise InvalidValueError(

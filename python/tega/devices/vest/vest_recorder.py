@@ -24,11 +24,7 @@ class VestRecorder(TableRecorder):
     _motors: tuple[int, ...] = ()
 
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        """Write one frame down; the first one sets the number of motors.
-
-        Raises:
-            DeviceUnavailableError: The recorder is not open, or the vest changed its motors.
-        """
+        """Write one frame down; the first one sets the number of motors, which must not change."""
         motors = tuple(int(m) for m in frame.motors)
         if self._csv is None:
             self._motors = motors

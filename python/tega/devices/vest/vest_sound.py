@@ -57,11 +57,7 @@ class SoundVestOptions(VestOptions, frozen=True):
 
 
 class ColumnTones:
-    """Makes the sound of 40 motors; it starts silent.
-
-    Args:
-        volume: Percent of full scale.
-    """
+    """Makes the sound of 40 motors; it starts silent. ``volume`` is percent of full scale."""
 
     def __init__(self, volume: float) -> None:
         self._volume = volume / 100
@@ -77,10 +73,9 @@ class ColumnTones:
         self._n_made = 0
 
     def notify(self, intensities: NDArray[np.uint8]) -> None:
-        """Play the motors' intensities.
+        """Play the motors' intensities, uint8 (40,), percent.
 
-        Args:
-            intensities: uint8 (40,), percent, rows from the top and columns from the wearer's left, front then back.
+        Rows are from the top and columns from the wearer's left, front then back.
         """
         columns = intensities.reshape(2, 5, 4).max(axis=1).reshape(8)
         self._reported = columns / 100 * self._volume * _LOUDEST, self._n_made
@@ -91,11 +86,7 @@ class ColumnTones:
         return not (self._amplitude.any() or self._reported[0].any())
 
     def render(self, n: int) -> NDArray[np.float32]:
-        """Make the next samples; without a word for 200 ms they fade to silence.
-
-        Returns:
-            float32 (n, 2), left and right, -1 to 1.
-        """
+        """Make samples, float32 (n, 2), left and right, -1 to 1; 200 ms without a frame fade to silence."""
         wanted, reported_at = self._reported
         if self._n_made - reported_at > HOLD_MS / 1000 * RATE_HZ:
             wanted = np.zeros(8)

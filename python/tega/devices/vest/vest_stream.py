@@ -74,14 +74,14 @@ class VestOptions(Options, frozen=True):
 
 
 class VestCounters(msgspec.Struct, kw_only=True):
-    """Counts of a live vest's writer.
+    """Counts of a live vest's writer, frames except where noted.
 
     Attributes:
-        written: Frames handed over.
-        sent: Frames sent, keep-alives and zeros included.
-        held: Frames that had to wait for the greatest rate.
+        written: Handed over.
+        sent: Keep-alives and zeros included.
+        held: Had to wait for the greatest rate.
         alike: Held frames that show the same as the previous one, so that nothing was lost.
-        superseded: Frames replaced by a newer one before they could be sent.
+        superseded: Replaced by a newer one before they could be sent.
         silenced: Times the watchdog sent zeros.
         lost: Times the link broke.
         problem: Why it broke last; empty if it never did.
@@ -182,12 +182,7 @@ class StreamedVest(Opened):
         return self.counters.alike
 
     def open(self) -> None:
-        """Connect and send zeros.
-
-        Raises:
-            DeviceUnavailableError: The vest is not there or does not answer in time.
-            MissingExtraError: A package it needs is not installed.
-        """
+        """Connect and send zeros; ``DeviceUnavailableError`` where the vest does not answer in time."""
         self.close()
         if self._last is not None and self._last.is_alive():
             raise DeviceUnavailableError(
@@ -229,14 +224,7 @@ class StreamedVest(Opened):
         release(self.close)
 
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        """Hand a frame over; returns at once.
-
-        Returns:
-            The frame within the limits; all zeros while the link is down or reports no vest.
-
-        Raises:
-            DeviceUnavailableError: The vest is not open.
-        """
+        """Hand a frame over at once, and return it within limits; all zeros while no vest is reached."""
         if self._thread is None:
             raise DeviceUnavailableError(f"{self.name} is not open", "open it first")
         with self._changed:
@@ -286,11 +274,10 @@ class StreamedVest(Opened):
         )
 
     def handed_over(self) -> list[tuple[int, int, int]]:
-        """Return the frames that left since the last call.
+        """Return the frames with new content that left since the last call, each as three times in ns.
 
-        Returns:
-            For each frame with new content: the ``t_ns`` it was written with, the monotonic time, ns, until which the
-            maximum rate held it back (0 if it did not), and the monotonic time at which it left.
+        They are the ``t_ns`` it was written with, the monotonic time until which the maximum rate held it
+        back (0 if it did not), and the monotonic time at which it left.
         """
         return [self._handed.popleft() for _ in range(len(self._handed))]
 

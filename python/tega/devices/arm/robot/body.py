@@ -8,20 +8,15 @@ from tega.arm.messages import HandSeen, Quaternion, Triple
 class RobotBody:
     """An arm that is led. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick.
 
-    Attributes:
-        facts: Facts about the arm, one line each.
-        success_rate: Share of the commands that the robot itself took in time; ``None`` where it does not say.
+    ``facts`` are about the arm, one line each. ``success_rate`` is the share of commands that the robot
+    itself took in time; ``None`` where it does not report it.
     """
 
     facts: tuple[str, ...] = ()
     success_rate: float | None = None
 
     def open(self) -> None:
-        """Connect; nothing moves but what its options ask for.
-
-        Raises:
-            TegaError: It is not there, or not the one that the settings ask for.
-        """
+        """Connect to the arm that the settings ask for; nothing moves but what its options ask for."""
         raise NotImplementedError
 
     def observe(self) -> HandSeen:

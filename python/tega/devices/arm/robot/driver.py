@@ -54,11 +54,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
 
 class ProcessArm(Opened):
-    """An arm in a separate process. A subclass names the body.
-
-    Attributes:
-        label: Name of the arm, for people.
-    """
+    """An arm in a separate process. A subclass names the body, and the arm for people (``label``)."""
 
     kind: ClassVar[Kind] = "arm"
     extra: ClassVar[str] = ""
@@ -124,11 +120,7 @@ class ProcessArm(Opened):
         return ""
 
     def open(self) -> None:
-        """Start the arm's process and wait until it has found the arm.
-
-        Raises:
-            TegaError: The arm's process reported a problem, or did not answer.
-        """
+        """Start the arm's process and wait until it has found the arm; raises the error that it reports."""
         if self._process is not None:
             return
         if sys.platform == "win32":
@@ -194,11 +186,7 @@ class ProcessArm(Opened):
             self._link = None
 
     def follow(self, command: ArmCommand) -> None:
-        """Send a command; never waits.
-
-        Raises:
-            DeviceUnavailableError: It is not open.
-        """
+        """Send a command; never waits. Raises ``DeviceUnavailableError`` if the arm is not open."""
         if self._process is None:
             raise DeviceUnavailableError(f"{self.name}: it is not open", "use it in a with block")
         self._sequence += 1
@@ -220,11 +208,7 @@ class ProcessArm(Opened):
         )
 
     def measured(self) -> StampedPose | None:
-        """Return the newest reported pose of the hand, in the base's axes; ``None`` before the first.
-
-        Raises:
-            DeviceUnavailableError: It is not open.
-        """
+        """Return the newest reported pose of the hand, in the base's axes; ``None`` before the first."""
         if self._process is None or self._link is None:
             raise DeviceUnavailableError(f"{self.name}: it is not open", "use it in a with block")
         while True:

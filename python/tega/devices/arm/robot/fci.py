@@ -43,11 +43,9 @@ Finding: TypeAlias = tuple[bool, str, str]
 
 
 class Library(NamedTuple):
-    """The libfranka that an installed package brings.
+    """The libfranka of an installed package, such as ``0.21.2``, and the robot server's version for it.
 
-    Attributes:
-        libfranka: Version of libfranka, such as ``0.21.2``; ``""`` if unknown.
-        server: Version of the robot server that it supports; ``None`` if unknown.
+    Where they are unknown, ``libfranka`` is ``""`` and ``server`` is ``None``.
     """
 
     package: str
@@ -82,13 +80,9 @@ def installed_library(package: str = "franky-control") -> Library | None:
 
 
 def server_version(host: str, *, timeout_s: float = 2.0) -> int:
-    """Ask a robot for the version of its server, and hang up.
+    """Ask a robot for the version of its server, and hang up; ``WrongDeviceError`` if it is not a robot.
 
     The robot takes one client at a time: do not ask while another steers it.
-
-    Raises:
-        DeviceUnavailableError: The robot does not answer; the hint lists what to check.
-        WrongDeviceError: The answering device is not a robot.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states:
         states.bind(("", 0))
@@ -182,20 +176,11 @@ def machine_findings() -> list[Finding]:
 def preflight(
     host: str, *, robot: str = "", realtime: bool = True
 ) -> tuple[int, Library | None, list[Finding]]:
-    """Ask a robot for its version, and see whether library and machine are fit to lead it; nothing moves.
+    """Ask a robot for its version, and check whether library and machine are fit to lead it; nothing moves.
 
-    Args:
-        host: The robot's address.
-        robot: ``panda`` or ``fr3``, as the settings say; ``""`` for either.
-        realtime: Whether this machine has to be fit for real time too.
-
-    Returns:
-        Version of the robot's server; the installed library, ``None`` if there is none; and the
-        findings.
-
-    Raises:
-        DeviceUnavailableError: The robot does not answer.
-        WrongDeviceError: The answering device is not a robot.
+    ``robot`` is ``panda`` or ``fr3``, as in the settings; ``""`` for either. ``realtime``: the machine has to
+    be fit for real time too. The result is the version of the robot's server, the installed library (``None``
+    if there is none) and the findings. Raises ``WrongDeviceError`` if the device is not a robot.
     """
     server, library = server_version(host), installed_library()
     fix, kind = the_fix(server, library), "Panda" if server in _PANDA_SERVERS else "FR3"

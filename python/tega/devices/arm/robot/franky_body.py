@@ -55,10 +55,7 @@ class FrankyBody(RobotBody):
     def open(self) -> None:
         """Connect, clear old errors, set load and thresholds, and go to the start posture if one is given.
 
-        Raises:
-            MissingExtraError: franky is not installed.
-            DeviceUnavailableError: The robot is not there, or does not let itself be steered.
-            WrongDeviceError: Its server is of another version than the library, or it is another robot.
+        ``WrongDeviceError``: its server's version is not the library's, or it is another model of robot.
         """
         franky = self._franky = require("franky", driver="franky", extra="arm")
         o, host = self._o, self._o["host"]

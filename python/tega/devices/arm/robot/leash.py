@@ -26,15 +26,12 @@ class Order(NamedTuple):
 
 
 class Leash:
-    """Judges commands by session, number, age and hold, the layered times of ``docs/arm.md`` at the robot's end.
+    """Judges commands by session, number, age and hold, the layered times of ``docs/arm.md``, at the robot.
 
-    Without a command for ``hold_ms`` the arm holds its position; after ``silent_ms`` the operator has to engage
-    again; after ``stop_ms`` the arm rests. A burst of old commands moves nothing, since each command is judged by the
-    time at which it was made.
-
-    Args:
-        session: Session that commands have to belong to.
-        settings: The times; the chain's own, so that both ends agree.
+    Without a command for ``hold_ms`` the arm holds its position; after ``silent_ms`` the operator has to
+    engage again; after ``stop_ms`` the arm rests. A burst of old commands moves nothing, since each command
+    is judged by the time at which it was made. ``settings`` are the chain's own times, so that both ends
+    agree.
     """
 
     def __init__(self, session: int, settings: WatchdogSettings | None = None) -> None:

@@ -45,11 +45,7 @@ from tega.errors import TegaError
 
 
 class Slew:
-    """Moves a target towards the requested pose, along the straight line and the shortest rotation.
-
-    Args:
-        turn_rad_s: Maximum angular speed.
-    """
+    """Moves a target towards the requested pose, along the straight line and the shortest rotation."""
 
     def __init__(self, speed_m_s: float, turn_rad_s: float, place: Triple, turn: Quaternion) -> None:
         self._speed_m_s, self._turn_rad_s = speed_m_s, turn_rad_s
@@ -82,14 +78,9 @@ _REST_S = 3.0
 class ProcessSettings(msgspec.Struct, frozen=True):
     """Settings of the arm's process, from its command line.
 
-    Attributes:
-        link: The socket, a file descriptor that it inherits.
-        session: Session that commands have to belong to.
-        body: Module and class of the arm.
-        options: The driver's options.
-        rate_hz: Rate of the loop.
-        speed_m_s: The target goes no faster.
-        turn_rad_s: Maximum angular speed of the target.
+    ``link`` is an inherited file descriptor, the socket. Commands of any other ``session`` are refused.
+    ``body`` is module and class of the arm. ``speed_m_s`` and ``turn_rad_s`` are maxima of the target's
+    speed.
     """
 
     link: int

@@ -20,10 +20,9 @@ _CLIP_M, _CLIP_RAD = 0.03, 0.2
 
 
 class SpringBody(RobotBody):
-    """x'' = K clip(target - x) - 2 sqrt(K) x', and the same for turns; without gravity, joints or walls. Simulated.
+    """Simulated: x'' = K clip(target - x) - 2 sqrt(K) x', the same for turns; no gravity, joints or walls.
 
-    Args:
-        options: ``place_m`` and ``turn_xyzw``, where it is at the start.
+    ``place_m`` and ``turn_xyzw`` of ``options`` are the pose at the start.
     """
 
     facts = ("simulated: a hand of 1 kg on a damped spring, no robot",)

@@ -19,11 +19,8 @@ _COLUMNS = ["t_s", *PoseNumbers.table]
 def read_poses(path: Path) -> list[StampedPose]:
     """Return the poses of a file; the gate, not the reader, rejects bad poses.
 
-    The columns may stand in any order, separated by commas, semicolons or tabs.
-
-    Raises:
-        RecordingError: The file is missing, lacks a column, a word that is no number, or a time that is not
-            finite or earlier than the one before; the message names the line.
+    The columns may stand in any order, separated by commas, semicolons or tabs. ``RecordingError`` names the
+    line: a column is missing, a word is not a number, or a time is not finite or earlier than the one before.
     """
     poses: list[StampedPose] = []
     try:
@@ -66,11 +63,7 @@ def write_poses(path: Path, poses: Iterable[StampedPose]) -> None:
 
 
 class RecordedPoses:
-    """Plays poses at the times of their stamps, the first of them at the first call.
-
-    Raises:
-        RecordingError: There are none.
-    """
+    """Plays poses, of which there must be one, at the times of their stamps, the first at the first call."""
 
     def __init__(self, poses: Sequence[StampedPose], *, delay_ns: int = 0) -> None:
         if not poses:
