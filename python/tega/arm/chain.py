@@ -61,15 +61,11 @@ _AGAIN = "; let the clutch go and press it again"
 class ArmChain:
     """Gate, axes, filter, clutch, workspace, clip, limits, watchdogs; no clock, no thread, no device.
 
-    The operator engages by pressing the clutch with the dead-man switch held; the target then follows the forearm.
-    :attr:`ArmCommand.state` and ``reason`` give the state and its cause. The target never leaves box and cone and
-    never exceeds the limits of speed and acceleration, for any input.
-
-    Attributes:
-        doubt: Why poses that come are not believed now; ``""`` while they are, and where none come.
-
-    Raises:
-        InvalidValueError: A setting is out of its range.
+    The operator engages by pressing the clutch with the dead-man switch held; the target then follows the
+    forearm. :attr:`ArmCommand.state` and ``reason`` give the state and its cause. The target never leaves box
+    and cone and never exceeds the limits of speed and acceleration, for any input. ``doubt`` is why poses
+    that come are not believed now; ``""`` while they are, and where none come. A setting out of its range
+    raises ``InvalidValueError``.
     """
 
     def __init__(self, settings: ArmSettings | None = None) -> None:
@@ -101,12 +97,9 @@ class ArmChain:
     ) -> ArmCommand:
         """Process new inputs, and return the command to the arm.
 
-        Args:
-            now_ns: The time, on the clock of the stamps, nanoseconds. Time that goes back lets the arm go.
-            poses: Forearm poses since the last call, in the tracker's axes, oldest first.
-            clutch: Whether the operator presses the clutch.
-            dead_man: Whether the dead-man switch is held.
-            measured: New measured pose of the hand, base's axes, if there is one.
+        ``now_ns`` is on the clock of the stamps; time that goes back lets the arm go. ``poses`` are the
+        forearm's since the last call, in the tracker's axes, oldest first. ``measured`` is a new measured
+        pose of the hand, base's axes, if there is one.
         """
         dt_s = 0.0 if self._now_ns is None else (now_ns - self._now_ns) / 1e9
         if dt_s < 0:

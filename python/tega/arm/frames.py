@@ -45,14 +45,11 @@ def turned(yaw_rad: float) -> NDArray[np.float64]:
 
 
 class ToBase:
-    """Changes the axes of poses: p' = M p and R' = M R Mᵀ.
+    """Changes the axes of poses: p' = M p and R' = M R Mᵀ, with ``matrix`` M, float64 (3, 3).
 
-    M is the frame's matrix, then the turn that brings the operator's heading to x, then the mirror where it is
-    asked for (left and right are the operator's), then the turn from the operator's axes to those of the base. As a
-    quaternion R' is (det(M) M v, w): a matrix that mirrors turns the sense of rotation as well.
-
-    Attributes:
-        matrix: M, float64 (3, 3).
+    M is the frame's matrix, then the turn that brings the operator's heading to x, then the mirror where it
+    is asked for (left and right are the operator's), then the turn from the operator's axes to those of the
+    base. As a quaternion R' is (det(M) M v, w): a matrix that mirrors turns the sense of rotation as well.
     """
 
     def __init__(self, settings: MappingSettings) -> None:

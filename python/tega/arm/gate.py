@@ -33,11 +33,7 @@ def malformed(pose: StampedPose, settings: GateSettings) -> str:
 
 
 class PoseGate:
-    """Looks at poses one after the other.
-
-    Attributes:
-        last_ns: Stamp of the last pose that was believed; ``None`` before the first.
-    """
+    """Judges poses one after the other; ``last_ns``: stamp of the last believed one, ``None`` before it."""
 
     def __init__(self, settings: GateSettings) -> None:
         self._s = settings

@@ -23,12 +23,9 @@ _GAP_NS = 300_000_000
 
 
 class ForwardCheck(NamedTuple):
-    """Verdict on a forward movement, as the robot sees it.
+    """Verdict on a forward movement, as the robot sees it, with a message to the operator (``words``).
 
-    Attributes:
-        ok: Whether it is forward.
-        off_rad: By how much it points to the left (positive) or right of forward.
-        words: Message to the operator.
+    ``off_rad`` is by how much it points to the left (positive) or right of forward.
     """
 
     ok: bool
@@ -71,12 +68,9 @@ def kept_yaw(yaw_rad: float) -> float:
 
 
 def check_forward(positions: ArrayLike, *, frame: str, yaw_rad: float) -> ForwardCheck:
-    """Judge a second forward movement after calibration, while the operator watches the arm's picture go forward.
+    """Judge a second forward movement after calibration, while the operator watches the arm's picture.
 
-    Args:
-        positions: (n, 3), places of the tracker during it, metres.
-        frame: Axes of the tracker.
-        yaw_rad: The calibration.
+    ``positions`` (n, 3), in metres, are places of the tracker during it, in its axes ``frame``.
     """
     try:
         away = turned(-yaw_rad) @ _sweep(positions, FRAMES[frame])

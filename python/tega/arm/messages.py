@@ -21,12 +21,9 @@ class ArmTargetWords(msgspec.Struct, frozen=True, tag="Asked"):
         session: Session of the command; the arm obeys one session only.
         sequence: Its number, rising.
         t_ns: When it was made, monotonic clock.
-        state: State of the chain.
         engagements: How often the operator has taken hold.
         place: Metres; ``None`` asks nothing of the arm.
         turn: x, y, z, w.
-        velocity_m_s: Linear velocity of the target.
-        velocity_rad_s: Its turning.
     """
 
     session: int
@@ -67,7 +64,7 @@ class Health(msgspec.Struct, frozen=True):
         worst_ms: The longest time between two.
         late: Ticks in all that came after more than two periods.
         refused: Commands in all that were not obeyed.
-        success_rate: Share of the commands that the robot itself took in time; ``None`` where it does not say.
+        success_rate: Share of commands that the robot took in time; ``None`` where it does not report it.
     """
 
     rate_hz: float = 0.0
@@ -78,12 +75,9 @@ class Health(msgspec.Struct, frozen=True):
 
 
 class HandSeen(NamedTuple):
-    """Place and turn of the robot's hand, or of its target, with their time.
+    """Place and turn (x, y, z, w) of the robot's hand, or of its target, in metres and the base's axes.
 
-    Attributes:
-        t_ns: When it was there, monotonic clock; does not rise while the robot says nothing new.
-        place: Metres, base's axes.
-        turn: x, y, z, w.
+    ``t_ns`` is when it was there, monotonic clock; it does not rise while the robot sends nothing new.
     """
 
     t_ns: int
@@ -94,13 +88,8 @@ class HandSeen(NamedTuple):
 class ArmStatusWords(msgspec.Struct, frozen=True, tag="Told"):
     """Pose of the robot's hand and state of the arm, from the arm's process to the run.
 
-    Attributes:
-        seen: The hand.
-        phase: Phase of the arm.
-        reason: Why, in words.
-        refusal: Why the last command that was not obeyed was not.
-        health: Health of its loop.
-        led: Its newest target, after everything that limits it; ``None`` while it is not led.
+    ``reason`` belongs to ``phase``; ``refusal`` is why the last command that was not obeyed was not. ``led``
+    is its newest target, after everything that limits it; ``None`` while it is not led.
     """
 
     seen: HandSeen
@@ -112,23 +101,13 @@ class ArmStatusWords(msgspec.Struct, frozen=True, tag="Told"):
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
-    """The arm is there.
-
-    Attributes:
-        facts: Facts about the arm, one line each, such as its versions.
-    """
+    """The arm is there; ``facts`` are about it, one line each, such as its versions."""
 
     facts: tuple[str, ...]
 
 
 class Failed(msgspec.Struct, frozen=True, tag=True):
-    """The arm could not be opened.
-
-    Attributes:
-        kind: Name of the error's class in :mod:`tega.errors`.
-        message: Description of the problem.
-        hint: Fix for the problem.
-    """
+    """The arm could not be opened; ``kind`` is the name of the error's class in :mod:`tega.errors`."""
 
     kind: str
     message: str
@@ -141,10 +120,6 @@ encode = msgspec.msgpack.Encoder().encode
 
 
 def decode(data: bytes) -> Message:
-    """Decode a message of the run or of the arm's process.
-
-    Raises:
-        msgspec.DecodeError: It is none.
-    """
+    """Decode a message of the run or of the arm's process; raises ``msgspec.DecodeError``."""
     message: Message = _decoder.decode(data)
     return message

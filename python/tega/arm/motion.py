@@ -117,13 +117,8 @@ class _Tick:
 class Follower:
     """Moves the target towards a goal, within limits.
 
-    Args:
-        limits: Limits of speed and acceleration, and of the distance to the measured pose.
-        start: Where it is at first, at rest; has to be inside.
-
-    Attributes:
-        velocity_m_s: float64 (3,).
-        velocity_rad_s: float64 (3,), about the base's axes.
+    ``start``, at rest, must be inside. ``velocity_m_s`` and ``velocity_rad_s``, float64 (3,), are in the
+    base's axes.
     """
 
     def __init__(self, limits: LimitSettings, workspace: Workspace, start: Pose) -> None:
@@ -151,13 +146,10 @@ class Follower:
         self._go(mean * dt_s, turning * dt_s)
 
     def step(self, goal: Pose, dt_s: float, measured: Pose | None = None) -> None:
-        """Go on towards a goal inside the workspace.
+        """Go on towards a goal inside the workspace for ``dt_s``, more than 0.
 
-        Args:
-            goal: Pose to move to.
-            dt_s: For how long, more than 0.
-            measured: Where the hand is. If the way to stop lies within the clip around it, it stays there; where
-                it does not, since the hand was moved, box and cone alone bind the way back.
+        If the way to stop lies within the clip around the ``measured`` hand, it stays there; where it does
+        not, since the hand was moved, box and cone alone bind the way back.
         """
         place, q = self.pose
         v, w = self.velocity_m_s, self.velocity_rad_s

@@ -29,15 +29,16 @@ _LONGEST_S = 0.05
 
 
 class MoveToStart(Opened):
-    """Gives the poses of a forearm that leads the arm to its start, in the base's axes, unscaled and not mirrored.
+    """Gives poses of a forearm that leads the arm to its start, in the base's axes, unscaled, not mirrored.
 
-    The arm moves only in state ``following``, and its path starts from the target that the chain has actually set. So
-    the chain's gate, clutch, dead-man, workspace, clip, limits and watchdogs apply as on any other path.
+    The arm moves only in state ``following``, and its path starts from the target that the chain has actually
+    set. So the chain's gate, clutch, dead-man, workspace, clip, limits and watchdogs apply as on any other
+    path.
 
     Attributes:
         state: Newest state of the chain; ``""`` before.
         left_m: How far the target is from the start; ``None`` before it was known.
-        off_m: Distance of the arm itself from the start, as measured; ``None`` before it was known.
+        off_m: Measured distance of the arm itself from the start; ``None`` before it was known.
         there: Whether the target rests at the start.
         seen_s: When the chain was last seen, on the monotonic clock.
     """

@@ -14,12 +14,11 @@ ArmState = Literal["idle", "following", "holding", "stopped"]
 class StampedPose(NamedTuple):
     """One measured rigid pose of the operator's forearm, or of the arm's own hand.
 
-    A pose has one position and one orientation. It has no fields for fingers, so finger tracking cannot reach the
-    arm.
+    It has no fields for fingers, so finger tracking cannot reach the arm.
 
     Attributes:
-        t_ns: When it was so, on the machine's monotonic clock, nanoseconds.
-        position_m: x, y, z in the frame of the measuring device, metres.
+        t_ns: When it was so, on the machine's monotonic clock.
+        position_m: x, y, z in the frame of the measuring device.
         quaternion_xyzw: Its turn, x, y, z, w.
         valid: Validity according to the source: false if the pose was lost, guessed or extrapolated.
     """
@@ -31,11 +30,9 @@ class StampedPose(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """A place and a turn in the axes of the robot's base: x forward, y left, z up.
+    """A place, float64 (3,), and a turn, float64 (4,), unit length, in the axes of the robot's base.
 
-    Attributes:
-        position_m: float64 (3,), metres.
-        quaternion_xyzw: float64 (4,), unit length, x, y, z, w.
+    x is forward, y left, z up.
     """
 
     position_m: NDArray[np.float64]
@@ -43,17 +40,16 @@ class Pose(NamedTuple):
 
 
 class ArmCommand(NamedTuple):
-    """Command to the arm: its state, its target and the target's speed.
+    """Command to the arm: its state, its target and the target's speed in the base's axes, float64 (3,).
 
     Attributes:
-        t_ns: When, as the caller said.
-        state: ``idle`` (not steered), ``following``, ``holding`` (it would follow, but something is missing) or
-            ``stopped`` (the driver ends with damping and without force; a person has to allow it to go on).
+        t_ns: When, by the caller's clock.
+        state: ``idle`` (not steered), ``following``, ``holding`` (it would follow, but something is missing)
+            or ``stopped`` (the driver ends with damping and without force; a person has to allow it to go
+            on).
         reason: Why it is so, for the operator.
         target: Where the hand shall be; ``None`` asks nothing of the arm.
-        velocity_m_s: float64 (3,), speed of the target in the base's axes.
-        velocity_rad_s: float64 (3,), its turning, about the base's axes.
-        engagements: How often the operator has taken hold of the arm; a driver refuses a lower number than its own.
+        engagements: How often the operator has taken hold; a driver refuses a lower number than its own.
     """
 
     t_ns: int
@@ -69,9 +65,5 @@ class PoseSource(Protocol):
     """Source of forearm poses."""
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
-        """Return the poses that came since the last call, oldest first; never waits.
-
-        Args:
-            now_ns: The time on the clock of the stamps.
-        """
+        """Return the poses since the last call, oldest first; never waits. ``now_ns``: the stamps' clock."""
         ...

@@ -73,11 +73,7 @@ class MappingSettings(_ChainStage, frozen=True):
     absolute: bool = False
 
     def __post_init__(self) -> None:
-        """Check that absolute poses are taken as they are.
-
-        Raises:
-            InvalidValueError: Another setting would change them.
-        """
+        """Check that no other setting changes absolute poses."""
         plain = self.frame in {"base", "ros"} and not (self.yaw_rad or self.base_yaw_rad or self.mirrored)
         if self.absolute and not (plain and {self.scale, *self.gain_xyz, *self.gain_turn} == {1.0}):
             raise InvalidValueError(
@@ -141,11 +137,7 @@ class LimitSettings(_ChainStage, frozen=True):
     ahead_rad: Annotated[float, msgspec.Meta(gt=0, le=3)] = 0.2
 
     def __post_init__(self) -> None:
-        """Check conditions between several numbers.
-
-        Raises:
-            InvalidValueError: The box is empty or not finite, or an axis has no direction.
-        """
+        """Check that the box is finite and not empty, and that each axis has a direction."""
         for axis, low, high in zip("xyz", self.low_m, self.high_m, strict=True):
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise InvalidValueError(
@@ -175,11 +167,7 @@ class WatchdogSettings(_ChainStage, frozen=True):
     late_ms: _Ms = 100.0
 
     def __post_init__(self) -> None:
-        """Check the order of the times.
-
-        Raises:
-            InvalidValueError: A later step would come before an earlier one.
-        """
+        """Check that no later step comes before an earlier one."""
         if not (self.hold_ms <= self.lost_ms and self.hold_ms <= self.silent_ms <= self.stop_ms):
             raise InvalidValueError(
                 f"hold_ms {self.hold_ms:g}, lost_ms {self.lost_ms:g}, silent_ms {self.silent_ms:g}, "
@@ -189,15 +177,7 @@ class WatchdogSettings(_ChainStage, frozen=True):
 
 
 class ArmSettings(_ChainStage, frozen=True):
-    """Settings of the arm's whole chain.
-
-    Attributes:
-        gate: Conditions for accepting a pose.
-        mapping: How motion becomes motion.
-        filter: The One-Euro filter.
-        limits: Where the target may be and how it may move.
-        watchdog: Times without news, and their consequences.
-    """
+    """Settings of the arm's whole chain."""
 
     gate: GateSettings = GateSettings()
     mapping: MappingSettings = MappingSettings()
@@ -207,11 +187,7 @@ class ArmSettings(_ChainStage, frozen=True):
 
 
 def checked(settings: ArmSettings) -> ArmSettings:
-    """Return the settings after a check that every number is in its range.
-
-    Raises:
-        InvalidValueError: One is not; the message names it.
-    """
+    """Return the settings if every number is in its range; ``InvalidValueError`` names one that is not."""
     try:
         return msgspec.convert(msgspec.to_builtins(settings), ArmSettings)
     except msgspec.ValidationError as error:

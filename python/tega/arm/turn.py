@@ -14,12 +14,10 @@ class Turn(NamedTuple):
     Attributes:
         t_ns: When, on the clock of the stamps.
         poses: Forearm poses since the last turn, in the tracker's axes.
-        clutch: Whether the clutch is pressed.
-        dead_man: Whether the dead-man switch is held.
         may_move: Whether the run lets the arm move.
         measured: New measured pose of the hand, if there is one.
         stopped: Why the arm is to stop now; ``""`` if it is not to.
-        cleared: Whether a person has said that it may go on.
+        cleared: Whether a person has allowed it to go on.
     """
 
     t_ns: int

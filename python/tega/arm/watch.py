@@ -24,12 +24,7 @@ class Level(IntEnum):
 
 
 class Trouble(NamedTuple):
-    """Trouble with the poses or the arm, and its consequence.
-
-    Attributes:
-        reason: In words for the operator.
-        silent: Whether it is that no poses come.
-    """
+    """Trouble with the poses or the arm, in words for the operator; ``silent``: it is that no poses come."""
 
     level: Level
     reason: str
@@ -79,12 +74,7 @@ class ArmWatch:
         return self._arm_ns is not None and (now_ns - self._arm_ns) / 1e6 <= self._s.hold_ms
 
     def trouble(self, now_ns: int, away_ms: float) -> Trouble:
-        """Return the worst trouble there is.
-
-        Args:
-            now_ns: The time.
-            away_ms: How long ago the caller last asked.
-        """
+        """Return the worst trouble there is; ``away_ms`` is how long ago the caller last asked."""
         return max(
             self.with_poses(now_ns),
             self._with_arm(now_ns),

@@ -18,9 +18,7 @@ _GIVE_RAD = 1e-8
 class Workspace:
     """Limits poses to a box for the place and a cone for the lean.
 
-    Attributes:
-        tool_axis: float64 (3,), unit length, in the hand's axes.
-        upright: float64 (3,), unit length, in the base's axes.
+    ``tool_axis``, in the hand's axes, and ``upright``, in the base's, are float64 (3,), unit length.
     """
 
     def __init__(self, limits: LimitSettings) -> None:
@@ -95,12 +93,9 @@ def _angle(a: Floats, b: Floats) -> float:
 
 
 def clipped(goal: Pose, measured: Pose, limits: LimitSettings) -> Pose:
-    """Return the goal, or the pose on the way to it that is as far from the measured one as is allowed.
+    """Return the goal, or the pose on the way to it that is as far from the measured hand as allowed.
 
-    Args:
-        goal: Pose to move to.
-        measured: Where the hand is.
-        limits: ``ahead_m`` and ``ahead_rad``.
+    The limits are ``ahead_m`` and ``ahead_rad``.
     """
     away = goal.position_m - measured.position_m
     turn = between(measured.quaternion_xyzw, goal.quaternion_xyzw)
