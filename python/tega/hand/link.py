@@ -19,12 +19,10 @@ from tega.wire import CanFrame
 
 
 class Received(NamedTuple):
-    """A frame as an adapter gives it.
+    """A frame from an adapter.
 
-    Attributes:
-        remote: Whether it is a request.
-        extended: Whether the identifier has 29 bits.
-        error: Whether it is an error frame of the controller.
+    ``remote``: it is a request. ``extended``: the identifier has 29 bits. ``error``: an error frame of the
+    controller.
     """
 
     id: int
@@ -35,11 +33,7 @@ class Received(NamedTuple):
 
 
 class HandFault(NamedTuple):
-    """Fault for which the hand was let go for good.
-
-    Attributes:
-        kind: One word, such as ``wrong-version``, ``no-answer``, ``too-hot``, ``silent``, ``frozen``.
-    """
+    """Fault for which the hand was let go for good; ``kind`` is one word, such as ``no-answer``."""
 
     kind: str
     message: str
@@ -73,16 +67,15 @@ class HandCounts(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HandState(NamedTuple):
-    """State of the conversation with a hand.
+    """State of the exchange with a hand.
 
     Attributes:
-        phase: ``listening``, ``identifying``, ``checking``, ``running``, ``silent``, ``releasing``, ``stopped`` or
-            ``faulted``.
+        phase: ``listening``, ``identifying``, ``checking``, ``running``, ``silent``, ``releasing``,
+            ``stopped`` or ``faulted``.
         hardware: Version, such as ``4.2``; ``""`` before the hand has answered.
-        firmware: Version, such as ``4.6``.
         serial: Serial number without its ``SAH040``.
         palm_c: Temperature of the palm board, °C.
-        servo_on: Servo state according to the hand; some firmware is said to ignore SERVO ON and OFF.
+        servo_on: Servo state according to the hand; some firmware is reported to ignore SERVO ON and OFF.
         joints_c: Joint temperatures, °C; ``None`` where a sensor does not answer.
         heat_share: Share of the torque limits that the temperature leaves.
     """
@@ -99,23 +92,16 @@ class HandState(NamedTuple):
 
 
 class HandLink:
-    """A conversation with one hand, from the first request to the last SERVO OFF.
+    """An exchange with one hand, from the first request to the last SERVO OFF.
 
-    Before torque: 50 ms of listening for another program, INFORMATION (version 4, the side asked for, no temperature
-    fault), zero torque and SERVO OFF, periods of 3 ms, 34 sets of positions looked at. To a hand that is not the one
-    that was meant nothing but the request is sent.
+    Before torque: 50 ms of listening for another program, INFORMATION (version 4, the side asked for, no
+    temperature fault), zero torque and SERVO OFF, periods of 3 ms, 34 sets of positions looked at. A hand
+    that is not the intended one is sent nothing but the request.
 
-    Args:
-        controller: Gains, limits and poses; it is copied.
-        device_id: The hand's number on its bus, 0 to 3.
-        torque: Whether to switch the motors on; without it the hand is only read.
-        silent_after_ms: Without a set of positions for so long the motors go off.
-        lowest_rate_hz: Sets of positions a second that are needed.
-        reconnects: How often a silent hand is looked for again, once a second.
-
-    Raises:
-        InvalidValueError: A number is out of range.
-        WireError: ``device_id`` is above 3.
+    ``controller`` is copied. ``device_id`` is the hand's number on its bus, 0 to 3 (else ``WireError``).
+    Without ``torque`` the hand is only read. Without a set of positions for ``silent_after_ms`` the motors go
+    off; ``lowest_rate_hz`` is the rate of sets that is needed. ``reconnects`` is how often a silent hand is
+    looked for again, once a second.
     """
 
     def __init__(
@@ -143,17 +129,12 @@ class HandLink:
     def exchange(
         self, frames: Sequence[Received], t_ns: int, level: float, added: float = 0.0
     ) -> list[CanFrame]:
-        """Process the received frames and return the frames to send, in order.
+        """Process the frames received since the last call and return the frames to send, in order.
 
-        Args:
-            frames: Since the last call; may be none.
-            t_ns: Time of a clock that never goes back, ns.
-            level: Closure level asked for, 1 to 5 with fractions between two poses.
-            added: Levels that a reflex adds, 0 to :data:`tega.hand.motion.MOST_ADDED_LEVELS`; ignored while the hand
-                is let go.
-
-        Raises:
-            InvalidValueError: Level or addition is out of range; nothing has changed then.
+        ``t_ns`` is on a clock that never goes back. ``level`` is 1 to 5 with fractions between two poses.
+        ``added`` are levels that a reflex adds, 0 to :data:`tega.hand.motion.MOST_ADDED_LEVELS`, ignored
+        while the hand is let go. An ``InvalidValueError`` for a level or addition out of range leaves
+        everything unchanged.
         """
         return [
             CanFrame(*sent) for sent in self._link.exchange(list(frames), t_ns, float(level), float(added))

@@ -66,9 +66,9 @@ def joint_places() -> tuple[
 ]:
     """Return where the joints are in the palm's frame with all angles 0, by finger in the hand's order.
 
-    Returns:
-        Place (4, 3), metres, and rotation (4, 3, 3) of each finger's first joint; the joints' axes (4, 4, 3); and from
-        each joint to the next, from the last one to the middle of the pad (4, 4, 3), metres. All float64.
+    The result, all float64: place (4, 3), metres, and rotation (4, 3, 3) of each finger's first joint; the
+    joints' axes (4, 4, 3); and from each joint to the next, from the last one to the middle of the pad (4, 4,
+    3), metres.
     """
     bases_m, turns, axes, offsets_m = [], [], [], []
     for name in HAND_FINGERS:

@@ -35,16 +35,10 @@ _LEVELS = range(1, 6)
 
 
 def load_poses(file: Path) -> NDArray[np.float64]:
-    """Read closure poses.
+    """Read the joint angles of the closure levels, float64 (5, 16), rad.
 
-    Args:
-        file: The pose file.
-
-    Returns:
-        Joint angles, float64 (5, 16), rad.
-
-    Raises:
-        ConfigError: The file is missing, is no TOML, or a level, finger or angle is missing, odd or out of range.
+    ``ConfigError``: the file is missing, is no TOML, or a level, finger or angle is missing, odd or out of
+    range.
     """
     try:
         tables = parse_toml(read_words(file, error=ConfigError))
@@ -80,15 +74,10 @@ def _pose(file: str, name: str, table: object) -> list[float]:
 
 
 def save_poses(file: Path, poses_rad: ArrayLike) -> None:
-    """Write closure poses, to a tenth of a milliradian.
+    """Write closure poses, (5, 16), rad, to a tenth of a milliradian.
 
-    Args:
-        file: The pose file; replaced in one step, so that a reader never sees half of it.
-        poses_rad: Joint angles, (5, 16), rad.
-
-    Raises:
-        InvalidValueError: An angle is not finite or within 0.04 rad of a joint limit.
-        ShapeError: The array is not (5, 16).
+    The file is replaced in one step, so that a reader never sees half of it. ``InvalidValueError``: an angle
+    is not finite or within 0.04 rad of a joint limit.
     """
     poses = np.asarray(poses_rad, np.float64).round(4)
     HandController(poses_rad=poses)
@@ -105,15 +94,10 @@ def save_poses(file: Path, poses_rad: ArrayLike) -> None:
 def taught(
     poses_rad: ArrayLike | None, level: int, angles_rad: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the poses with measured angles in the place of one level's.
+    """Return the poses with measured angles, float64 (16,), in the place of one level's, 1 to 5.
 
-    Args:
-        poses_rad: The poses so far, (5, 16); ``None`` for the built-in ones.
-        level: Level to replace, 1 to 5.
-        angles_rad: Measured angles, float64 (16,).
-
-    Returns:
-        The new poses, float64 (5, 16), and the names of the joints that had to be moved inside the limits.
+    ``poses_rad`` (5, 16) are the poses so far; ``None`` for the built-in ones. The result is the new poses,
+    float64 (5, 16), and the names of the joints that had to be moved inside the limits.
     """
     poses = np.array(CLOSURE_POSES_RAD if poses_rad is None else poses_rad, np.float64)
     # A hair more than the margin, since the file is rounded.
@@ -127,10 +111,8 @@ def taught(
 class ClosureScale:
     """Reads a hand's closure off its joint angles: 1 in the pose of level 1, 5 in that of level 5.
 
-    Angles are projected onto the way from the first pose to the last; between two levels they count in proportion.
-
-    Args:
-        poses_rad: Joint angles of the five levels, float64 (5, 16), rad; the built-in ones where ``None``.
+    Angles are projected onto the way from the first pose to the last; between two levels they count in
+    proportion. ``poses_rad`` are those of the five levels, float64 (5, 16); the built-in ones where ``None``.
     """
 
     def __init__(self, poses_rad: NDArray[np.float64] | None = None) -> None:
@@ -139,11 +121,7 @@ class ClosureScale:
         self._at_level: list[float] = (poses @ self._route).tolist()
 
     def __call__(self, angles_rad: NDArray[np.float64]) -> float:
-        """Return the closure.
-
-        Args:
-            angles_rad: Joint angles, float64 (16,), rad.
-        """
+        """Return the closure at joint angles, float64 (16,), rad."""
         at = float(angles_rad @ self._route)
         for level, (one, other) in enumerate(pairwise(self._at_level), start=1):
             if at < other:

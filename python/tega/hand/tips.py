@@ -53,12 +53,9 @@ def fingertips_m(angles_rad: ArrayLike) -> NDArray[np.float64]:
 
 
 def tip_heights_mm(angles_rad: ArrayLike) -> tuple[float, ...]:
-    """Return the height of each fingertip over the palm of a hand that holds something upright, thumb first.
+    """Return the height of each fingertip over the palm, thumb first, of a hand that holds something upright.
 
-    Args and errors are those of :func:`fingertips_m`.
-
-    Returns:
-        Four heights, millimetres.
+    Angles and errors are those of :func:`fingertips_m`.
     """
     heights: list[float] = (1e3 * fingertips_m(angles_rad)[:, 1]).tolist()
     return tuple(heights)
