@@ -47,15 +47,10 @@ class _Run(msgspec.Struct):
 class KeptDose:
     """Loads a vest's dose from earlier runs into its budget, and stores the dose of this run.
 
-    Args:
-        file: File of the person; written when the run begins, every five seconds, and when it ends.
-        budget: The vest's, before its first frame.
-        may_be: Files of the people that an unnamed wearer may be. For each motor the highest dose among them is
-            added.
-        now_s: The time of day, seconds.
-
-    Raises:
-        CalibrationError: The file cannot be read.
+    The person's ``file`` is written when the run begins, every five seconds, and when it ends;
+    ``CalibrationError`` if it cannot be read. ``budget`` is the vest's, before its first frame. ``may_be``
+    are the files of the people that an unnamed wearer may be: for each motor the highest dose among them is
+    added. ``now_s`` is the time of day.
     """
 
     def __init__(

@@ -30,9 +30,8 @@ _NUMBERS = re.compile(r"[\d.]+")
 class StreamReport(Protocol):
     """Report of a live stream.
 
-    Attributes:
-        lost: Reason why the source went away; ``""`` while it is there.
-        faults: Channels that have no vote now, with the reason.
+    ``lost`` is why the source went away; ``""`` while it is there. ``faults`` are channels that have no vote
+    now, with the reason.
     """
 
     lost: str
@@ -40,12 +39,10 @@ class StreamReport(Protocol):
 
 
 class Watched(NamedTuple):
-    """A live stream that the run needs.
+    """A live stream that the run needs, ``emg`` or a finger.
 
-    Attributes:
-        name: ``emg`` or the finger.
-        rate_hz: Blocks or pictures a second; ``None`` where that is not known.
-        driver_faults: Faults of the stream according to its driver, in words.
+    ``rate_hz`` is blocks or pictures a second; ``None`` where that is not known. ``driver_faults`` are the
+    driver's, in words.
     """
 
     name: str
@@ -65,7 +62,7 @@ class Guard:
         go: Whether an armed run may become active.
         program: Returns the level that a program sets in place of the muscles' own; ``None`` for none.
         alerts: Alerts that do not change the state, by name: each returns its text, ``""`` for none.
-        needs: Further requirements of the run, by name: each returns why it is missing, ``""`` if it is there.
+        needs: Further requirements, by name: each returns why it is missing, ``""`` if it is there.
 
     Attributes:
         observers: Called with every change of state, in the loop's thread.
@@ -126,13 +123,9 @@ class Guard:
         return self._states.state in {"active", "hold"}
 
     def level(self, wanted: float) -> float:
-        """Return the closure level to command to the hand.
+        """Return the closure level for the hand, always 1 to 5, given the muscles' ``wanted``.
 
-        Args:
-            wanted: The muscles' level, 1 to 5, with fractions where they ask for a closure.
-
-        Returns:
-            While active the wanted level or a program's, in hold the last one, else the open hand's; always 1 to 5.
+        While active it is the wanted level or a program's, in hold the last one, else the open hand's.
         """
         state = self._states.state
         if state == "active" and (program := self._program()) is not None:
@@ -177,15 +170,12 @@ class Guard:
         unvoted: float | None = None,
         released: str = "",
     ) -> None:
-        """Look at everything that is watched.
+        """Check everything that is watched.
 
-        Args:
-            t_ns: Time since the start of the session.
-            late_ns: How late the loop is.
-            stamps: Time of the newest item of each stream that has given one.
-            counts: Items of each stream so far.
-            unvoted: The level before, where no channel of the newest block had a vote; ``None`` where one had.
-            released: Why the dead-man does not count as held; ``""`` while it is, or where there is none.
+        ``t_ns`` counts from the start of the session; ``late_ns`` is how late the loop is. ``stamps`` and
+        ``counts``, by stream, are the time of the newest item and the items so far. ``unvoted`` is the level
+        before, where no channel of the newest block had a vote; ``None`` where one had. ``released`` is why
+        the dead-man does not count as held; ``""`` while it is, or where there is none.
         """
         late = self._too_late(late_ns)
         self._next_ns = t_ns + self._check_ns

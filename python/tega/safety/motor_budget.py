@@ -33,12 +33,7 @@ _LONGEST_S: Final = 1.0
 
 
 class MotorBudget:
-    """Keeps 40 motors within their limits.
-
-    Args:
-        limit: The highest intensity, percent.
-        heat_share: See above.
-        dose_s: See above.
+    """Keeps 40 motors within their limits; ``limit`` is the highest intensity, percent.
 
     Attributes:
         heat: θ of each motor, float64 (40,).
@@ -59,25 +54,15 @@ class MotorBudget:
         self.n_lowered = 0
 
     def carry(self, *, dose_s: NDArray[np.float64], heat: NDArray[np.float64]) -> None:
-        """Set the dose and heat of earlier runs.
-
-        Args:
-            dose_s: Float64 (40,), seconds of full drive.
-            heat: Float64 (40,), 0 to 1.
-        """
+        """Set dose and heat (0 to 1) of earlier runs, float64 (40,) each."""
         self.carried_s = dose_s.copy()
         self.dose_s += dose_s
         self.heat = np.maximum(self.heat, heat)
 
     def allow(self, t_ns: int, wanted: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the intensities that may be shown from now on.
+        """Return the intensities that may be shown from now on, nowhere above ``wanted``.
 
-        Args:
-            t_ns: Now, on a clock that never goes back.
-            wanted: uint8 (40,), percent, in the wearer's order.
-
-        Returns:
-            uint8 (40,), nowhere above ``wanted``.
+        Both are uint8 (40,), percent, in the wearer's order; ``t_ns`` is on a clock that never goes back.
         """
         self._pass(t_ns)
         squared = self._heat_share + _EASE * (self._heat_share - self.heat)

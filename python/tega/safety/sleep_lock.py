@@ -31,13 +31,9 @@ _LEAVE_S: Final = 0.5
 class SleepLock:
     """Locks against sleep, held between :meth:`take` and :meth:`release`.
 
-    Args:
-        why: Reason that the system shows to a user who wants the computer to sleep.
-        on_sleep: Called, in a thread of the lock's, when the computer is about to sleep. The sleep begins with
-            :meth:`release`, or 5 s later.
-
-    Attributes:
-        problem: Why the computer may sleep; ``""`` while sleep is blocked.
+    ``why`` is the reason that the system shows to a user who wants the computer to sleep. ``on_sleep`` is
+    called, in a thread of the lock's, when the computer is about to sleep; the sleep begins with
+    :meth:`release`, or 5 s later. ``problem`` is why the computer may sleep; ``""`` while sleep is blocked.
     """
 
     def __init__(self, why: str, on_sleep: Callable[[], None]) -> None:

@@ -23,12 +23,7 @@ STATES: Final[tuple[State, ...]] = get_args(State)
 
 
 class Transition(NamedTuple):
-    """A change of state.
-
-    Attributes:
-        t_ns: When, counted from the start of the session.
-        reason: Why, in words for the experimenter.
-    """
+    """A change of state; ``t_ns`` counts from the session's start, ``reason`` is for the experimenter."""
 
     t_ns: int
     state: State
@@ -72,13 +67,10 @@ class RunStates:
     def check(
         self, t_ns: int, *, wrong: Mapping[str, str], holding: Mapping[str, str] = {}, go: bool = True
     ) -> State:
-        """Update the state with the current problems.
+        """Update the state with the current problems; ``t_ns`` counts from the session's start, never back.
 
-        Args:
-            t_ns: Time since the start of the session; never less than before.
-            wrong: Reasons that keep the run from becoming active, by name.
-            holding: Reasons that keep an active run from going on, by name; counted to ``wrong`` as well.
-            go: Whether an armed run may become active.
+        ``wrong`` are reasons, by name, that keep the run from becoming active; ``holding`` those that keep an
+        active run from going on, counted to ``wrong`` as well. ``go``: an armed run may become active.
         """
         every = {**wrong, **holding}
         if every:

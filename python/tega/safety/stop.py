@@ -38,9 +38,8 @@ class Stop:
             self.requested, self.reason = True, reason
 
     def also(self, source: Callable[[], str]) -> None:
-        """Look somewhere else as well, such as at a page's button or a pedal.
+        """Poll another source too, such as a page's button or a pedal.
 
-        Args:
-            source: Returns the reason once it wants the run to end, ``""`` before; returns at once.
+        ``source`` returns at once: the reason once it wants the run to end, ``""`` before.
         """
         self._sources.append(source)
