@@ -33,15 +33,7 @@ def spots(layout: MotorLayout, intensities: Sequence[int]) -> Iterator[Spot]:
 
 
 def torso_svg(layout: str, intensities: Sequence[int]) -> str:
-    """Return a vest frame as SVG: each motor a circle, the darker the harder it vibrates.
-
-    Args:
-        layout: Name of the layout.
-        intensities: Percent, one number a motor.
-
-    Raises:
-        InvalidValueError: The layout is not known.
-    """
+    """Return a vest frame, percent, as SVG: each motor a circle, the darker the harder it vibrates."""
     drawn = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * WIDTH:g} {HEIGHT:g}" width="360">']
     for begins, face in ((0.0, "front"), (WIDTH, "back")):
         drawn.append(

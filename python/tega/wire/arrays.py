@@ -15,15 +15,8 @@ def float_array(
 ) -> NDArray[np.float64]:
     """Return real numbers as contiguous float64; what already is that is not copied.
 
-    Args:
-        name: Name of the values in an error.
-        values: The numbers.
-        shape: The shape they must have; None for any.
-        scalar: Whether one number may stand for all.
-
-    Raises:
-        DtypeError: If they are not real numbers.
-        ShapeError: If the shape is another.
+    ``name`` is for errors. ``shape`` is the one required, ``None`` for any; with ``scalar`` one number may
+    stand for all. Raises ``DtypeError`` or ``ShapeError``.
     """
     if type(values) is np.ndarray and values.dtype == np.float64 and values.flags.c_contiguous:
         _check_shape(name, values, shape)
@@ -47,19 +40,11 @@ def integer_array(
     limits: tuple[int, int],
     shapes: tuple[tuple[int, ...], ...] = (),
 ) -> NDArray[Any]:
-    """Return integers as a contiguous array of `dtype`; what already is that is not copied.
+    """Return integers as a contiguous array of ``dtype``; what already is that is not copied.
 
-    Args:
-        name: Name of the values in an error.
-        values: The integers. Floats are refused: how to round is the caller's choice.
-        dtype: The element type to return.
-        limits: Smallest and largest value allowed.
-        shapes: The shapes allowed; none for any.
-
-    Raises:
-        DtypeError: If they are not integers.
-        ShapeError: If the shape is another.
-        WireError: If one is out of its limits.
+    Floats are refused (``DtypeError``): how to round is the caller's choice. ``limits`` are the smallest and
+    the largest value allowed, else ``WireError``. ``shapes`` are those allowed; none for any. ``name`` is for
+    errors.
     """
     array = np.asarray(values)
     if array.dtype.kind not in "iu":
@@ -77,11 +62,7 @@ def integer_array(
 
 
 def as_bytes(data: bytes | bytearray | memoryview) -> bytes:
-    """Return a buffer's bytes; bytes are not copied.
-
-    Raises:
-        DtypeError: If it is not a buffer of bytes.
-    """
+    """Return a buffer's bytes; bytes are not copied. ``DtypeError`` if it is not a buffer of bytes."""
     if isinstance(data, bytes):
         return data
     if isinstance(data, bytearray | memoryview):
