@@ -24,8 +24,8 @@ class Clutch:
 
         P = P0 + scale · gain ∘ (p - p0)          Q = exp(gain_turn ∘ log(R R0⁻¹)) Q0
 
-    in the base's axes, so that the first goal is the target itself. The logarithm goes on past half a turn, so
-    that an axis that is locked or scaled does not change sides there.
+    in the base's axes, so that the first goal is the target itself. The logarithm goes on past half a turn,
+    so that an axis that is locked or scaled does not change sides there.
     """
 
     def __init__(self, settings: MappingSettings) -> None:

@@ -60,8 +60,7 @@ class Health(msgspec.Struct, frozen=True):
     """Rate, delays and refusals of the arm's loop, over its last second.
 
     Attributes:
-        rate_hz: Its ticks a second.
-        worst_ms: The longest time between two.
+        worst_ms: The longest time between two ticks.
         late: Ticks in all that came after more than two periods.
         refused: Commands in all that were not obeyed.
         success_rate: Share of commands that the robot took in time; ``None`` where it does not report it.

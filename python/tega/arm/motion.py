@@ -115,10 +115,9 @@ class _Tick:
 
 
 class Follower:
-    """Moves the target towards a goal, within limits.
+    """Moves the target towards a goal, within limits, from ``start``, which must be inside, at rest.
 
-    ``start``, at rest, must be inside. ``velocity_m_s`` and ``velocity_rad_s``, float64 (3,), are in the
-    base's axes.
+    ``velocity_m_s`` and ``velocity_rad_s``, float64 (3,), are in the base's axes.
     """
 
     def __init__(self, limits: LimitSettings, workspace: Workspace, start: Pose) -> None:

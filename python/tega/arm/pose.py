@@ -30,10 +30,7 @@ class StampedPose(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """A place, float64 (3,), and a turn, float64 (4,), unit length, in the axes of the robot's base.
-
-    x is forward, y left, z up.
-    """
+    """Place, float64 (3,), and unit turn, float64 (4,), in the base's axes: x forward, y left, z up."""
 
     position_m: NDArray[np.float64]
     quaternion_xyzw: NDArray[np.float64]

@@ -91,8 +91,7 @@ class DiscoveringDevice(Protocol):
     def discover(cls, timeout_s: float) -> Sequence[Found]:
         """List the driver's devices; opens none, and sends nothing that changes a device's state.
 
-        Looking takes ``timeout_s`` at most. ``DeviceUnavailableError``: it could not look; the message gives
-        the reason.
+        Looking takes ``timeout_s`` at most; if it fails, the message of the error gives the reason.
         """
         ...
 
@@ -138,9 +137,9 @@ class FeedingSource(TactileSource, Protocol):
     """A live sensor with a thread of its own, in which pictures are measured as they come; optional."""
 
     def feed(self, take: Callable[[TactileFrame], None] | None) -> None:
-        """Call a function with every good picture from now on, in the sensor's thread; with none for ``None``.
+        """Call ``take`` with every good picture from now on, in the sensor's thread; ``None`` ends that.
 
-        The function must return before the next frame is due. :meth:`read` still returns every frame.
+        It must return before the next frame is due. :meth:`read` still returns every frame.
         """
         ...
 
@@ -244,7 +243,7 @@ shows only 16 steps; ``condition``, its own status, one line that a run shows; `
 def optional(device: object, name: str) -> Any:
     """Return a driver's attribute of a name of :data:`OPTIONAL`, or the default where it has none.
 
-    The attribute is asked for by name, since a source that is recorded or shown stands behind another object.
+    Ask by name, not by type, since a source that is recorded or shown stands behind another object.
     """
     return getattr(device, name, OPTIONAL[name])
 
@@ -326,9 +325,9 @@ class AnsweringHand(SteeredHand, Protocol):
     """A hand that reports when torques first left; without it no latency is measured for the hand."""
 
     def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
-        """Return when a hand's report was in and when the torques that answer it left, at or after a monotonic time.
+        """Return when a hand's report was in and when the torques that answer it left, both monotonic.
 
-        ``None`` if none have left since.
+        That is the first pair that left at or after ``since_ns``; ``None`` if none has.
         """
         ...
 

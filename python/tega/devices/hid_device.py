@@ -10,10 +10,7 @@ from tega.runtime.lifecycle import require
 
 
 def hid_module(driver: str) -> Any:
-    """Import hidapi: the module with ``enumerate`` and ``device``.
-
-    ``DeviceUnavailableError``: another package of the same module name hides it.
-    """
+    """Import hidapi; ``DeviceUnavailableError`` where another package of the same module name hides it."""
     # On Linux only the wheel's second module goes through the kernel's own driver for such devices.
     hid = require("hidraw" if sys.platform == "linux" else "hid", driver=driver, extra="lab")
     if not hasattr(hid, "device"):

@@ -62,8 +62,7 @@ class SampleClock:
     def take(self, n_samples: int, arrival_ns: int, n_missing: int = 0) -> Stamp:
         """Count samples in, and return the time of the last of them and the losses that only time shows.
 
-        ``arrival_ns`` is on the monotonic clock. ``n_missing`` samples are missing before these by the
-        device's counter.
+        ``arrival_ns`` is monotonic; ``n_missing`` samples are missing before these by the device's counter.
         """
         self._n += n_missing + n_samples
         self._points.append((self._n, arrival_ns))

@@ -21,8 +21,7 @@ from tega.wire import CanFrame
 class Received(NamedTuple):
     """A frame from an adapter.
 
-    ``remote``: it is a request. ``extended``: the identifier has 29 bits. ``error``: an error frame of the
-    controller.
+    ``remote``: a request. ``extended``: its identifier has 29 bits. ``error``: the controller's error frame.
     """
 
     id: int

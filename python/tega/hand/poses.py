@@ -37,8 +37,7 @@ _LEVELS = range(1, 6)
 def load_poses(file: Path) -> NDArray[np.float64]:
     """Read the joint angles of the closure levels, float64 (5, 16), rad.
 
-    ``ConfigError``: the file is missing, is no TOML, or a level, finger or angle is missing, odd or out of
-    range.
+    ``ConfigError``: the file cannot be read, or a level, finger or angle is missing, odd or out of range.
     """
     try:
         tables = parse_toml(read_words(file, error=ConfigError))

@@ -15,10 +15,10 @@ _PATIENCE_S = 1.0
 
 
 class CtrlC(AnyStop):
-    """Turns the first Ctrl-C (or a request to terminate) into a question the loop asks; the second one interrupts.
+    """Turns the first Ctrl-C (or request to terminate) into a stop that the loop polls.
 
-    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further ones do
-    nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
+    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further
+    ones do nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
     """
 
     def __init__(self) -> None:

@@ -28,10 +28,9 @@ _NUMBERS = re.compile(r"[\d.]+")
 
 
 class StreamReport(Protocol):
-    """Report of a live stream.
+    """Report of a live stream; ``lost`` is why the source went away, ``""`` while it is there.
 
-    ``lost`` is why the source went away; ``""`` while it is there. ``faults`` are channels that have no vote
-    now, with the reason.
+    ``faults`` are channels that have no vote now, with the reason.
     """
 
     lost: str
@@ -41,8 +40,7 @@ class StreamReport(Protocol):
 class Watched(NamedTuple):
     """A live stream that the run needs, ``emg`` or a finger.
 
-    ``rate_hz`` is blocks or pictures a second; ``None`` where that is not known. ``driver_faults`` are the
-    driver's, in words.
+    ``rate_hz`` is blocks or pictures a second, ``None`` if unknown; ``driver_faults`` are in words.
     """
 
     name: str

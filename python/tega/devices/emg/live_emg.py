@@ -307,8 +307,8 @@ class LiveEmg(Opened):
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
         """Wait for the first sample, then measure until the rate is proven, or certainly another.
 
-        The rate is proven once no delay of a USB adapter can hide another rate. A source with larger delays is judged
-        by its measured rate after ``measure_s``.
+        It is proven once no delay of a USB adapter can hide another rate. A source with larger delays is
+        judged by its measured rate after ``measure_s``.
         """
         wait_s, patience_s = self._options.start_s, _PATIENCE * self._options.measure_s
         waited_s = measured_s = 0.0

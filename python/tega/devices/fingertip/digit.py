@@ -69,9 +69,9 @@ class DigitOptions(Options, frozen=True):
 class Digit(Opened):
     """Gives the newest picture, never an old one: a thread drains the camera and keeps one picture.
 
-    Frames that are torn, black, repeated, of another size or from another sensor are counted and discarded, so a
-    finger without good frames falls silent. If a camera goes away, the driver searches for it by its serial number,
-    first after 0.25 s and then at most every 4 s, and sets it up again.
+    Frames that are torn, black, repeated, of another size or from another sensor are counted and discarded,
+    so a finger without good frames falls silent. A camera that goes away is searched for by its serial
+    number, first after 0.25 s and then at most every 4 s, and set up again.
     """
 
     kind: ClassVar[Kind] = "tactile"

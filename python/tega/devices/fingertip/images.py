@@ -33,10 +33,11 @@ class ImageFolderOptions(Options, frozen=True):
 
 
 class ImageFolder(RecordedPictures):
-    """The pictures of a folder by the numbers in their names, frame k at k/rate or at the time in its name.
+    """Pictures of a folder by the numbers in their names, frame k at k/rate or at the time in its name.
 
-    Other files are ignored, hidden ones too, and so is a picture named unlike nearly all others; a note says which.
-    All pictures have to have the size of the first. A folder without pictures may hold ``.npy`` arrays, one a picture.
+    Other and hidden files are ignored; so is a picture named unlike nearly all others, with a note. All
+    pictures must have the size of the first. A folder without pictures may hold ``.npy`` arrays, one a
+    picture.
     """
 
     name: ClassVar[str] = "images"

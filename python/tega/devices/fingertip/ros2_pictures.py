@@ -77,10 +77,7 @@ class Ros2Pictures(RecordedPictures):
                 self._seq += 1
 
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
-        """Return the next picture.
-
-        ``RecordingError``: it is damaged, of another encoding than 8 bits, or not of the first one's size.
-        """
+        """Return the next picture; ``RecordingError`` unless it has 8 bits and the first one's size."""
         if self._bag is None:
             raise self._closed()
         if self._pending is None:

@@ -27,7 +27,7 @@ class VideoFileOptions(Options, frozen=True):
 class VideoFile(RecordedPictures):
     """The frames of a video, each at its own time, turned by the rotation tag.
 
-    Where the frames that decode are not those that the header states, the file is damaged or was cut. It is then
+    If the frames that decode are not those that the header states, the file is damaged or was cut: it is
     refused, or, if allowed, used without the last frame decoded, which may be half a picture.
     """
 
@@ -75,8 +75,7 @@ class VideoFile(RecordedPictures):
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
         """Return the next frame.
 
-        ``RecordingError``: a frame has another size than the first, or the frames are not those that the
-        header states and that is not allowed.
+        ``RecordingError``: a frame's size is not the first's, or the file was cut and that is not allowed.
         """
         frames = self._frames
         if frames is None:

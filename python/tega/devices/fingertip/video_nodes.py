@@ -96,8 +96,7 @@ def numbered_cameras(
 def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, str]:
     """Return the path or number of a source for OpenCV, and the name of the backend.
 
-    ``source`` is ``/dev/video2``, ``camera:2``, or the address of a stream; ``system`` as in
-    ``sys.platform``.
+    ``source`` is ``/dev/video2``, ``camera:2``, or a stream's address; ``system`` as in ``sys.platform``.
     """
     number = source.removeprefix(_NUMBERED)
     if number != source and number.isdecimal():
@@ -108,10 +107,7 @@ def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, st
 
 
 def find_node(serial: str, sysfs: Path = SYSFS) -> VideoNode:
-    """Return the capture node of the camera with a printed serial number, such as ``D20641``.
-
-    ``DeviceUnavailableError``: no camera has it; the message lists those there are.
-    """
+    """Return the capture node of the camera with a serial number as printed, such as ``D20641``."""
     nodes = video_nodes(sysfs)
     for node in nodes:
         if node.serial == serial:

@@ -41,13 +41,13 @@ _REFUSED = frozenset({"wrong-version", "wrong-side"})
 class Allegro(Opened):
     """Closes the loop on the hand's own angles, in a process of its own that the hand's own frames wake.
 
-    Opening checks version and side before any torque, switches the motors on, and holds the current pose until
-    :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO OFF are
-    sent until the hand confirms that its motors are off. The process also does so if this program is killed; a
-    further process does so if that process is killed, if this program hangs, or if the hand does not confirm. A hand
-    without its bus is believed to keep its last torque, so mount a switch.
+    Opening checks version and side before any torque, switches the motors on, and holds the current pose
+    until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and
+    SERVO OFF are sent until the hand confirms that its motors are off. The process also does so if this
+    program is killed; a further process does so if that process is killed, if this program hangs, or if the
+    hand does not confirm. A hand without its bus is believed to keep its last torque, so mount a switch.
 
-    python-can's ``virtual`` bus is inside this program, and so are its hand's loop and clock: in a thread.
+    With python-can's ``virtual`` bus, which is inside this program, loop and clock are so too: in a thread.
     """
 
     kind: ClassVar[Kind] = "hand"
@@ -273,10 +273,7 @@ class Allegro(Opened):
         return list(self._cycles)
 
     def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
-        """Return when a hand's report was in and when the torques that answer it left, at or after a monotonic time.
-
-        ``None`` if none have left since.
-        """
+        """Return when a report was in and its answer left, as defined by ``AnsweringHand.answered_ns``."""
         found = None
         for k in range(1, len(self._cycles) + 1):
             sent_ns, took_ns = self._cycles[-k]

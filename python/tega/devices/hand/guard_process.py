@@ -231,7 +231,7 @@ def _never() -> bool:
 
 
 def receive() -> SimpleQueue[bytes]:
-    """Return, in the process, a queue of the program's messages in pieces; an empty one is the last.
+    """Return, in the guard's process, a queue of the program's messages in pieces; an empty one is the last.
 
     A thread reads, since Windows cannot wait for a pipe and a time at once.
     """

@@ -40,9 +40,10 @@ def bus_label(interface: str, channel: str | int) -> str:
 
 
 def load_can() -> None:
-    """Load python-can in a program of its own, which has no time for the log format that needs pandas.
+    """Load python-can without ``asammdf``, for a program of its own that has no time for pandas.
 
-    python-can imports ``asammdf`` for MF4 logs where that is installed, which takes ten times as long as all the rest.
+    python-can imports ``asammdf`` for MF4 logs wherever it is installed; that takes ten times as long as all
+    the rest.
     """
     sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # an import of it then fails, which is allowed for
     with contextlib.suppress(ImportError):  # opening the bus says what is missing
@@ -168,8 +169,7 @@ class HandBus:
     ) -> list[CanFrame]:
         """Send frames in order and return those that the adapter took.
 
-        ``outdated`` is called right before each frame; once it returns true, the remaining frames are
-        skipped.
+        ``outdated`` is called right before each; once it returns true, the remaining ones are skipped.
         """
         sent: list[CanFrame] = []
         together = hasattr(self._bus, "send_together")
@@ -225,9 +225,9 @@ class HandBus:
     def _reopened(self) -> bool:
         """Open the adapter again, at most once a second; return whether it is open.
 
-        Reopening alone moves nothing. The hand's link identifies the hand before it sends torque, and after a fault
-        it sends no torque until a person has the hand reopened: a bus that comes back by itself must not make the
-        hand grip a person.
+        Reopening alone moves nothing. The hand's link identifies the hand before it sends torque, and sends
+        none after a fault until a person has the hand reopened: a bus that comes back by itself must not make
+        the hand grip a person.
         """
         if not self._again.due() or self.replaced:
             return False

@@ -48,9 +48,9 @@ class PedalOptions(HidInputOptions, frozen=True, kw_only=True):
 class Pedal(HidInput):
     """Gives which buttons are down, without bounces, and every press with its time.
 
-    A keyboard's buttons are named by the keys they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by number
-    (``1``). A pedal that is unplugged, or sends unreadable data, is released at that moment. A pedal that reports
-    only changes and freezes while held cannot be distinguished from one that is held: only ``silent_after_ms`` ends
+    A keyboard's buttons are named by the keys they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by
+    number (``1``). A pedal that is unplugged, or sends unreadable data, is released at that moment. One that
+    reports only changes and freezes while held looks like one that is held: only ``silent_after_ms`` ends
     that, and a dead-man requires it. Always keep an emergency stop in reach.
     """
 

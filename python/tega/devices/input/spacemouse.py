@@ -60,10 +60,10 @@ class SpaceMouseOptions(HidInputOptions, frozen=True, kw_only=True):
 class SpaceMouse(HidInput):
     """Gives the cap's push and turn, in the axes of the robot's base for an operator looking along x.
 
-    Both layouts are supported, and detected by the length of the first report. A deflected cap repeats its report
-    every 16 ms. After 100 ms, axes without a new report are set to zero; if no axis has one, the state is "no data".
-    At rest the device is silent, so a device that freezes at rest cannot be distinguished from an untouched one.
-    ``arm.mapping.base_yaw_rad`` turns the axes for an operator who looks another way.
+    The length of the first report shows which of two layouts it has. A deflected cap repeats its report every
+    16 ms; after 100 ms axes without a new one are zero, and if no axis has one the state is "no data". At
+    rest the device is silent, so one that freezes at rest looks untouched. ``arm.mapping.base_yaw_rad`` turns
+    the axes for an operator who looks another way.
     """
 
     name: ClassVar[str] = "spacemouse"

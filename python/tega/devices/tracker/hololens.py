@@ -63,10 +63,10 @@ class HoloLensOptions(Options, frozen=True, kw_only=True):
 class HoloLens(ThreadedTracker):
     """Reads the spatial input of the hl2ss app, port 3812, 60 packets a second, in a thread of its own.
 
-    Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock converted to the host's; see
-    :class:`~tega.devices.device_clock.DeviceClock`. Poses that the network delayed therefore have their true age. A
-    wrist that is lost, or only guessed, gives an invalid pose. A pose that is identical to the last bit was not
-    measured again, and is skipped. The origin is where the head was when the app began.
+    Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock converted to the
+    host's (:class:`~tega.devices.device_clock.DeviceClock`), so that those which the network delayed have
+    their true age. A wrist that is lost, or only guessed, gives an invalid pose. A pose identical to the last
+    bit was not measured again, and is skipped. The origin is where the head was when the app began.
     """
 
     driver: ClassVar[str] = "hololens"

@@ -31,11 +31,11 @@ _OUT_OF_FOCUS: Final = "another OpenXR program, or the runtime's menu, has the f
 
 
 class OpenXr(ThreadedTracker):
-    """Asks the active OpenXR runtime where something is, in a session without a picture and a thread of its own.
+    """Asks the active OpenXR runtime for poses, in a session without a picture and a thread of its own.
 
-    Poses are in OpenXR's axes (``openxr``: y up, -z forward) and for the time of the request, which is their stamp. A
-    pose is valid only if the runtime reports position and orientation both valid *and* tracked. A pose that is
-    identical to the last bit was not measured again, and is skipped; a session without focus gives no poses.
+    Poses are in OpenXR's axes (``openxr``: y up, -z forward) and for the time of the request, which is their
+    stamp. A pose is valid only if the runtime reports position and orientation both valid *and* tracked. One
+    identical to the last bit was not measured again, and is skipped; a session without focus gives none.
     """
 
     driver: ClassVar[str] = "openxr"

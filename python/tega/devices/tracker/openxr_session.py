@@ -30,10 +30,7 @@ _CHANGE_S: Final = 1.0
 
 
 class Located(NamedTuple):
-    """Place and turn of something that is tracked; ``position_m`` is x, y, z.
-
-    ``valid``: both are known at all; ``tracked``: both are measured, and not guessed.
-    """
+    """Place (x, y, z) and turn; ``valid``: both are known, ``tracked``: both are measured, not guessed."""
 
     position_m: tuple[float, float, float]
     quaternion_xyzw: tuple[float, float, float, float]

@@ -10,10 +10,7 @@ SYSFS = Path("/sys/class")
 
 
 def bluetooth_trouble(sysfs: Path = SYSFS) -> tuple[str, str]:
-    """Return this machine's Bluetooth problem and its fix; ``""`` and ``""`` if none is found.
-
-    ``sysfs`` is where the kernel lists its classes of devices; where there is none, no problem is found.
-    """
+    """Return this machine's Bluetooth problem and its fix; both ``""`` if none is found, or without sysfs."""
     for switch in sorted((sysfs / "rfkill").glob("*")):
         if attribute(switch / "type") != "bluetooth":
             continue

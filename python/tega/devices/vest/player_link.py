@@ -50,8 +50,8 @@ _NO_SIGNAL: Final = getattr(socket, "MSG_NOSIGNAL", 0)
 class PlayerLink(VestLink):
     """Connects to the Player; one thread reads and writes in turns.
 
-    TLS of Python before 3.13 may be used by one thread at a time; websockets' client with threads reads in one and
-    writes in another, and then an opening in some hundred was never answered.
+    TLS of Python before 3.13 may be used by one thread at a time; websockets' threaded client reads in one
+    and writes in another, which left one opening in some hundred without an answer.
     """
 
     def __init__(self, options: PlayerOptions) -> None:
@@ -283,10 +283,10 @@ class PlayerLink(VestLink):
             self._call(ws.send(message))
 
     def _written(self, part: bytes) -> int:
-        """Give bytes to the system without giving the interpreter lock away; return how many it took.
+        """Give bytes to the system without releasing the interpreter lock; return how many it took.
 
-        The socket does not block. A call that releases the lock, as Python's sockets do, may get it back half a
-        millisecond later.
+        The socket does not block. A call that releases the lock, as Python's sockets do, may get it back half
+        a millisecond later.
         """
         if _SEND is None or not part or self._version.tls is not None:
             return 0
@@ -311,7 +311,7 @@ class PlayerLink(VestLink):
 def _held_back(connection: Any) -> Any:
     """Return a type of connection that reads nothing while the other end takes nothing.
 
-    Each ping is answered at once; of a Player that floods with pings and reads no answer they would pile up.
+    Pings are answered at once; those of a Player that floods and reads no answer would pile up.
     """
 
     class HeldBack(connection):  # type: ignore[misc]

@@ -82,8 +82,7 @@ def _is_here(host: str) -> bool:
 def versions_to_ask(o: PlayerOptions) -> list[PlayerVersion]:
     """Return the versions of the websocket to ask for, in order.
 
-    ``DeviceUnavailableError``: version 3 is asked for without an id and a key, or another machine is not
-    allowed.
+    ``DeviceUnavailableError``: version 3 without an id and a key, or another machine that is not allowed.
     """
     if not (o.allow_remote or _is_here(o.host)):
         raise DeviceUnavailableError(

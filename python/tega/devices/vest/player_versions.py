@@ -114,8 +114,8 @@ class PlayerVersion2(PlayerVersion):
 class PlayerVersion3(PlayerVersion):
     """Version 3: needs the vendor's app id and key; the Player reports the vest's name, link and battery.
 
-    The Player's certificate is self-signed, so it proves nothing and is not checked; only the key and frames are sent
-    that way. A ping of this version makes devices vibrate outside of every budget: it is never sent.
+    The Player's certificate is self-signed, so it proves nothing and is not checked; only the key and frames
+    are sent that way. A ping of this version makes devices vibrate outside of every budget: it is never sent.
     """
 
     number: ClassVar[int] = 3

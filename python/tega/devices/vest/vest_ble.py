@@ -47,9 +47,9 @@ class BleOptions(VestOptions, frozen=True):
 class BleVest(StreamedVest):
     """Writes the 20-byte motor frame, without response, to the vest's motor characteristic.
 
-    As far as is known a vest holds the last frame for ever, so everything rests on the zeros that are sent on the way
-    out; a second process sends them if this one is killed or stands still. A broken radio link may leave it vibrating
-    until it is found again. Nothing but motor frames is ever written to a vest.
+    As far as is known a vest holds the last frame for ever, so everything rests on the zeros that are sent on
+    the way out; a second process sends them if this one is killed or stands still. A broken radio link may
+    leave it vibrating until it is found again. Nothing but motor frames is ever written to a vest.
     """
 
     name: ClassVar[str] = "bhaptics-ble"

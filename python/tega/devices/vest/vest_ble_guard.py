@@ -34,8 +34,7 @@ _REST_S: Final = 1.0
 def guard_vest(address: str, path: str) -> GuardProcess:
     """Start the process that guards a vest, and return it when it is ready.
 
-    ``path`` is the vest's on the system's message bus, where there is one: a connected vest cannot be found
-    by scanning.
+    ``path`` is its path on the system's message bus, if any: scanning does not find a connected vest.
     """
     return GuardProcess("silences the vest", _MODULE, address, path)
 

@@ -63,10 +63,7 @@ class HidVest(StreamedVest):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
-        """List the USB boards with the vendor and product number of the default settings.
-
-        Without hidapi, or where another package hides it, this raises ``DeviceUnavailableError``.
-        """
+        """List the USB boards with the vendor and product number of the default settings."""
         usual = HidVestOptions()
         return [
             Found(

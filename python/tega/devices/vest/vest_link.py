@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 
 class VestLink:
-    """One connection to a vest, by default to one that is always there and has nothing to say.
+    """One connection to a vest, by default to one that is always there and reports nothing.
 
-    All but ``abort`` is called by one thread at a time: the writer's, or one that sends at once. Failures are raised as
-    DeviceUnavailableError.
+    All but ``abort`` is called by one thread at a time: the writer's, or one that sends at once. Failures
+    raise ``DeviceUnavailableError``.
     """
 
     @property

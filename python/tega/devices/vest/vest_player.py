@@ -20,9 +20,9 @@ _ROW_FIVE: Final = 16  # the first motor of a panel's fifth row
 class PlayerVest(StreamedVest):
     """Streams both panels; each frame takes the place of the one before and ends by itself after 200 ms.
 
-    Every frame is followed by a websocket ping. Of a Player that has not answered one for 20 ms no more than two frames
-    are on the way: the next one waits for an answer, and a newer one takes its place. A Player that answers no pings is
-    fed 25 frames a second at most, and a note says so.
+    Every frame is followed by a websocket ping. While one is unanswered for 20 ms, two frames at most are on
+    the way: the next one waits for an answer, and a newer one takes its place. A Player that answers no pings
+    is fed 25 frames a second at most, and a note reports it.
     """
 
     name: ClassVar[str] = "bhaptics-player"

@@ -274,11 +274,7 @@ class StreamedVest(Opened):
         )
 
     def handed_over(self) -> list[tuple[int, int, int]]:
-        """Return the frames with new content that left since the last call, each as three times in ns.
-
-        They are the ``t_ns`` it was written with, the monotonic time until which the maximum rate held it
-        back (0 if it did not), and the monotonic time at which it left.
-        """
+        """Return the frames that left since the last call, as defined by ``StampingVest.handed_over``."""
         return [self._handed.popleft() for _ in range(len(self._handed))]
 
     @run_realtime("act")
