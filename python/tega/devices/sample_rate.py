@@ -15,7 +15,7 @@ LOST_TOLERANCE = 0.2
 
 
 def too_slow(who: str, rate_hz: float | None, how: str) -> SampleRateError:
-    """Return the error for a source below the minimum rate; ``how`` says whether stated or measured."""
+    """Return the error for a source below the minimum rate; ``how``: stated or measured."""
     text = "no rate at all" if rate_hz is None else f"{rate_hz:.4g} samples/s"
     return SampleRateError(
         f"{who} {how} {text}; the 50 Hz filter needs {LEAST_RATE_HZ:g}",
@@ -24,7 +24,7 @@ def too_slow(who: str, rate_hz: float | None, how: str) -> SampleRateError:
 
 
 def wrong_rate(who: str, measured_hz: float, rate_hz: float) -> SampleRateError:
-    """Return the error of a source that is not as fast as it is said to be."""
+    """Return the error of a source whose rate is not the stated one."""
     if measured_hz < LEAST_RATE_HZ:
         return too_slow(who, measured_hz, "really sends")
     return SampleRateError(

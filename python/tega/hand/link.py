@@ -154,7 +154,7 @@ class HandLink:
 
     @property
     def released(self) -> bool:
-        """Whether the hand was let go and all is said."""
+        """Whether the hand was let go on request and all frames are sent."""
         return self._link.released
 
     @property

@@ -261,7 +261,7 @@ class Guard:
                 counted.popleft()
 
     def _slow(self, stream: Watched) -> str:
-        """Say that a stream comes at too low a rate, or that this is not known yet."""
+        """Return why a stream's rate does not do: too low, or not known yet; ``""`` if it does."""
         share = self._settings.lowest_rate_share
         if stream.rate_hz is None or share == 0:
             return ""

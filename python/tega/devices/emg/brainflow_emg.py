@@ -174,7 +174,7 @@ class BrainFlowEmg(LiveEmg):
         return Contradiction("stamp", found, "end other programs that keep this machine busy")
 
     def _missing(self, table: NDArray[np.float64]) -> NDArray[np.int64] | None:
-        """Return how many samples the board's counter says are missing before each."""
+        """Return how many samples are missing before each by the board's counter."""
         if self._counter_row is None:
             return None
         counts = table[self._counter_row].astype(np.int64)

@@ -75,7 +75,7 @@ class ChordsOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
 
 class Chords(LiveSerialEmg):
-    """A board that says its name, starts and stops on command, and numbers its packets."""
+    """A board that reports its name, starts and stops on command, and numbers its packets."""
 
     name: ClassVar[str] = "chords"
     summary: ClassVar[str] = "a board with Chords firmware (BioAmp, NPG Lite, UNO R4, ...)"

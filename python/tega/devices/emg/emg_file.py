@@ -42,7 +42,7 @@ class EmgFileOptions(Options, frozen=True):
 
 
 class EmgFile(Opened):
-    """The samples of a file; sample number n (from 1) is complete at n/rate, or when the file's times say.
+    """The samples of a file; sample number n (from 1) is complete at n/rate, or at the file's own time.
 
     Lost samples are a gap in the numbers of the samples, as those of a live source are.
     """

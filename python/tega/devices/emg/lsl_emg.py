@@ -171,7 +171,7 @@ class LslEmg(LiveEmg):
         return Arrived(samples, missing, min(round(taken_s[-1] * 1e9), time.monotonic_ns()))
 
     def _missing(self, taken_s: NDArray[np.float64], now_s: float) -> NDArray[np.int64]:
-        """Return how many samples the sender's stamps say are missing before each, if there was time for so many."""
+        """Return how many samples are missing before each by the stamps, if there was time for so many."""
         before = self._last_s if self._last_s is not None else taken_s[0]
         pause_s, self._arrived_s, self._last_s = now_s - self._arrived_s, now_s, float(taken_s[-1])
         rate_hz = self._rate_hz or 1.0

@@ -62,7 +62,7 @@ class RecordedPictures(Opened):
         return round((seq / (self._rate_hz or 1.0) if times_s is None else times_s[seq]) * 1e9)
 
     def _frame(self, seq: int, t_ns: int, image: NDArray[np.uint8], name: str, cut: str) -> TactileFrame:
-        """Return a frame; refuse one of another size than the first, and say what to cut."""
+        """Return a frame; refuse one of another size than the first; the error names what to cut."""
         self._shape = self._shape or image.shape
         if image.shape != self._shape:
             raise RecordingError(

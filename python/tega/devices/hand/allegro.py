@@ -82,7 +82,7 @@ class Allegro(Opened):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
-        """List the CAN buses a hand may be on (Linux only); says nothing on them."""
+        """List the CAN buses a hand may be on (Linux only); sends nothing on them."""
         found = []
         for link in can_links():
             problem, hint = link_trouble(link, bitrate=BITRATE)
@@ -99,7 +99,7 @@ class Allegro(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """Name, version and serial number of the hand, as far as it has said them."""
+        """Name, version and serial number of the hand, as far as it has reported them."""
         notes: tuple[str, ...] = ()
         if self._seen is not None and (state := self._seen.state).hardware:
             notes = (f"version {state.hardware}, firmware {state.firmware}, serial SAH040{state.serial}",)

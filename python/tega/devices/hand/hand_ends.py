@@ -68,7 +68,7 @@ class HandThread:
 
 
 def _patience(process: subprocess.Popen[bytes], stuck: threading.Event) -> threading.Timer:
-    """End a process that does not say within :data:`_START_S` how far it is, and say that this was done."""
+    """Kill a process that does not report within :data:`_START_S` how far it is, and set ``stuck``."""
 
     def end() -> None:
         stuck.set()
@@ -150,7 +150,7 @@ class HandProcess:
             self._write()
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the loop's end; a process that says nothing any more is ended."""
+        """Wait for the loop's end; a process that has fallen silent is ended."""
         until_s = time.monotonic() + timeout_s
         while (
             self._thread is not None

@@ -44,7 +44,7 @@ def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id:
 
 
 def guard_runs(pid: int) -> bool:
-    """Return whether a process that guards a hand runs now; ``False`` where the system does not say."""
+    """Return whether a process that guards a hand runs now; ``False`` where the system does not show it."""
     return is_running(pid, _MODULE)
 
 

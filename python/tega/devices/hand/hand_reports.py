@@ -125,11 +125,11 @@ class HandOrders:
         return self._n_words, time.monotonic() - self._last_s if self._received else 0.0
 
     def still(self) -> bool:
-        """Whether the run stands still: it has not left, and has said nothing for nine tenths of a second."""
+        """Whether the run stands still: it has not left, and has sent nothing for nine tenths of a second."""
         return self.pulse()[1] > _STILL_S and not self.leaving.is_set()
 
     def await_word(self) -> None:
-        """Wait until the run says something or is no more."""
+        """Wait until the run sends something or is no more."""
         while self.still():
             self._word.clear()
             self._word.wait(WORD_S)

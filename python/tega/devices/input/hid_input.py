@@ -101,7 +101,7 @@ class HidInput(Opened):
         raise NotImplementedError
 
     def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
-        """Say that none of those that are there will do."""
+        """Return the error where none of those that are there will do."""
         raise NotImplementedError
 
     def _take(self, report: bytes, t_ns: int) -> bool:

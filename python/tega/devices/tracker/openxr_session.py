@@ -117,7 +117,7 @@ class XrSession:
         self._sync = xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._set, 0)])
 
     def _make_action(self) -> None:
-        """Say which pose is wanted, by the paths of the devices that could have it."""
+        """Suggest to the runtime the wanted pose, by the paths of the devices that could have it."""
         xr, o = self._xr, self._options
         info = xr.ActionSetCreateInfo("tega", "TEGA", 0)
         self._set = xr.create_action_set(self._instance, info)

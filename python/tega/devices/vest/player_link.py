@@ -70,12 +70,12 @@ class PlayerLink(VestLink):
 
     @property
     def present(self) -> bool:
-        """Whether the Player says that a vest is connected, or has said nothing."""
+        """Whether the Player reports a connected vest, or has reported nothing."""
         return self._spoken is not None and self._spoken.has_vest is not False
 
     @property
     def battery_percent(self) -> int | None:
-        """The battery, 0 to 100; ``None`` where the Player does not say."""
+        """The battery, 0 to 100; ``None`` where the Player does not report it."""
         return None if self._spoken is None else self._spoken.battery_percent
 
     @property
@@ -210,7 +210,7 @@ class PlayerLink(VestLink):
             pongs.popleft()
 
     def send(self, intensities: NDArray[np.uint8]) -> None:
-        """Say a frame, (40,) intensities, percent."""
+        """Send a frame, (40,) intensities, percent."""
         for message in self._version.frame(intensities):
             self._say(message)
         self._text_s = time.monotonic()
@@ -228,7 +228,7 @@ class PlayerLink(VestLink):
         self._forget_answered()
 
     def close(self) -> None:
-        """Say that nothing is played any more, and disconnect."""
+        """End what is played, and disconnect."""
         with contextlib.ExitStack() as steps:  # each is taken, whatever comes of those before it
             if (runner := self._runner) is not None:
                 steps.callback(self._forget, runner)

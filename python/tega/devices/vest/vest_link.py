@@ -37,7 +37,7 @@ class VestLink:
         return ()
 
     def connect(self) -> None:
-        """Connect, or say why not."""
+        """Connect, or raise."""
         raise NotImplementedError
 
     def ready(self, timeout_s: float) -> bool:  # noqa: ARG002  # a link may take every frame at once

@@ -119,7 +119,7 @@ class FrankyBody(RobotBody):
                 )
 
     def observe(self) -> HandSeen:
-        """Return where the hand is; a robot that says nothing new gives the same again."""
+        """Return where the hand is; a robot that sends nothing new gives the same again."""
         try:
             state = self._robot.state
         except Exception as error:
