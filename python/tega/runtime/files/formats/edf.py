@@ -33,12 +33,7 @@ class _Layout(NamedTuple):
 
 
 def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all readers
-    """Open the signals of one rate: those of EMG by their labels, else those of the rate that most have.
-
-    Raises:
-        RecordingError: It is damaged.
-        MissingExtraError: edfio is not installed.
-    """
+    """Open the signals of one rate: those of EMG by their labels, else those of the rate that most have."""
     edfio: Any = require("edfio", driver="emg-file", extra="formats")
     layout = _layout(path)
     first = next(_parts(edfio, path, layout), None)
