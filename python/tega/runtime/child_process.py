@@ -84,7 +84,10 @@ def isolated_workers() -> Iterator[None]:
 
 
 def is_running(pid: int, module: str) -> bool:
-    """Return whether a process runs a module of TEGA now; no where the system does not say (no ``/proc``)."""
+    """Return whether a process runs a module of TEGA now: not ended, stopped or replaced by another program.
+
+    Where the system does not show it (no ``/proc``), the answer is no.
+    """
     folder = Path(f"/proc/{pid}")
     try:
         state = folder.joinpath("stat").read_text("ascii", "replace").rpartition(") ")[2][:1]

@@ -48,8 +48,7 @@ class ClockCorrection:
     def follow(self, ask: Callable[[], float], now_s: float) -> float:
         """Return the correction in use; ``ask`` is called where a second of the monotonic clock has passed.
 
-        It returns the library's newest measurement, seconds, and may raise ``TimeoutError`` or
-        ``RuntimeError``.
+        It returns the newest measurement, seconds, and may raise ``TimeoutError`` or ``RuntimeError``.
         """
         if now_s - self._requested_at_s >= _ASK_S:
             self._requested_at_s = now_s

@@ -69,8 +69,8 @@ class Reopening:
     ) -> _Link | None:
         """Try until the device opens; ``None`` when it is no longer wanted.
 
-        Errors of ``absent`` mean that it is not there yet; ``refused`` is called with each, any other error
-        is raised.
+        Errors of ``absent`` mean that it is not there yet: ``refused`` is called with them; others are
+        raised.
         """
         while self.wait(over):
             try:

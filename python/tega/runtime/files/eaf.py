@@ -48,8 +48,7 @@ def read_eaf(path: Path, known: Sequence[str] = ()) -> dict[str, list[CodedEvent
     """Return the events of an ELAN file by rater, in the order of their beginnings.
 
     A tier codes a behaviour of ``known`` if the tier's name begins with it, and several if each of its
-    annotations names one. Other tiers name their behaviour themselves. An annotation without a time is
-    refused.
+    annotations names one. Other tiers name their behaviour themselves. Annotations need a time.
     """
     try:
         file = _EafFile(read_foreign(path, most_mib=_MOST_MIB))
@@ -95,8 +94,8 @@ def write_eaf(
 ) -> None:
     """Write an ELAN file; the events of a rater without a name are for a file to fill in.
 
-    ``codes`` get a tier of each rater, even without an event; ``media`` names a video beside the file, ``""``
-    for none.
+    ``codes`` get a tier of each rater, even without an event; ``media`` names a video beside it, ``""`` for
+    none.
     """
     root = ET.Element(
         "ANNOTATION_DOCUMENT",

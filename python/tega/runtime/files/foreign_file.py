@@ -75,8 +75,8 @@ def parse_toml(text: str) -> dict[str, Any]:
 def parse_json(data: bytes | str, kind: type[_R]) -> _R:
     """Return the value of a JSON text, of the type that is asked for.
 
-    Raises ``msgspec.DecodeError`` for all faults: no JSON, no UTF-8, another type, deeper than anything that
-    is meant.
+    ``msgspec.DecodeError`` where it is no JSON or no UTF-8, of another type, or deeper than anything that is
+    meant.
     """
     try:
         return msgspec.json.decode(data, type=kind)

@@ -77,8 +77,8 @@ class Ros2Bag:
     def messages(self) -> Iterator[tuple[int, Any]]:
         """Return the messages with their rising times, nanoseconds from the beginning of the bag.
 
-        The first has its log time; the others are as far from it as their header's stamps say, else their log
-        times.
+        The first has its log time; the others are as far from it as by their header's stamps, else by their
+        log times.
         """
         first: tuple[int, int] | None = None
         last_ns = -1
@@ -143,7 +143,7 @@ class Ros2Bag:
 def picture_of(value: Any, kind: str, name: str) -> NDArray[np.uint8] | bytes:
     """Return a message's picture: uint8 (H, W, 3) in blue, green, red, or the bytes of a compressed one.
 
-    Refused are encodings of other than 8 bits and another length than the header says.
+    Refused are encodings of other than 8 bits and another length than the header states.
     """
     if kind == COMPRESSED:
         return bytes(value.data)
@@ -165,10 +165,10 @@ def picture_of(value: Any, kind: str, name: str) -> NDArray[np.uint8] | bytes:
 
 
 def rows_of(value: Any, name: str) -> NDArray[np.float64]:
-    """Return the samples of a message, float64 (samples, channels), as many as its layout says.
+    """Return the samples of a message, float64 (samples, channels), as many as its layout states.
 
     An array without a layout is one sample of all channels; one with two dimensions is samples by channels,
-    or the other way round where their labels say so.
+    or the other way round by their labels.
     """
     data = getattr(value, "data", None)
     if data is None:

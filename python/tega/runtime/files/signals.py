@@ -40,8 +40,7 @@ class Signals(NamedTuple):
         samples: float64 (n, channels), in the file's unit, NaN where a cell has no number.
         channels: Their columns in the file, from 1.
         rate_hz: Samples per second; ``None`` if neither the file nor the user states them.
-        starts: Rows at which a stretch without a loss begins, and their numbers with the lost samples counted
-            in.
+        starts: Rows at which a stretch without a loss begins, and their numbers with lost samples counted in.
         timing: Course of the file's times; ``None`` if it has none.
     """
 

@@ -67,7 +67,7 @@ class VideoFacts(NamedTuple):
 class VideoFrames:
     """The frames of a video file, in order; ``notes`` are sentences on how it is read.
 
-    ``n_decoded`` is one ahead of :meth:`read`. A file that states no rate, or of which nothing decodes, is
+    ``n_decoded`` is one ahead of :meth:`read`. A file that states no rate, or none of which decodes, is
     refused.
     """
 
@@ -116,8 +116,8 @@ class VideoFrames:
     def read(self) -> tuple[float, NDArray[np.uint8]] | None:
         """Return the next frame and its time; ``None`` after the last.
 
-        That is seconds from the beginning of the file, and uint8 (H, W, 3), blue, green, red, turned by the
-        rotation tag.
+        Time is in seconds from the file's beginning; frames are uint8 (H, W, 3), blue, green, red, turned by
+        the rotation tag.
         """
         t_s = self._pending_s
         if t_s is None:

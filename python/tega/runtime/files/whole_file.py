@@ -27,8 +27,8 @@ _GUARDED: Final[int] = sum(
 def new_file(path: Path, *, sync: bool = False) -> Iterator[BinaryIO]:
     """Open a new file that takes a path's place when the block ends, and is gone where an error ends it.
 
-    A link there is replaced, not followed. With ``sync`` it is on the disk before, so that it outlives a loss
-    of power.
+    A link there is replaced, not followed. With ``sync`` it is on the disk before, to outlive a loss of
+    power.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     beside.unlink(missing_ok=True)

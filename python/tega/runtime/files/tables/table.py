@@ -129,8 +129,7 @@ def judged_columns(
     """Judge columns by their names and first values.
 
     ``names`` stand as in the file, none for a table without; ``head`` is float64 (n, columns), NaN for a cell
-    without a number; ``units`` stand apart from the names; ``text`` is whether each column holds words, which
-    are no numbers.
+    without a number; ``units`` stand apart from the names; ``text`` is whether each column holds words.
     """
     columns = []
     for at in range(head.shape[1]):
@@ -156,7 +155,7 @@ def judged_columns(
 def oriented(array: NDArray[np.float64], file: str, *, rows: str) -> tuple[NDArray[np.float64], bool]:
     """Return an array of real numbers with a row per sample, and whether it had a row per channel.
 
-    ``array`` is (n,) or (n, m), ``rows`` is ``auto``, ``samples`` or ``channels``. One that may be either is
+    ``array`` is (n,) or (n, m), ``rows`` is ``auto``, ``samples`` or ``channels``; one that may be both is
     refused.
     """
     array = np.asarray(array)

@@ -65,8 +65,7 @@ def to_seconds(
 ) -> NDArray[np.float64] | None:
     """Return a time column, float64 (n,), in seconds; ``None`` where no unit makes sense of it.
 
-    ``unit_s`` are the seconds of its unit, ``rate_hz`` the stated samples per second; ``None`` where not
-    stated.
+    ``unit_s`` is its unit in seconds, ``rate_hz`` the stated samples per second; ``None`` where not stated.
     """
     if unit_s is not None:
         return times * unit_s
