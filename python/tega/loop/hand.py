@@ -26,7 +26,7 @@ class Hand(Protocol):
     def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
         """Advance by one tick of 3 ms and return the frames to send.
 
-        ``level`` is 1 to 5 with fractions; ``added`` are levels of the reflex, 0 to 1, removed as soon as it
+        ``level`` is 1 to 5 with fractions; ``added``, levels of the reflex, 0 to 1, is removed as soon as it
         is 0.
         """
         ...

@@ -56,8 +56,7 @@ class JointMotion:
 
         ``now_ns`` is since the start of the session; ``level`` is what the muscles ask for, 1 to 5, ``None``
         if another one is commanded; ``block`` has the stamps of the newest block of EMG: captured, received,
-        measured. Returns these, the stamp of the command, and that of the first motion of a joint, once it is
-        confirmed.
+        measured. Returns these, the stamp of the command, and that of a joint's first motion, once confirmed.
         """
         angles = self._angles_rad()
         if level is None:

@@ -61,7 +61,6 @@ class LatencyTrace:
         budget_ms: Budget for the p99 latency of touch within five seconds: ``in-hand``, or ``own`` if the
             vest is refreshed at a steady pace with its intended waits.
         joint_budget_ms: Time that the muscles' way to a joint's first motion may take, within five seconds.
-        steady: If true, the vest is refreshed at a steady pace.
         vests: Vests that report the time of each hand-over.
         answered_ns: Returns when a hand's torques first left at or after a monotonic time, and when the
             report that they answer arrived; ``None`` without such a hand.

@@ -53,8 +53,8 @@ class MotorTests:
     def begin(self, refused: Callable[[], str], bus: Bus) -> None:
         """Join a run; the begin and end of a test are published on the bus.
 
-        ``refused`` returns why no motor may be tried now; ``""`` if one may, and the run's frames are silent
-        then.
+        ``refused`` returns why no motor may be tried now; ``""`` if one may, while the run's frames are
+        silent.
         """
         self._refused, self._bus = refused, bus
 

@@ -87,9 +87,9 @@ def contact_stream(
     """Make a finger's stream: contacts measured beforehand, or a thread that measures frames as they arrive.
 
     The stack ends it; every frame is published on the bus. ``metric`` is ``None`` where the pictures are
-    measured. ``fed`` is whether the source's own thread measures (:func:`is_fed`). ``touching`` knows which
-    other live fingers bear a load; ``recorded`` measures the fingers that are recordings. ``start_ns`` is the
-    clock's time at the start of the session. ``bell`` wakes the loop for a picture; ``None`` where it has its
+    measured already. ``fed`` is whether the source's own thread measures (:func:`is_fed`). ``touching`` knows
+    which other live fingers bear a load; ``recorded`` measures the fingers that are recordings. ``start_ns``
+    is the clock's time at the session's start. ``bell`` wakes the loop for a picture; ``None`` if it has its
     own pace.
     """
     if finger.stream is not None:

@@ -19,8 +19,7 @@ from tega.devices.registry import driver_class
 class Opening:
     """Opens the EMG of the settings in a thread at once, since it takes the longest, the rest when asked to.
 
-    The stack closes the devices, once all are open; ``sources`` is whether the run opens those of the
-    settings.
+    The stack closes them, once all are open; ``sources`` is whether the run opens those of the settings.
     """
 
     def __init__(self, stack: ExitStack, config: SessionConfig, *, sources: bool) -> None:

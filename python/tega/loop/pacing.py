@@ -45,7 +45,6 @@ class Pacer:
     Attributes:
         bell: Ends a wait early when rung; ``None`` if only deadlines count.
         late_ns: Lateness of the newest tick.
-        start_ns: The clock's time at the start.
         tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
         n_waits: Deadlines waited for, with those left out.
     """
@@ -71,7 +70,7 @@ class Pacer:
     def doze(self, t_ns: int) -> int:
         """Wait for a deadline, or until something has come before it.
 
-        Returns the time it is now where something has come, else the deadline, which :meth:`wait` then finds
+        Returns the present time where something has come, else the deadline, which :meth:`wait` finds
         reached.
         """
         if self.bell is None or not self.bell.wait((t_ns - self.elapsed_ns()) * 1e-9):

@@ -115,8 +115,7 @@ class RecordedFingers:
     def contacts(self, name: str) -> Generator[Contact, None, int]:
         """Yield a finger's contacts; return when its recording ended, nanoseconds; see :meth:`measured`.
 
-        Another thread measures ahead of the consumer. Contacts of the other fingers wait for theirs
-        meanwhile.
+        Another thread measures ahead of the consumer; the other fingers' contacts wait for theirs meanwhile.
         """
         waiting = self._waiting[name]
         while True:

@@ -38,8 +38,8 @@ class VestOutput:
     ``live_vests`` are real and get every frame, too; the frames that they sent are published on the bus, as
     are frames and changes of ``haptics``. That is called for each frame; every motor rests while it returns
     false. ``now_ns`` returns the time since the start of the session, ``rate_hz`` is ticks per second.
-    ``by_frame`` is whether a picture between two ticks wakes the loop; the pacer needs a bell that its source
-    rings.
+    ``by_frame`` is whether a picture between two ticks wakes the loop; the pacer then needs a bell that its
+    source rings.
     """
 
     def __init__(

@@ -39,8 +39,8 @@ def export_file(
     Columns are named as in a run's own tables. Times are seconds since the start of the session, exact to the
     nanosecond: ``t_s`` when something was captured, ``log_s`` when it was received. EMG channels have their
     names, else ``ch1`` and so on, motors ``m`` and their number, other lists count from 1. CAN frames become
-    text such as ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has a row
-    per sample.
+    text such as ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has one
+    row a sample.
 
     ``folder`` is new or empty, else ``ConfigError``. ``parquet`` needs the extra of that name. With
     ``pictures`` every picture is written too, as PNG or the JPEG that it is, in a folder per finger named by

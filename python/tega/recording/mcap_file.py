@@ -27,8 +27,8 @@ class McapFile(RecordChannels):
     """A file that grows by items; ``path`` must not exist.
 
     Pictures are kept as they are (``lossless``), else as JPEG of ``jpeg_quality``, 1 to 100. At most
-    ``most_bytes`` wait in memory for the disk. ``raw`` is something else to write to, opened for writing
-    without a buffer.
+    ``most_bytes`` wait in memory for the disk. ``raw`` is another target, opened for writing without a
+    buffer.
     """
 
     def __init__(

@@ -27,7 +27,7 @@ _NUMBER = re.compile(r"trial-([0-9]{3,12})\.mcap")
 
 
 class _IndexTrial(msgspec.Struct):
-    """Names a trial's file; whatever else the index says of the trial stays as it is."""
+    """Names a trial's file; all else of the trial in the index stays as it is."""
 
     file: str
 
@@ -57,8 +57,7 @@ class SessionFolder:
     """A folder of trials, made if need be; ``ConfigError`` if it holds something that is not a session.
 
     Opening it finishes the files that an earlier process left unfinished (``recovered``). With ``to_read``
-    those that cannot be finished, for lack of room or of the right to write, may stay as they are
-    (``unfinished``).
+    those that cannot be, for lack of room or of the right to write, may stay as they are (``unfinished``).
     """
 
     def __init__(self, path: Path, *, to_read: bool = False) -> None:
@@ -93,7 +92,10 @@ class SessionFolder:
         self._write(index)
 
     def discard(self, name: str) -> None:
-        """Delete a trial's file, finished or not, and its entry in the index; missing ones are ignored."""
+        """Delete a trial's file, finished or not, and its entry in the index; missing ones are ignored.
+
+        A name that is not that of a trial is ``RecordingError``.
+        """
         if _NUMBER.fullmatch(name) is None:
             raise RecordingError(
                 f"{name!r} is no trial of {self.path.name}", "name one such as trial-001.mcap"
@@ -117,8 +119,8 @@ class SessionFolder:
     def label(self, task: str, names: Sequence[str] = ()) -> list[str]:
         """Write the task of trials, in words, into the index; their files are unchanged.
 
-        Returns the files: those of ``names``, or all where it is empty; ``RecordingError`` where there are
-        none.
+        Returns the files: those of ``names``, all where it is empty; missing ones, or none at all, are
+        refused.
         """
         there = sorted((file.name for file in self.path.glob("trial-*.mcap")), key=in_order)
         missing = [name for name in names if name not in there]

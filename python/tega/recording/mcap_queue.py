@@ -23,8 +23,7 @@ _ITEM_BYTES = 512
 class Item(NamedTuple):
     """A record to be written, not yet encoded.
 
-    ``t_ns`` is its arrival, nanoseconds since the start of the session; ``n_bytes`` its approximate size in
-    memory.
+    ``t_ns`` is its arrival since the start of the session; ``n_bytes`` is about its size in memory.
     """
 
     record: Record

@@ -106,8 +106,7 @@ class McapReader:
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
         files: Attachments, as far as the pass has come.
-        progress: Called with the file's name, the MiB that were read, and all MiB; replace it to display
-            them.
+        progress: Called with the file's name, the MiB that were read, and all MiB; replace it for a display.
         cut: Reason for an early end of the file; ``""`` before that, and in a complete one.
         part_begins: Place in the file of the part that holds the message which a pass has just returned.
     """

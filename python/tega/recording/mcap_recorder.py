@@ -88,7 +88,7 @@ class McapRecorder:
         self._folder.note(self.path.name, {"state": "recording", "lossless": self._settings.lossless})
 
     def begin(self, start_ns: int, epoch_ns: int) -> None:
-        """Begin to take records; the start is on the session's clock, and in nanoseconds since 1970."""
+        """Begin to take records; ``start_ns`` is the session's clock, ``epoch_ns`` that moment since 1970."""
         self._file.epoch_ns = epoch_ns
         self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
         self._file.flush()

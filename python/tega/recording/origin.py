@@ -23,12 +23,7 @@ Tables = Mapping[str, Mapping[str, str]]
 
 
 class Span(NamedTuple):
-    """A part of a session.
-
-    Attributes:
-        from_ns: Its beginning, nanoseconds since the start of the session; 0 where nothing was cut off.
-        to_ns: Its end, not in it; ``None`` where nothing was cut off.
-    """
+    """Part of a session, ns since its start; ``to_ns``, not in it, is ``None`` where nothing was cut off."""
 
     from_ns: int = 0
     to_ns: int | None = None

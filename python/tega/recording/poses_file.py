@@ -91,7 +91,10 @@ class PosesFile(Opened):
 
 @reports_damage
 def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
-    """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came."""
+    """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
+
+    ``RecordingError`` also where it has no tracked forearm.
+    """
     from tega.recording.replay.feed import RecordFeed
     from tega.records import ArmTurn
 

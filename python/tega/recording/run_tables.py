@@ -68,7 +68,7 @@ class RunTables(Part):
         return sinks._replace(tables=tables)
 
     def ended(self, report: LoopReport, n_waits: int) -> None:  # noqa: ARG002
-        """Complete the tables before the summary says so."""
+        """Complete the tables before the summary states so."""
         self._closes.close()
 
     def finish(self, summary: dict[str, Any]) -> None:

@@ -194,13 +194,13 @@ def measured_contacts(
     """Measure the frames of an open source; returns the time at which it ended, nanoseconds.
 
     In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes
-    away the finger falls silent after 100 ms; it is opened again, once a second until that works or the run
-    is over.
+    away the finger falls silent after 100 ms; it is opened again, once a second, until that works or the run
+    ends.
 
     A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the
     frame before it is not measured again. Of a live source the third and later of such frames in a row are
-    not passed on: the sensor is stuck, and its finger falls silent like any other without fresh frames until
-    pixels change.
+    not passed on: the sensor is stuck, and its finger falls silent like any without fresh frames until pixels
+    change.
 
     ``baseline``, ``report`` and ``start_ns`` are those of :class:`FrameMeter`; ``stamp``, ``prepare``,
     ``observe`` and ``notify`` those of :func:`fed_contacts`, but ``observe`` is called before the

@@ -111,9 +111,10 @@ _SAMPLE_STRIDE = 40
 
 
 class KeptPicture(NamedTuple):
-    """The newest measured picture, uint8 (H, W, 3), with a copy of some of its pixels, ``sample``.
+    """The newest measured picture, uint8 (H, W, 3).
 
-    A driver that wrongly gives one buffer again and again is not taken for a stuck sensor.
+    ``sample`` is a copy of some of its pixels, so that a driver that wrongly gives one buffer again and again
+    is not taken for a stuck sensor.
     """
 
     image: NDArray[np.uint8]

@@ -55,8 +55,7 @@ class Prepared(NamedTuple):
     Attributes:
         fingers: By name, thumb first.
         muscles: The EMG side; ``None`` without EMG.
-        calibration_name: Base name of the file of maxima, or their person; ``""`` when they came from the
-            recording.
+        calibration_name: Base name of the maxima's file, or their person; ``""`` when from the recording.
         poll_hand: Returns at a tick, by the requested level, a reading of hand and arm from another source;
             those of the run are then not read.
     """

@@ -31,8 +31,7 @@ class Reader(Generic[Given]):
     """A thread that passes on the items of an iterator, until that ends or the reader is closed.
 
     ``take`` is called in it with each item, ``done`` at the end with the iterator's return value and its
-    exception. ``rank`` is its priority, if others wait for its items, as the loop does; ``None`` for an
-    ordinary thread.
+    exception. ``rank`` is its priority, if others wait for its items, as the loop does; ``None`` is ordinary.
     """
 
     def __init__(

@@ -205,8 +205,7 @@ class BlockMeter:
     def _times_ns(self, n: int, end_ns: int, n_whole: int) -> NDArray[np.int64]:
         """Return the times of the next samples: arrival for a live source, completion for a recording.
 
-        Of the last of them the source states the time ``end_ns``; its number, from 1, with lost ones, is
-        ``n_whole``.
+        The last of them has the stated time ``end_ns`` and, from 1 with lost ones, the number ``n_whole``.
         """
         if self._live:
             times_ns = np.empty(n, np.int64)

@@ -160,8 +160,7 @@ class LiveStream(Generic[Item]):
     def put(self, item: Item, *, use_by_ns: int = NEVER_NS, next_ns: int = 0) -> None:
         """Add an item, not before the previous one's time.
 
-        It may be taken until ``use_by_ns`` on the stream's clock; ``next_ns`` is the next one's time, or any
-        before it.
+        It may be taken until ``use_by_ns`` on the stream's clock; the next one comes at ``next_ns`` or later.
         """
         with self._lock:
             lost = len(self._items) >= self._capacity

@@ -72,8 +72,7 @@ class RecordFeed:
         bus: Every record is published here as it was recorded; subscribe before reading begins.
         ahead: Functions called with every picture in another thread, those of one finger in order. Each
             returns a function that is called in the reader's thread when the picture is published.
-        cells_suffice: Whether the functions need no image where the picture's cells are recorded; it is empty
-            then.
+        cells_suffice: Whether the functions need no image where a picture's cells are recorded: it is empty.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
         newest_ns: Time of the newest message so far, since the start of the session.

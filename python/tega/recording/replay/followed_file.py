@@ -89,8 +89,8 @@ class Player(Protocol):
 class FollowedFile:
     """A file that is read as far as the playhead is, a part of the file at a time.
 
-    ``zero_ns`` is the log time at the beginning of the recording; ``topics`` has the follower of each topic
-    to read.
+    ``zero_ns`` is the log time at the recording's beginning; ``topics`` has the follower of each topic to
+    read.
     """
 
     def __init__(self, reader: IndexedReader, zero_ns: int, topics: Mapping[str, Follower]) -> None:

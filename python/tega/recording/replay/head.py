@@ -37,8 +37,7 @@ class Head(msgspec.Struct, frozen=True):
         facts: Format, times, and the parts that were live.
         files: All attachments; those that options of stages name are used in their place.
         versions: Version of every record that it may hold; empty in recordings of the first version.
-        from_ns: Beginning of the file, nanoseconds since the start of the session; what is before is its
-            lead-in.
+        from_ns: Beginning of the file, nanoseconds since the session's start; what is before is its lead-in.
         changed: Differences from the run's own settings, a sentence each.
     """
 

@@ -37,8 +37,7 @@ class RecordedRun(Pacer):
     """Paces the loop by a recorded run's ticks, and gives it what the run received and decided at each.
 
     The recording is read as far as each deadline needs it. Deadlines that were left out are left out, and the
-    loop is woken where it was woken. If every source had ended, the streams end with the last tick of the
-    run.
+    loop is woken where it was woken. If every source had ended, the streams end with its last tick.
 
     ``measured`` knows what each contact and intent is now; ``settle`` is called about every second with the
     tick. ``levels`` are the loop's intents, ``None`` without EMG; ``active`` is whether motors were tried in

@@ -75,20 +75,13 @@ def play_file(
     ones are used. Times at which the run had switched its motors off, or set a level against the muscles, are
     played too. Times in the summary are the recording's, counted from the beginning of the lead.
 
-    Args:
-        path: The recording.
-        to: Settings to play on. Their sources and maxima are not used, and nothing is recorded. The vibration
-            counts towards the daily dose of the person they name.
-        speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
-        because: Reason for playing faster than recorded on a real vest or hand.
-        playhead: Position to begin at; also takes requests to seek. ``None`` plays everything from the
-            beginning.
-        others: Files of the same time and machine, such as a scene recording, each played by the feature that
-            wants it.
-        bus: Bus of the run.
-        controls: As of ``run_session``.
-        parts: As of ``run_session``.
-        progress: Reports preparation.
+    Sources and maxima of ``to`` are not used, and nothing is recorded; the vibration counts towards the daily
+    dose of the person that it names. ``speed`` is seconds of the session a second, 0.05 to 20, ``None`` for
+    as fast as it goes; ``because`` is the reason for playing faster than recorded on a real vest or hand.
+    ``playhead`` is the position to begin at, and takes requests to seek; ``None`` plays everything from the
+    beginning. ``others`` are files of the same time and machine, such as a scene recording, each played by
+    the feature that wants it. ``controls`` and ``parts`` are those of ``run_session``; ``progress`` reports
+    preparation.
 
     Raises:
         InvalidValueError: The recording ends before the moment to begin with.

@@ -35,10 +35,10 @@ class Playhead:
         end_ns: Length of the recording; 0 until it is read.
         shift_ns: Time of the run minus time of the recording.
         tick_ns: Time of the run: the deadline last waited for.
-        fills: Functions called with every tick of the run, after a requested jump and before the loop reads
-            its input.
+        fills: Functions called with every tick of the run, after a requested jump and before the loop's
+            input.
         n_late: Deadlines that were more than 3 ms late, by the machine's clock; ``worst_late_ns`` is the
-            latest.
+            most.
     """
 
     def __init__(self, from_s: float = 0.0) -> None:
