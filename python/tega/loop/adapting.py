@@ -59,10 +59,7 @@ class AdaptationWatch:
 def open_adaptation(config: SessionConfig, muscles: Muscles, bus: Bus) -> ChannelAdaptation | None:
     """Make the adaptation of a run's muscles; ``None`` where the settings do not ask for it.
 
-    Args:
-        config: The settings.
-        muscles: The EMG side of the run, with its maxima.
-        bus: Bus with the records that allow adaptation; every change is published on it.
+    The bus has the records that allow adaptation; every change is published on it.
     """
     settings = config.stages.adaptation
     if not settings.on or muscles.decoder is None:

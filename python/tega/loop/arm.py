@@ -63,12 +63,10 @@ class Steering:
         self._last_ns: int | None = None
 
     def start(self, bus: Bus, start_ns: int, *, may_move: Callable[[], bool]) -> None:
-        """Begin to lead the arm.
+        """Begin to lead the arm; ``start_ns`` is the session's start on the monotonic clock.
 
-        Args:
-            bus: Every turn and its command are published here, from the arm's thread.
-            start_ns: Start of the session on the monotonic clock.
-            may_move: Asked at every turn; the arm holds while it says no.
+        Every turn and its command are published from the arm's thread, which calls ``may_move`` at every
+        turn: the arm holds while that is false.
         """
         self._records = ArmRecords(bus, start_ns, self._config.mapping)
         self._thread = threading.Thread(target=self._run, args=(may_move,), name="tega-arm", daemon=True)
@@ -219,15 +217,8 @@ def open_arm(
 ) -> Steering:
     """Open arm and tracker of the settings; the stack closes them, the arm last.
 
-    Args:
-        stack: Closes them.
-        config: The settings.
-        inputs: The operator's switches.
-        tracker: Tracker of the forearm, used instead of that of the settings.
-
-    Raises:
-        ConfigError: Something that the arm needs is not set, or does not fit.
-        DeviceUnavailableError: A device is not there.
+    ``inputs`` are the operator's switches; ``tracker`` is used instead of that of the settings.
+    ``ConfigError`` where something that the arm needs is not set, or does not fit.
     """
     c, seats = config.arm, dict(inputs.seats)
     if c is None:

@@ -22,7 +22,6 @@ class ArmView(NamedTuple):
         dead_man: Whether the dead-man switch is held.
         hand_m: Position of the hand, base's axes; ``None`` before it is known.
         behind_mm: Distance from the target; ``None`` without one.
-        health: Health of the arm's loop.
     """
 
     state: ArmState

@@ -42,18 +42,11 @@ class _Candidate(NamedTuple):
 
 
 def check_baseline(baseline: Picture, pictures: Sequence[Picture], *, name: str, label: str) -> None:
-    """Refuse a baseline that cannot be of the same sensor and mode as the pictures.
+    """Refuse a baseline that cannot be of the same sensor and mode as some pictures of a recording.
 
-    Args:
-        baseline: uint8 (H, W, 3), blue, green, red.
-        pictures: Some pictures of the recording, uint8 (H, W, 3), blue, green, red.
-        name: Name of the baseline's file.
-        label: Name of the recording.
-
-    Raises:
-        RecordingError: The baseline has another size.
-        CalibrationError: The baseline has another colour order or orientation, or differs from all pictures nearly
-            everywhere.
+    All are uint8 (H, W, 3), blue, green, red. Another size is ``RecordingError``. ``CalibrationError`` means
+    another colour order or orientation, or a difference from all pictures nearly everywhere. ``name`` is that
+    of the baseline's file, ``label`` that of the recording.
     """
     if not pictures:
         return

@@ -33,11 +33,7 @@ _DECODED = ("t_ns", "channels", "level", "closure", "confidence")
 
 
 def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> None:
-    """Have the stages of ``stages.beside`` look on.
-
-    Raises:
-        TegaError: A stage rejects its arguments.
-    """
+    """Have the stages of ``stages.beside`` look on; ``TegaError`` where one rejects its arguments."""
     maxima = None if prepared.muscles is None else prepared.muscles.maxima
     measure_beside_on(
         stack,
@@ -62,20 +58,11 @@ def measure_beside_on(
     live: bool = False,
     real: bool = False,
 ) -> None:
-    """Run stages on all frames and samples that are published on a bus.
+    """Run stages on all frames and samples that are published on a bus, which also receives the results.
 
-    Args:
-        stack: Ends their threads.
-        config: The settings.
-        bus: Bus with frames and samples; the results are published on it.
-        baselines: Untouched pictures, by finger.
-        touch: Gives the maxima of a finger.
-        muscles: Maxima of the muscles; ``None`` without EMG.
-        live: Whether the samples come from a device that runs on its own clock.
-        real: Whether they work in threads of their own.
-
-    Raises:
-        TegaError: A stage rejects its arguments.
+    The stack ends their threads. ``touch`` gives the maxima of a finger; ``muscles`` is ``None`` without EMG.
+    ``live`` is whether the samples come from a device that runs on its own clock, ``real`` whether the stages
+    work in threads of their own. ``TegaError`` where a stage rejects its arguments.
     """
     used: dict[str, int] = {}
     for wanted in config.stages.beside:

@@ -25,11 +25,11 @@ class Controls:
     """Controls of a run, each called at every tick.
 
     Attributes:
-        stop: Returns whether the run is to end; every output is then left silent.
-        go: Returns whether an armed run may become active.
-        haptics: Returns whether the vest's motors may run.
-        authority: Returns the authority of the reflex, 0 to 1; ``None`` for the settings' and the button's.
-        level: Returns the closure level of a program, 1 to 5; ``None`` for that of the muscles.
+        stop: Whether the run is to end; every output is then left silent.
+        go: Whether an armed run may become active.
+        haptics: Whether the vest's motors may run.
+        authority: Authority of the reflex, 0 to 1; ``None`` for the settings' and the button's.
+        level: Closure level of a program, 1 to 5; ``None`` for that of the muscles.
         motor_tests: Takes wishes to feel one motor of the vest while the run is armed.
     """
 

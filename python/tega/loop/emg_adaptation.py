@@ -98,17 +98,11 @@ class _Amplitude:
 
 
 class ChannelAdaptation:
-    """Adapts the channels of one source as their samples come.
+    """Adapts the channels of one source as their samples come; ``settings`` limit the change per minute.
 
-    Args:
-        maxima: Maxima of the channels, with the kind of the samples.
-        settings: Limits of change per minute.
-        switches: Asked at the end of every block for the switches, with the number of samples so far.
-        notify: Called with every change of the switches and of gains and offsets.
-
-    Attributes:
-        gains: Gain of each channel, float64 (channels,).
-        offsets: Offset of each channel, in the unit of the samples, float64 (channels,).
+    ``switches`` is called at the end of every block with the number of samples so far, ``notify`` with every
+    change of the switches and of gains and offsets. ``gains`` and ``offsets`` are float64 (channels,),
+    offsets in the unit of the samples.
     """
 
     def __init__(
@@ -149,12 +143,8 @@ class ChannelAdaptation:
     def take(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
         """Adapt the next samples, none beyond the end of a block: its end is the end of a hop of the votes.
 
-        Args:
-            samples: float64 (n, channels), NaN where missing, infinite where a channel has no vote.
-
-        Returns:
-            The adapted samples: the same object if nothing is adapted, else a new one; NaN and infinite values are
-            unchanged.
+        They are float64 (n, channels), NaN where missing, infinite where a channel has no vote; these values
+        are unchanged. If nothing is adapted, the same object is returned.
         """
         made = samples
         if self.adapted:
@@ -175,11 +165,9 @@ class ChannelAdaptation:
         return made
 
     def decoded(self, blocks: Sequence[Intent], t_ns: int) -> None:
-        """Take the decoder's intents for the samples just adapted, and update gains and offsets at a block's end.
+        """Take the intents of the samples just adapted; update gains and offsets at a block's end.
 
-        Args:
-            blocks: The decoder's intents.
-            t_ns: Time of the newest of the samples.
+        ``t_ns`` is the time of the newest of the samples.
         """
         if blocks:
             self._text = blocks[-1]

@@ -195,13 +195,8 @@ def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 class MuscleAlert:
     """Publishes the condition of the muscles from the samples on the bus.
 
-    Args:
-        maxima: Maxima of the channels, with the kind of the samples.
-        bus: Bus with the samples; the condition is published on it.
-        backlog: Queue for the samples, so that no spectrum delays a source; ``None`` to process them at once.
-
-    Attributes:
-        said: The current alert; ``""`` for none.
+    The samples wait in ``backlog``, so that no spectrum delays a source; with ``None`` they are processed at
+    once. ``said`` is the current alert; ``""`` for none.
     """
 
     def __init__(self, maxima: EmgMaxima, bus: Bus, backlog: Backlog | None = None) -> None:
@@ -220,11 +215,7 @@ def open_condition(
 ) -> MuscleAlert | None:
     """Watch the muscles of a run; ``None`` where their samples are decoded somewhere else.
 
-    Args:
-        stack: Ends the thread in which that is done where time is real.
-        config: The settings.
-        prepared: The sources of the run.
-        bus: Bus with the samples; the condition is published on it.
+    Where time is real this is done in a thread, which the stack ends. The condition is published on the bus.
     """
     muscles = prepared.muscles
     if muscles is None or muscles.decoder is None:

@@ -26,9 +26,8 @@ class Hand(Protocol):
     def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
         """Advance by one tick of 3 ms and return the frames to send.
 
-        Args:
-            level: Closure level, 1 to 5 with fractions.
-            added: Addition of the reflex, levels, 0 to 1; removed as soon as it is 0 again.
+        ``level`` is 1 to 5 with fractions; ``added``, levels of the reflex, 0 to 1, is removed as soon as it
+        is 0.
         """
         ...
 
@@ -50,11 +49,9 @@ class CommandedHand(Hand, Protocol):
 class ModelledAllegro:
     """The frames that would go to an Allegro Hand v4 if its joints moved as an ideal model's do.
 
-    The hand accepts torques only, so the joint angles have to be known. Without a hand they come from a model without
-    load, contact or friction: the frames are those that would be sent, not the response of a real hand.
-
-    Args:
-        device_id: The hand's number on its bus, 0 to 3.
+    The hand accepts torques only, so the joint angles have to be known. Without a hand they come from a model
+    without load, contact or friction: the frames are those that would be sent, not the response of a real
+    hand. ``device_id`` is the hand's number on its bus, 0 to 3.
     """
 
     label = "modelled: torques from an ideal joint model, no hand's angles were read"
@@ -75,12 +72,7 @@ class ModelledAllegro:
         return self._hand.controller.target_rad
 
     def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
-        """Go on by one tick of 3 ms.
-
-        Args:
-            level: Closure level, 1 to 5 with fractions between two poses.
-            added: Addition of the reflex, levels.
-        """
+        """Go on by one tick of 3 ms; ``level`` is 1 to 5, with fractions between two poses."""
         self._angles, torques = self._hand.step(level, added)
         return allegro_torque_frames(torques, device_id=self._device_id)
 

@@ -15,17 +15,11 @@ from tega.wire import CanFrame
 
 
 class HandOutput:
-    """Steers one hand at every tick of the loop.
+    """Steers one hand at every tick of the loop; commands and joint angles are published on the bus.
 
-    Args:
-        model: Turns levels into frames.
-        sinks: Outputs that every frame is written to.
-        bus: Bus on which commands and joint angles are published; a reflex receives events of touch from it.
-        reflex: Adds to the level that the person asks for; ``None`` without a reflex.
-        trace: Follows blocks of EMG to the hand.
-
-    Attributes:
-        level: Closure level of the newest command, including the reflex; 0 before the first and after the last.
+    ``model`` turns levels into frames for every sink. ``reflex`` adds to the person's level and receives
+    events of touch from the bus. ``trace`` follows blocks of EMG to the hand. ``level`` is the closure of the
+    newest command, with the reflex; 0 before the first and after the last.
     """
 
     def __init__(
@@ -48,13 +42,10 @@ class HandOutput:
     def step(
         self, t_ns: int, level: float, contacts: Callable[[], Mapping[str, Contact]], *, imposed: bool
     ) -> None:
-        """Send the hand the frames of a tick.
+        """Send the hand the frames of a tick; ``level`` is without the reflex, 1 to 5 with fractions.
 
-        Args:
-            t_ns: The tick.
-            level: Closure level without the reflex, 1 to 5 with fractions.
-            contacts: Returns the newest contact of each finger with a fresh frame.
-            imposed: Whether the level is not the muscles' own.
+        ``contacts`` returns the newest contact of each finger with a fresh frame; ``imposed`` is whether the
+        level is not the muscles' own.
         """
         added = 0.0 if self._reflex is None else self._reflex.step(t_ns, level, contacts)
         self.level = level + added

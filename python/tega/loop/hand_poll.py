@@ -23,14 +23,10 @@ HAND_POLL_NS: Final = 3 * HAND_TICK_NS
 class HandPolls:
     """Looks at hand and arm every 9 ms.
 
-    A look is complete or empty: if hand or arm reports nothing fresh, or a number is not finite, the look is empty,
-    and the detector uses touch alone.
-
-    Args:
-        angles_rad: Returns the measured joint angles, float64 (16,), rad; ``None`` where none are fresh.
-        height_m: Returns the height of the arm's end, metres; ``None`` if none is fresh.
-        closure: Reads the closure off the angles.
-        now_ns: Returns the time since the start of the session, nanoseconds.
+    A look is complete or empty: if hand or arm reports nothing fresh, or a number is not finite, the look is
+    empty, and the detector uses touch alone. ``angles_rad`` returns the measured joint angles, float64 (16,),
+    rad, ``height_m`` the height of the arm's end, metres; both ``None`` where none is fresh. ``closure``
+    reads the closure off the angles, ``now_ns`` returns nanoseconds since the start of the session.
     """
 
     def __init__(
@@ -47,12 +43,7 @@ class HandPolls:
         self._due_ns = 0
 
     def __call__(self, t_ns: int, level: float) -> HandLook | None:
-        """Return the look of a tick; ``None`` where it is too early for one.
-
-        Args:
-            t_ns: The tick.
-            level: Closure level of the command, including the reflex.
-        """
+        """Return the look of a tick, ``None`` where it is too early; ``level`` is with the reflex."""
         now_ns = self._now_ns()
         if now_ns < self._due_ns:
             return None
@@ -75,11 +66,7 @@ class HandPolls:
 
 
 def hand_closure(config: SessionConfig) -> ClosureScale:
-    """Return the closure scale for the joint angles of the settings' hand.
-
-    Raises:
-        ConfigError: Its pose file cannot be used.
-    """
+    """Return the closure scale for the joint angles of the settings' hand."""
     poses = getattr(config.hand.options, "poses", None)
     return ClosureScale(None if poses is None else load_poses(poses))
 
@@ -95,11 +82,7 @@ def fresh_angles_rad(hand: SteeredHand) -> NDArray[np.float64] | None:
 def open_hand_polls(
     config: SessionConfig, *, hand: SteeredHand | None, arm: Steering | None, now_ns: Callable[[], int]
 ) -> HandPolls | None:
-    """Make the looks of a run; ``None`` where hand or arm is not measured, or the settings want touch alone.
-
-    Raises:
-        ConfigError: The hand's pose file cannot be used.
-    """
+    """Make a run's looks; ``None`` where hand or arm is not measured, or the settings want touch alone."""
     if hand is None or arm is None or config.stages.slips == "touch":
         return None
     return HandPolls(lambda: fresh_angles_rad(hand), arm.height_m, hand_closure(config), now_ns)

@@ -61,20 +61,13 @@ class Settling:
 def go_to_start(
     config: SessionConfig, shows: Shows, *, reported_s: float = WARNING_S, bus: Bus | None = None
 ) -> str:
-    """Move the arm to ``arm.start_m`` and open the hand, then let go of both.
+    """Move the arm to ``arm.start_m`` and open the hand, then let go of both; return what is left, in words.
 
-    The motion is announced first. Nothing moves before ``reported_s`` are over, while the dead-man (and the clutch, if
-    there is one) is not held, or while no process guards the hand. The arm is bound by its workspace, clip, limits
-    and watchdogs, and moves at 0.1 m/s at most.
-
-    Args:
-        config: The settings, with an arm that has a start.
-        shows: Shows the progress; an exception that it raises ends the motion.
-        reported_s: Time for which the motion is announced before anything may move, seconds.
-        bus: Every turn of the arm is published here.
-
-    Returns:
-        The distance of the arm from its start, and of the hand from its open pose, in words.
+    The motion is announced first. Nothing moves before ``reported_s`` are over, while the dead-man (and the
+    clutch, if there is one) is not held, or while no process guards the hand. The arm is bound by its
+    workspace, clip, limits and watchdogs, and moves at 0.1 m/s at most. Every turn of it is published on
+    ``bus``; an exception that ``shows`` raises ends the motion. The words are the distance of the arm from
+    its start, and of the hand from its open pose.
 
     Raises:
         ConfigError: The settings have no arm with a start, or something that the arm needs is missing.
@@ -136,9 +129,7 @@ def go_to_start(
 def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
     """Open the arm of the settings and watch it for a while; nothing may move.
 
-    Raises:
-        ConfigError: The settings have no arm, or something that it needs is missing.
-        DeviceUnavailableError: A device is missing, went away or is at fault.
+    ``DeviceUnavailableError`` where a device is missing, went away or is at fault.
     """
     if config.arm is None:
         raise ConfigError("no arm is set", "set arm.driver")

@@ -58,13 +58,12 @@ class LatencyTrace:
     Args:
         now_ns: Time since the start of the session.
         start_ns: The monotonic clock's time at that start.
-        budget_ms: Budget for the p99 latency of touch within five seconds: ``in-hand``, or ``own`` if the vest is
-            refreshed at a steady pace with its intended waits.
+        budget_ms: Budget for the p99 latency of touch within five seconds: ``in-hand``, or ``own`` if the
+            vest is refreshed at a steady pace with its intended waits.
         joint_budget_ms: Time that the muscles' way to a joint's first motion may take, within five seconds.
-        steady: If true, the vest is refreshed at a steady pace.
         vests: Vests that report the time of each hand-over.
-        answered_ns: Returns when a hand's torques first left at or after a monotonic time, and when the report that
-            they answer arrived; ``None`` without such a hand.
+        answered_ns: Returns when a hand's torques first left at or after a monotonic time, and when the
+            report that they answer arrived; ``None`` without such a hand.
         joints: Watches the hand's reported positions; ``None`` without such a hand.
         motor: Measured onset of the motor after the hand-over; ``None`` if it was not measured.
         bus: Every frame and block that has arrived is published here.
@@ -72,8 +71,8 @@ class LatencyTrace:
     Attributes:
         warning: The path that is over budget now, and its slowest stage; ``""`` for none.
         last_warning: The newest that was not ``""``.
-        n_replaced: Camera frames that would have changed the vest, but were replaced by a newer one of the finger
-            before the vest's link was free; they are in no percentile.
+        n_replaced: Camera frames that would have changed the vest, but were replaced by a newer one of the
+            finger before the vest's link was free; they are in no percentile.
         line: Latency in one line, p50 and p99 of the whole run; updated once a second.
     """
 
@@ -141,13 +140,10 @@ class LatencyTrace:
                 return
 
     def vest(self, tick_ns: int, began_ns: int, made_ns: int, *, changed: bool) -> None:
-        """Note that a vest frame was made from the fresh contacts, and collect the transports' time stamps.
+        """Note that a vest frame was made from fresh contacts, and collect the transports' time stamps.
 
-        Args:
-            tick_ns: The time it is written with.
-            began_ns: Time at which its computation began.
-            made_ns: Time at which it was complete.
-            changed: Whether a vest shows something else with it; camera frames that change nothing do not count.
+        It was computed from ``began_ns`` to ``made_ns`` and is written with ``tick_ns``. ``changed`` is
+        whether a vest shows something else with it; camera frames that change nothing do not count.
         """
         fresh = {name: item for name, item in self._fresh.items() if name != "emg"}
         if fresh and changed:
@@ -182,10 +178,9 @@ class LatencyTrace:
         return 0 if self._joints is None else self._joints.n_unmoved
 
     def commanded(self, level: float | None) -> None:
-        """Note that the newest level was commanded, and check whether the hand has sent the one before and moved.
+        """Note that the newest level was commanded; check whether the hand has sent the one before and moved.
 
-        Args:
-            level: Level that the muscles ask for, 1 to 5; ``None`` if another one was commanded, as by a guard.
+        ``level`` is the muscles', 1 to 5; ``None`` if another one was commanded, as by a guard.
         """
         if self._joints is not None:
             moved = self._joints.check(self.now_ns(), level, self._asking)

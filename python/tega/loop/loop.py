@@ -201,11 +201,7 @@ class DualLoop:
         return duration_ns, "duration"
 
     def _take_in(self, t_ns: int) -> bool:
-        """Take in everything stamped up to a time, in the order of the stamps, thumb first among equals.
-
-        Returns:
-            Whether there was anything.
-        """
+        """Take in all that is stamped up to a time, in order, thumb first among equals; false if nothing."""
         taken = False
         heads: dict[str, Contact] = {}
         while True:

@@ -38,14 +38,10 @@ EMG_PERCENTILE = {"paper": 100.0, "live": 95.0}
 
 
 def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
-    """Derive a finger's maxima from its measured frames.
+    """Derive a finger's maxima from all frames of its recording.
 
-    Args:
-        contacts: All frames of the recording.
-
-    Returns:
-        The 99.5 percentiles over the frames in contact; CCI only from contacts of at least 30 pixels. ``None``
-        where there are none.
+    They are the 99.5 percentiles over the frames in contact, CCI only from contacts of at least 30 pixels;
+    ``None`` where there are none.
     """
     touching = [contact for contact in contacts if contact.in_contact]
     return TouchMaxima(
@@ -55,11 +51,7 @@ def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
 
 
 def guided_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
-    """Derive a finger's maxima from guided presses, round and flat.
-
-    Returns:
-        Those of :func:`touch_maxima`, EDA times :data:`HEADROOM`.
-    """
+    """Derive maxima from guided presses, round and flat: :func:`touch_maxima`, EDA times :data:`HEADROOM`."""
     full = touch_maxima(contacts)
     return full if full.eda_max is None else msgspec.structs.replace(full, eda_max=HEADROOM * full.eda_max)
 
@@ -72,11 +64,7 @@ def _percentile(values: Sequence[float]) -> float | None:
 
 
 def block_length(rate_hz: float, block_s: float = TAU_S) -> int:
-    """Return the samples of a block.
-
-    Raises:
-        ConfigError: The rate is too low for a block to hold one sample.
-    """
+    """Return the samples of a block; ``ConfigError`` if the rate is too low for a block to hold one."""
     tau = round(block_s * rate_hz)
     if tau < 1:
         raise ConfigError(
@@ -103,18 +91,11 @@ def emg_conditions(
 
 
 def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["paper", "live"]) -> EmgMaxima:
-    """Derive the channels' maxima from a whole recording, which is left at its beginning.
+    """Derive the channels' maxima from a whole open recording, which is left at its beginning.
 
-    Args:
-        source: The open recording.
-        conditions: Conditions of the recording, from :func:`emg_conditions`.
-        preset: ``paper`` takes the largest block mean, ``live`` the 95th percentile.
-
-    Returns:
-        The conditions, with the maxima.
-
-    Raises:
-        CalibrationError: A channel never moves, or the recording is shorter than one block.
+    ``conditions`` are those of :func:`emg_conditions`, returned with the maxima. ``paper`` takes the largest
+    block mean, ``live`` the 95th percentile. ``CalibrationError`` if a channel never moves, or the recording
+    is shorter than one block.
     """
     samples = held_samples(_all_samples(source))
     source.open()

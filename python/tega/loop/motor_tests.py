@@ -20,12 +20,7 @@ _ANSWER_S: Final = 1.0
 
 
 class MotorAnswer(NamedTuple):
-    """Answer to a click on a motor.
-
-    Attributes:
-        done: Whether the motor vibrates.
-        words: Intensity, or the reason for a refusal.
-    """
+    """Answer to a click on a motor: whether it vibrates, and the intensity or the reason for a refusal."""
 
     done: bool
     words: str
@@ -56,11 +51,10 @@ class MotorTests:
         self._bus = Bus()
 
     def begin(self, refused: Callable[[], str], bus: Bus) -> None:
-        """Join a run.
+        """Join a run; the begin and end of a test are published on the bus.
 
-        Args:
-            refused: Returns why no motor may be tried now; ``""`` if one may, and the run's frames are silent then.
-            bus: Bus on which the begin and end of a test are published.
+        ``refused`` returns why no motor may be tried now; ``""`` if one may, while the run's frames are
+        silent.
         """
         self._refused, self._bus = refused, bus
 

@@ -86,18 +86,11 @@ def contact_stream(
 ) -> Stream[Contact]:
     """Make a finger's stream: contacts measured beforehand, or a thread that measures frames as they arrive.
 
-    Args:
-        stack: Ends it.
-        name: Name of the finger.
-        finger: Its open source and baseline.
-        metric: Measures its pictures; ``None`` where that is done.
-        fed: Whether the source's own thread measures, as :func:`is_fed` says.
-        touching: Knows which other live fingers bear a load.
-        recorded: Measures the fingers that are recordings.
-        start_ns: The clock's time at the start of the session.
-        trace: Follows the frames; ``None`` for no tracing.
-        bell: Wakes the loop for a picture; ``None`` where it has its own pace.
-        bus: Every frame is published here.
+    The stack ends it; every frame is published on the bus. ``metric`` is ``None`` where the pictures are
+    measured already. ``fed`` is whether the source's own thread measures (:func:`is_fed`). ``touching`` knows
+    which other live fingers bear a load; ``recorded`` measures the fingers that are recordings. ``start_ns``
+    is the clock's time at the session's start. ``bell`` wakes the loop for a picture; ``None`` if it has its
+    own pace.
     """
     if finger.stream is not None:
         return finger.stream

@@ -17,11 +17,9 @@ from tega.devices.registry import driver_class
 
 
 class Opening:
-    """Opens the EMG of the settings in a thread from now on, since it takes the longest, and the rest when asked to.
+    """Opens the EMG of the settings in a thread at once, since it takes the longest, the rest when asked to.
 
-    Args:
-        stack: Closes the opened devices, once all of them are open.
-        sources: Whether the run opens the sources of the settings.
+    The stack closes them, once all are open; ``sources`` is whether the run opens those of the settings.
     """
 
     def __init__(self, stack: ExitStack, config: SessionConfig, *, sources: bool) -> None:
@@ -55,8 +53,7 @@ class Opening:
     def sources(self) -> tuple[dict[str, TactileSource], EmgSource | None]:
         """Wait until all are open; return those of touch by finger, and the EMG.
 
-        Raises:
-            TegaError: One of them cannot be opened; of several the finger that comes first, the EMG last.
+        Of several errors the finger's that comes first is raised, the EMG's last.
         """
         n_emg = self._emg is not None
         for opened in self._opened[n_emg:]:

@@ -29,7 +29,6 @@ class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
         n_ticks: Deadlines waited for.
         n_overruns: Deadlines that were more than one hand tick (3 ms) late.
         n_skipped: Deadlines left out because the loop was more than 100 ms late.
-        worst_late_ms: The latest one, in milliseconds.
         n_late: Number of late deadlines in each bin of :data:`LATE_EDGES_NS`.
     """
 
@@ -43,13 +42,9 @@ class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
 class Pacer:
     """Waits for absolute deadlines on a clock; with a manual clock it never sleeps.
 
-    Args:
-        bell: Ends a wait early when rung; ``None`` if only deadlines count.
-
     Attributes:
         bell: Ends a wait early when rung; ``None`` if only deadlines count.
         late_ns: Lateness of the newest tick.
-        start_ns: The clock's time at the start.
         tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
         n_waits: Deadlines waited for, with those left out.
     """
@@ -75,8 +70,8 @@ class Pacer:
     def doze(self, t_ns: int) -> int:
         """Wait for a deadline, or until something has come before it.
 
-        Returns:
-            The time it is now where something has come, else the deadline, which :meth:`wait` then finds reached.
+        Returns the present time where something has come, else the deadline, which :meth:`wait` finds
+        reached.
         """
         if self.bell is None or not self.bell.wait((t_ns - self.elapsed_ns()) * 1e-9):
             return t_ns
@@ -89,11 +84,7 @@ class Pacer:
         return t_ns
 
     def wait(self, t_ns: int) -> bool:
-        """Wait for a deadline.
-
-        Returns:
-            Whether the tick should be carried out; false when it is too late for it to make sense.
-        """
+        """Wait for a deadline; false when it is too late for the tick to make sense."""
         self._clock.sleep_until(self.start_ns + t_ns)
         self.tick_ns = t_ns
         self.n_waits += 1
@@ -121,10 +112,6 @@ class Pacer:
 
 
 def refuse_live(info: DeviceInfo, pace: Literal["fast", "real"]) -> None:
-    """Refuse a live device where the run does not wait for real time.
-
-    Raises:
-        ConfigError: The device is live, and the session's pace is ``fast``.
-    """
+    """Refuse a live device where the run does not wait for real time (pace ``fast``)."""
     if pace == "fast" and info.live:
         raise ConfigError(f"session.pace = 'fast', but {info.label} is live", "set session.pace = 'real'")

@@ -37,19 +37,11 @@ FEW_FRAMES, MOST_STRIDE = 5, 30
 
 
 def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> tuple[NDArray[np.uint8], str]:
-    """Return a finger's baseline and where it came from.
+    """Return a finger's baseline, uint8 (H, W, 3), and a sentence on where it came from, for the summary.
 
-    Args:
-        source: Its open source; a recording is left at its beginning.
-        given: The baseline's file, or ``None`` to estimate it.
-        finger: For the messages.
-
-    Returns:
-        uint8 (H, W, 3), and a sentence for the summary.
-
-    Raises:
-        RecordingError: The file is no picture or has another size, or a frame cannot be read.
-        CalibrationError: There is nothing to estimate it from, or the file is no baseline of these pictures.
+    Without a file it is estimated; a recording is left at its beginning. A file of no picture or of another
+    size is ``RecordingError``. ``CalibrationError`` if there is nothing to estimate it from, or the file is
+    no baseline of these pictures.
     """
     if given is not None:
         baseline = read_image(given, driver=source.info.driver)
@@ -131,20 +123,10 @@ def prepare(
     """Find baselines and maxima.
 
     Without a calibration file every frame is measured here, once, and the run uses these measurements.
-
-    Args:
-        config: The settings.
-        sources: The open tactile sources, by finger.
-        emg: The open EMG source, if any.
-        progress: Called with the number of frames measured so far.
-        stop: Asked whether to give up.
-        settings: Name of the settings file in suggested commands.
-        origin: Words for the origin of maxima that are elsewhere, so that none are needed here; ``""``: none.
-
-    Raises:
-        RecordingError: A recording cannot be read.
-        CalibrationError: The calibration does not fit, or there is none and a source is live.
-        KeyboardInterrupt: ``stop`` said so.
+    ``progress`` is called with the number of frames measured so far; where ``stop`` returns true, this is
+    ``KeyboardInterrupt``. ``settings`` names the settings file in suggested commands. ``origin`` is in words
+    that of maxima that are elsewhere, so that none are needed here, or ``""``. ``CalibrationError`` if the
+    calibration does not fit, or there is none and a source is live.
     """
     preset, path = config.session.preset, config.calibration.file
     conditions = None
@@ -205,7 +187,7 @@ def _other_metric(config: SessionConfig) -> str:
 
 
 def to_be_read(prepared: Prepared) -> Prepared:
-    """Return a run's prepared sources, with frames that were measured beforehand to be read and measured again.
+    """Return prepared sources, with frames that were measured beforehand to be read and measured again.
 
     Used for a run that needs the images: the same frames, the same results.
     """

@@ -242,11 +242,7 @@ class ProgramSession:
         self._thread = threading.Thread(target=self._run, name="tega-session", daemon=True)
 
     def __enter__(self) -> Self:
-        """Open the devices and begin the run.
-
-        Raises:
-            TegaError: Settings, calibration or devices are at fault, or the session has been used before.
-        """
+        """Open the devices and begin the run; ``TegaError`` also where the session has been used before."""
         if self._thread.ident is not None:
             raise InvalidValueError("the session has been used", "make another one with tega.session")
         closes_on_exit(self.close)
@@ -268,8 +264,7 @@ class ProgramSession:
     ) -> None:
         """End the run: the vest gets zeros, and the hand is let go.
 
-        Raises:
-            TegaError: The run ended with an error, and the program did not.
+        Raises the run's error, unless the program ended with one.
         """
         self.close()
         if error is None:
@@ -282,11 +277,7 @@ class ProgramSession:
         return self
 
     def __next__(self) -> LoopView:
-        """Wait for the next moment.
-
-        Raises:
-            TegaError: The run ended with an error, or has not begun.
-        """
+        """Wait for the next moment; ``TegaError`` if the run ended with an error, or has not begun."""
         if self._thread.ident is None:
             raise InvalidValueError("the session has not begun", "use it in a with statement")
         with self._change:

@@ -27,15 +27,7 @@ class Lapsing:
         self._sent: tuple[Any, int] = (None, 0)
 
     def send(self, value: Any, for_s: float) -> None:
-        """Keep a value from now on.
-
-        Args:
-            value: The value.
-            for_s: Time after which it lapses, above 0 to 10 s.
-
-        Raises:
-            InvalidValueError: The time is out of range.
-        """
+        """Keep a value from now on; it lapses after ``for_s``, above 0 to 10 s."""
         if not 0 < for_s <= _LONGEST_S:
             raise InvalidValueError(f"for_s = {for_s} is out of range: above 0 to {_LONGEST_S:g} s")
         self._sent = value, self._clock.now_ns() + round(for_s * 1e9)

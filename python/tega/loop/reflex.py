@@ -35,11 +35,7 @@ _LONGEST_STEP_S: Final = 0.05
 
 
 class ReflexDial:
-    """Holds the reflex's authority, which settings, page and button set; safe to ask and set from any thread.
-
-    Args:
-        authority: At the start, 0 to 1.
-    """
+    """Holds the reflex's authority, 0 to 1, which settings, page and button set; for any thread."""
 
     def __init__(self, authority: float) -> None:
         self._lock = Lock()
@@ -89,20 +85,15 @@ class ReflexArc:
     """Asks a reflex at every tick of the hand and adds its bounded wish to the participant's own closure.
 
     With authority A, bound B (levels) and wish w the addition a goes toward A · B · max(w, 0), up by
-    ``rise_levels_per_s`` and down by ``fall_levels_per_s`` at most, or by 5 levels a second where w < 0, authority was
-    lowered, the run is not active or the person loosens the own grip; own + a is 5 at most. It is asked
-    for nothing and adds nothing with A = 0 and a = 0; a = 0 at once where the person opens the hand (own closure 1.25
-    or less). The target is 0 without a finger that touches, and for up to a second after the own closure has fallen by
-    a quarter of a level or more.
+    ``rise_levels_per_s`` and down by ``fall_levels_per_s`` at most, or by 5 levels a second where w < 0,
+    authority was lowered, the run is not active or the person loosens the own grip; own + a is 5 at most. It
+    is asked for nothing and adds nothing with A = 0 and a = 0; a = 0 at once where the person opens the hand
+    (own closure 1.25 or less). The target is 0 without a finger that touches, and for up to a second after
+    the own closure has fallen by a quarter of a level or more.
 
-    Args:
-        snapshot: Returns the circumstances of a tick from its time in nanoseconds.
-        notify: Called with every tick at which the reflex was asked or added something.
-
-    Attributes:
-        authority: Share of the largest addition that it might use at the last tick.
-        added: Current addition, levels.
-        most_added: The largest addition so far, levels.
+    ``snapshot`` returns the circumstances of a tick from its time in nanoseconds; ``notify`` is called with
+    every tick at which the reflex was asked or added something. ``authority`` is that of the last tick;
+    ``added`` is the current addition, ``most_added`` the largest so far, levels.
     """
 
     def __init__(
@@ -130,10 +121,8 @@ class ReflexArc:
     def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:
         """Return the addition of a tick, levels.
 
-        Args:
-            t_ns: The tick.
-            own: Closure that the person asks for, levels 1 to 5 with fractions.
-            contacts: Returns the newest contact of each finger with a fresh frame.
+        ``own`` is the closure that the person asks for, levels 1 to 5 with fractions; ``contacts`` returns
+        the newest contact of each finger with a fresh frame.
         """
         now = self._snapshot(t_ns)
         authority = self.authority = now.authority
@@ -198,13 +187,9 @@ def open_reflex(
 ) -> ReflexArc | None:
     """Make the reflex of a run; ``None`` where the settings name none.
 
-    Args:
-        config: The settings.
-        bus: Bus with the button events; every addition is published on it.
-        fingers: Fingers that have a sensor.
-        active: Asked whether the run is active.
-        hand: The hand that measures its joints; ``None`` where there is none.
-        authority: Returns the page's choice at each tick; ``None`` for that of settings and button.
+    The bus has the button events; every addition is published on it. ``fingers`` have a sensor; ``active`` is
+    whether the run is active; ``hand`` is one that measures its joints. ``authority`` returns the page's
+    choice at each tick; ``None`` for that of settings and button.
     """
     reflex, settings = grip_reflex(config.stages, config.session.preset, fingers), config.stages.reflex
     if reflex is None:

@@ -16,10 +16,8 @@ REZERO_KEY: Final = "b"
 class FingerRezero:
     """Takes a finger's new baseline before its next picture is measured.
 
-    Args:
-        bus: Publishes buttons; a press of the seat ``rezero`` is a request.
-        metric: Measures the finger's pictures; ``loaded`` has to be set before each picture.
-        report: Counts baselines that were taken and that were refused.
+    A press of the seat ``rezero`` on the bus is a request. ``loaded`` of ``metric`` has to be set before each
+    picture; ``report`` counts baselines that were taken and that were refused.
     """
 
     def __init__(self, bus: Bus, metric: Metric, report: SourceReport) -> None:

@@ -29,12 +29,8 @@ from tega.stages.base import MeasuredPicture
 class Rig(NamedTuple):
     """Devices and outputs of a run, all of them open.
 
-    Attributes:
-        prepared: The sources, with their baselines and maxima.
-        inputs: The operator's input devices.
-        guard: Watches over the live devices.
-        steering: Leads the arm; ``None`` without one.
-        parts: Parts of features, and those of the caller.
+    ``prepared`` are the sources with baselines and maxima; ``guard`` watches over the live devices;
+    ``steering`` leads the arm; ``parts`` are those of features and of the caller.
     """
 
     config: SessionConfig
@@ -71,20 +67,9 @@ def open_rig(
 ) -> Rig:
     """Open the devices that the settings name; the arguments are those of :func:`tega.loop.run_session`.
 
-    Args:
-        stack: Closes all of it.
-        config: The settings.
-        bus: Bus of the run.
-        opening: Opens the EMG already.
-        prepared: Inputs to use instead of the sources of the settings.
-        parts: Parts of the caller.
-        progress: Reports preparation.
-        controls: Whether to give up, and whether an armed run may become active.
-        settings: Name of the settings file in the commands that an error suggests.
-
-    Raises:
-        TegaError: Settings, recordings, calibration or devices are at fault.
-        KeyboardInterrupt: ``controls.stop`` asked for it.
+    The stack closes all of it. ``opening`` opens the EMG already. ``prepared`` is used instead of the sources
+    of the settings. ``controls`` are asked whether to give up (``KeyboardInterrupt``), and whether an armed
+    run may become active. ``settings`` names the settings file in the commands that an error suggests.
     """
     hand = opening.begin_rest()
     own = open_parts(PartContext(config, bus, stack, controls.stop, progress))

@@ -41,8 +41,7 @@ from tega.stages.base import Metric
 def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) -> dict[str, Any]:
     """Run the dual loop until it ends, close everything that is open, and write the summary.
 
-    Raises:
-        TegaError: The error that ended the loop; the summary is written first.
+    An error that ended the loop is raised after that.
     """
     config, prepared, sinks, guard = rig.config, rig.prepared, rig.sinks, rig.guard
     session, muscles = config.session, prepared.muscles

@@ -108,16 +108,12 @@ class Snapshot(Record, frozen=True, kw_only=True):
 
 
 class Moments:
-    """Makes the view of a loop for displays, and publishes it.
+    """Makes the view of a loop for displays, and publishes it on the bus.
 
-    Args:
-        bus: Bus on which views are published, and events of touch received.
-        hand: Has the joints' angles; ``None`` without EMG.
-        inputs: The operator's input devices; ``None`` for none.
-        guard: Has the run's state; ``None`` for none.
-        trace: Latency of touch and motion; ``None`` if it is not traced.
-        devices: Connected devices, out of ``emg``, ``hand`` and ``vest``.
-        complete: Functions that add to the view, called one after the other.
+    The bus also has the events of touch. ``hand`` has the joints' angles, ``None`` without EMG; ``guard`` has
+    the run's state; ``trace`` is the latency of touch and motion, ``None`` if it is not traced. ``devices``
+    are the connected ones, out of ``emg``, ``hand`` and ``vest``; the functions ``complete`` add to the view,
+    called one after the other.
     """
 
     def __init__(
@@ -184,11 +180,10 @@ class Moments:
         self._bus.publish(self._displayed)
 
     def stopped(self, vest: MotorLevels | None, problems: Sequence[str]) -> None:
-        """Publish the last view as stopped: a display must not go on saying that things move.
+        """Publish the last view as stopped: a display must not go on showing that things move.
 
-        Args:
-            vest: The newest frame that the vest confirmed; not zeros if it did not confirm them.
-            problems: Errors on the way out, such as a hand that did not confirm that it was let go.
+        ``vest`` is the newest frame that the vest confirmed; not zeros if it did not confirm them.
+        ``problems`` are errors on the way out, such as a hand that did not confirm that it was let go.
         """
         if self._displayed is not None and self._guard is not None:
             view = self._displayed.view

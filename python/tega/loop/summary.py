@@ -27,13 +27,8 @@ _COUNTS = ("dropped", "missing", "duplicate", "identical", "stuck", "unfit")
 class RunFacts(NamedTuple):
     """Facts that a summary is made of.
 
-    Attributes:
-        rig: Devices, outputs and parts of the run.
-        layout: Layout of the vest's motors.
-        pacing: Report of how well the deadlines were kept.
-        trace: Latency trace of frames and blocks; ``None`` if no input was live.
-        real_time: Whether the loop's thread went ahead of others.
-        reflex: The reflex of the run; ``None`` without one.
+    ``pacing`` reports how well the deadlines were kept, ``trace`` the latency of frames and blocks, ``None``
+    if no input was live; ``real_time`` is whether the loop's thread went ahead of others.
     """
 
     rig: Rig

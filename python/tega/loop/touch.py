@@ -173,14 +173,10 @@ class TouchLoop:
 def touch_loop(
     config: SessionConfig, calibration: Calibration, fingers: Iterable[str], *, find_events: bool = False
 ) -> TouchLoop:
-    """Make the back loop that settings and a calibration ask for.
+    """Make the back loop that settings and a calibration ask for; ``fingers`` are those in use.
 
-    Args:
-        config: The settings.
-        calibration: The maxima.
-        fingers: Fingers in use.
-        find_events: If true, events are detected whether or not the mapping wants them; the detector is then loaded
-            before the run's first tick.
+    With ``find_events`` events are detected whether or not the mapping wants them; the detector is then
+    loaded before the run's first tick.
     """
     vest = config.vest
     maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}

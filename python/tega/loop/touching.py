@@ -21,8 +21,8 @@ _AHEAD: Final = 8
 class Touching:
     """Knows which fingers bear a load while each is measured by a thread of its own.
 
-    Whether a finger is loaded when a picture is measured hangs on how far the other threads are: it is recorded with
-    the picture, so that a replay measures alike.
+    Whether a finger is loaded when a picture is measured depends on how far the other threads are: it is
+    recorded with the picture, so that a replay measures alike.
     """
 
     def __init__(self) -> None:
@@ -73,15 +73,10 @@ class RecordedFingers:
         observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
         notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
     ) -> None:
-        """Add a finger, before anything is measured.
+        """Add a finger whose source is not live, before anything is measured.
 
-        Args:
-            name: Name of the finger.
-            finger: Its open source, which is not live, its baseline and report.
-            metric: Measures its pictures.
-            observe: Called with each frame and its time of reception, before it is measured, when the metric knows
-                whether it is ``loaded``.
-            notify: Called with each measured frame and its contact.
+        ``observe`` is called with each frame and its time of reception, before it is measured, when the
+        metric knows whether it is ``loaded``; ``notify`` with each measured frame and its contact.
         """
 
         def measure_beside(frame: TactileFrame) -> None:
@@ -104,10 +99,9 @@ class RecordedFingers:
         )
 
     def measured(self, stopped: Callable[[], bool]) -> Iterator[_Found]:
-        """Measure all pictures in the order of their times, in the thread that asks.
+        """Measure all pictures in the order of their times, in the calling thread.
 
-        Raises:
-            RecordingError: A picture is unreadable or not of its baseline's size.
+        An unreadable picture, or one not of its baseline's size, is ``RecordingError``.
         """
         left = dict(self._contacts)
         while left and not stopped():
@@ -119,12 +113,9 @@ class RecordedFingers:
                 yield _Found(name, None, stop.value)
 
     def contacts(self, name: str) -> Generator[Contact, None, int]:
-        """Yield a finger's contacts; return when its recording ended, nanoseconds.
+        """Yield a finger's contacts; return when its recording ended, nanoseconds; see :meth:`measured`.
 
-        Another thread measures ahead of the consumer. Contacts of the other fingers wait for theirs meanwhile.
-
-        Raises:
-            RecordingError: As by :meth:`measured`.
+        Another thread measures ahead of the consumer; the other fingers' contacts wait for theirs meanwhile.
         """
         waiting = self._waiting[name]
         while True:

@@ -17,8 +17,7 @@ from tega.records.bus import Bus
 class MotorTrials(Protocol):
     """Trials of single motors, which change frames on their way to the vest.
 
-    Attributes:
-        active: Whether a motor is tried now, or a trial is asked for.
+    ``active`` is whether a motor is tried now, or a trial is asked for.
     """
 
     @property
@@ -34,21 +33,13 @@ class MotorTrials(Protocol):
 
 
 class VestOutput:
-    """Makes vest frames and writes them to every vest.
+    """Makes vest frames and writes them to every vest; ``frame`` is the newest computed, ``None`` before one.
 
-    Args:
-        touch: Turns contacts into frames.
-        live_vests: Real vests, which get every frame, too; the frames that they sent are published.
-        bus: Bus on which frames, frames that real vests sent, and changes of ``haptics`` are published.
-        now_ns: Returns the time since the start of the session.
-        rate_hz: Ticks of the vest per second.
-        by_frame: Whether a picture between two ticks wakes the loop; the pacer needs a bell that its source rings.
-        haptics: Called for each frame; every motor rests while it returns false.
-        tests: Trials of single motors.
-        trace: Follows camera frames to the vest.
-
-    Attributes:
-        frame: The newest frame as computed; ``None`` before the first.
+    ``live_vests`` are real and get every frame, too; the frames that they sent are published on the bus, as
+    are frames and changes of ``haptics``. That is called for each frame; every motor rests while it returns
+    false. ``now_ns`` returns the time since the start of the session, ``rate_hz`` is ticks per second.
+    ``by_frame`` is whether a picture between two ticks wakes the loop; the pacer then needs a bell that its
+    source rings.
     """
 
     def __init__(
@@ -94,11 +85,7 @@ class VestOutput:
         self._make(t_ns, only_news=False)
 
     def follow(self, t_ns: int) -> bool:
-        """Make a frame between two ticks, and write it unless it equals the one before.
-
-        Returns:
-            Whether it was written.
-        """
+        """Make a frame between two ticks; write it unless it equals the one before, and return whether."""
         return self._make(t_ns, only_news=True)
 
     def silence(self, t_ns: int) -> list[BaseException]:

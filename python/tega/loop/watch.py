@@ -79,7 +79,7 @@ def watch_over(
 
 
 def _first(hands: Sequence[object], name: str) -> str:
-    """Return the first thing that one of the hands says under this name; empty where all are silent."""
+    """Return the first of the hands' reports under this name; empty where there is none."""
     return next(filter(None, (optional(hand, name) for hand in hands)), "")
 
 

@@ -53,17 +53,10 @@ def _alone(file: Path) -> Iterator[None]:
 def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
     """Open the vest of some settings, limited to the rest of its wearer's daily dose.
 
-    Whatever makes a motor vibrate opens the vest here: a run, a played one, a study, calibration, ``identify``, the
-    measurement of a motor's onset.
-
-    Args:
-        section: The settings; a driver is set.
-        file: The wearer's file (:func:`dose_file`); ``None`` for one with no stored dose.
-
-    Raises:
-        CalibrationError: The file cannot be read.
-        DeviceUnavailableError: Another program has this wearer's vest open, or may have.
-        TegaError: The vest cannot be opened.
+    Whatever makes a motor vibrate opens the vest here: a run, a played one, a study, calibration,
+    ``identify``, the measurement of a motor's onset. ``file`` is the wearer's (:func:`dose_file`), ``None``
+    for one with no stored dose; a driver is set in ``section``. ``DeviceUnavailableError`` also if another
+    program has this wearer's vest open, or may have.
     """
     vest: VestSink = driver_class(str(section.driver), "vest")(section.options)
     if isinstance(vest, RepeatingVest):

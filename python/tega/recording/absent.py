@@ -32,12 +32,7 @@ def _next_step(requirement: str) -> str:
 
 
 def absent_in(path: Path) -> list[str]:
-    """Return the sentences of a file.
-
-    Raises:
-        RecordingError: The file cannot be read.
-        MissingExtraError: A package of the extra ``record`` is not installed.
-    """
+    """Return the sentences of :func:`absent_features` for a file."""
     reader = McapReader(path)
     next(reader.messages(lambda _topic: False), None)  # the tables come before every message
     return absent_features(reader.metadata)

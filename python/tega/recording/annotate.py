@@ -14,20 +14,11 @@ from tega.runtime.files.whole_file import write_whole
 
 
 def import_annotations(recording: Path, path: Path, rater: str) -> int:
-    """Add the events of a BORIS or ELAN file to a recording's annotations, as those of a new rater.
+    """Add a BORIS or ELAN file's events to a recording as those of a new rater; return their number.
 
-    Args:
-        recording: The recording.
-        path: A BORIS project, a tabular or aggregated export, or an ELAN file. Of several observations or raters in it
-            the one named like the recording or like the rater counts.
-        rater: Code of a rater without events in this recording.
-
-    Returns:
-        The number of events.
-
-    Raises:
-        RecordingError: A file cannot be read, no observation is the recording's, or an event is outside of it.
-        InvalidValueError: The rater has coded the recording already.
+    ``path`` may be a BORIS project, a tabular or aggregated export, or an ELAN file. Of several observations
+    or raters in it the one named like the recording or like the rater counts. ``InvalidValueError`` if the
+    rater has coded the recording already; ``RecordingError`` also where an event is outside of it.
     """
     found = read_eaf(path, list(KEYS.values())) if path.suffix.lower() == ".eaf" else read_boris(path)
     name = next((one for one in (f"{recording.stem}_{rater}", recording.stem, rater) if one in found), None)
@@ -50,16 +41,10 @@ def import_annotations(recording: Path, path: Path, rater: str) -> int:
 
 
 def export_annotations(recording: Path, path: Path, *, video: str = "") -> None:
-    """Write a recording's annotations as a BORIS project, or as an ELAN file (``.eaf``).
+    """Write a recording's annotations as a new BORIS project, or as an ELAN file (``.eaf``).
 
-    Args:
-        recording: The recording.
-        path: The file; must not exist.
-        video: Name of a video of the recording beside it; ``""`` for none.
-
-    Raises:
-        InvalidValueError: The file is there already.
-        RecordingError: The recording or its annotations cannot be read.
+    ``video`` names a video of the recording beside it; ``""`` for none. An existing file is
+    ``InvalidValueError``.
     """
     if path.exists():
         raise InvalidValueError(f"{path}: is there already", "name a new file")

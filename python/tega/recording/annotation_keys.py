@@ -23,15 +23,9 @@ class _Played(Protocol):
 
 
 class AnnotationKeys:
-    """Codes an event for each key, at the moment of the recording that is played then; from any thread.
+    """Codes an event for each key, at the moment of the recording that ``played`` has then; from any thread.
 
-    Args:
-        recording: The recording.
-        rater: Code of the rater.
-        played: Knows the moment.
-
-    Raises:
-        TegaError: As of :class:`~tega.recording.annotations.AnnotationFile`.
+    Raises what :class:`~tega.recording.annotations.AnnotationFile` does.
     """
 
     def __init__(self, recording: Path, rater: str, played: _Played) -> None:

@@ -43,11 +43,7 @@ def annotations_path(recording: Path) -> Path:
 
 
 def read_annotations(recording: Path) -> dict[str, list[CodedEvent]]:
-    """Return the coded events of a recording by rater, in the order of their beginnings.
-
-    Raises:
-        RecordingError: A line of the file is no annotation.
-    """
+    """Return the coded events of a recording by rater, in the order of their beginnings."""
     return _events(_checked(read_json_lines(annotations_path(recording), _Line, "annotation"), recording))
 
 
@@ -78,14 +74,7 @@ def _events(lines: list[_Line]) -> dict[str, list[CodedEvent]]:
 class AnnotationFile(JsonLines[_Line]):
     """A recording's annotations, open for one rater to add to; one program at a time.
 
-    Args:
-        recording: The recording.
-        rater: Code of the rater.
-
-    Raises:
-        RecordingError: The file holds something else.
-        DeviceUnavailableError: Another program has it open.
-        InvalidValueError: The rater has no code.
+    ``InvalidValueError`` where the rater has no code; the others are those of :class:`JsonLines`.
     """
 
     def __init__(self, recording: Path, rater: str) -> None:

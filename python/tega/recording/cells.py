@@ -22,15 +22,10 @@ _SUMS: Final = np.dtype("<i2")
 
 
 def cell_sums(image: NDArray[np.uint8], cv2: Any) -> bytes:
-    """Return the sums of a picture over its cells.
+    """Return the sums of a picture, uint8 (H, W, 3), over its cells, as bytes.
 
-    Args:
-        image: The picture, uint8 (H, W, 3).
-        cv2: The module.
-
-    Returns:
-        int16, little-endian, (3, cells): the bytes of a pixel, cells row by row. Empty for a picture of a size that the
-        metric divides otherwise: only around 320 x 240 are its cells 8 x 8 pixels.
+    They are int16, little-endian, (3, cells): the bytes of a pixel, cells row by row. Empty for a picture of
+    a size that the metric divides otherwise: only around 320 x 240 are its cells 8 x 8 pixels.
     """
     height, width = image.shape[:2]
     if height % _SIDE or width % _SIDE or round(math.hypot(height, width) / _CELLS_PER_DIAGONAL) != _SIDE:
@@ -42,11 +37,7 @@ def cell_sums(image: NDArray[np.uint8], cv2: Any) -> bytes:
 
 
 def read_sums(cells: bytes) -> NDArray[np.int16]:
-    """Return the sums of a picture as :meth:`tega.stages.Metric.update_sums` takes them, int16 (3, cells).
-
-    Raises:
-        RecordingError: The bytes are no such sums.
-    """
+    """Return a picture's sums as :meth:`tega.stages.Metric.update_sums` takes them, int16 (3, cells)."""
     if len(cells) % (3 * _SUMS.itemsize):
         raise RecordingError(
             f"the cells of a picture are damaged: {len(cells)} bytes are no sums of three colours"

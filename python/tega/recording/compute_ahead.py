@@ -35,22 +35,12 @@ class _Batch(Generic[Item, Result]):
 def compute_ahead(
     items: Iterable[Item], name_of: Callable[[Item], str], compute: Callable[[Item], Result]
 ) -> Iterator[tuple[Item, Result | None]]:
-    """Return each item in order with a result that other threads compute ahead.
+    """Return each item in order with a result that other threads compute ahead, 64 at most.
 
-    OpenCV decodes and the kernels measure without the interpreter's lock, so that every core works. At most 64 results
-    are computed ahead.
-
-    Args:
-        items: The items, such as messages of a recording.
-        name_of: Returns the name of an item, such as its finger; ``""`` if nothing is computed for it. Items of one
-            name are computed one after the other, in order.
-        compute: Computes the result of an item, in another thread.
-
-    Returns:
-        Each item, and its result; ``None`` if nothing is computed for it.
-
-    Raises:
-        Exception: Raised by ``compute``, when its item is next.
+    OpenCV decodes and the kernels measure without the interpreter's lock, so that every core works.
+    ``name_of`` returns the name of an item, such as its finger; items of one name are computed one after the
+    other, in order. For the name ``""`` nothing is computed, and the result is ``None``. What ``compute``
+    raises is raised when its item is next.
     """
     with ThreadPoolExecutor(os.cpu_count(), "tega-ahead") as pool:
         waiting: deque[tuple[Item, str, _Batch[Item, Result]]] = deque()

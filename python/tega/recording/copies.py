@@ -15,12 +15,7 @@ NOTES: Final = "elsewhere.txt"
 
 
 def note_copy(source: Path, copy: Path) -> None:
-    """Note a copy of a recording that is part of a study, or that is itself such a copy; others are not noted.
-
-    Args:
-        source: The recording's file.
-        copy: Folder of the copy, which exists.
-    """
+    """Note the existing folder of a copy, if the source is part of a study or itself such a copy."""
     folder = source.absolute().parent
     notes = folder / NOTES
     of_study = any((parent / "study.toml").is_file() for parent in folder.parents)

@@ -40,10 +40,7 @@ _KEPT_S = 86_400.0
 def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | SpooledFile:
     """Return the file to write a recording through: by way of memory where the system has such a folder.
 
-    Args:
-        raw: The file, opened for writing without a buffer.
-        path: Path of the file.
-        most_bytes: Most bytes that may wait in memory.
+    ``raw`` is opened for writing without a buffer; at most ``most_bytes`` wait in memory.
     """
     if raw.seekable() and _MEMORY.is_dir():
         rescue_tails()
@@ -55,14 +52,8 @@ def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | Spo
 class DirectFile:
     """A file that is written at once. After the first error it takes everything and keeps nothing.
 
-    The writer of the SDK would otherwise retry with every message; the owner checks :attr:`error`.
-
-    Args:
-        raw: The file, opened for writing without a buffer.
-
-    Attributes:
-        n_bytes: Bytes taken.
-        error: Reason why the file cannot be written any more.
+    The writer of the SDK would otherwise retry with every message; the owner checks :attr:`error`, the reason
+    why the file cannot be written any more. ``raw`` is opened for writing without a buffer.
     """
 
     def __init__(self, raw: BinaryIO) -> None:
@@ -94,17 +85,9 @@ class DirectFile:
 class SpooledFile:
     """A file that is written by a thread of its own; bytes not written yet outlive the process.
 
-    Args:
-        raw: The file, opened for writing without a buffer, empty.
-        path: Path of the file.
-        most_bytes: Most bytes that may wait in memory; with more, :meth:`flush` waits.
-
-    Attributes:
-        n_bytes: Bytes taken.
-        error: Reason why the file cannot be written any more; from then on everything is discarded.
-
-    Raises:
-        OSError: The folder in memory, or the note beside the file, cannot be made.
+    ``raw`` is opened for writing without a buffer, and empty. :meth:`flush` waits while more than
+    ``most_bytes`` are in memory. From an ``error`` on everything is discarded. ``OSError`` where the folder
+    in memory, or the note beside the file, cannot be made.
     """
 
     def __init__(self, raw: BinaryIO, path: Path, *, most_bytes: int) -> None:
@@ -210,10 +193,7 @@ class SpooledFile:
 def take_tail(part: Path) -> None:
     """Append to an unfinished file the bytes that its killed writer had not yet brought to the disk.
 
-    A copy of the file gets nothing, and takes nothing away from the file that it was copied from.
-
-    Args:
-        part: The file; no other program may be writing it.
+    No other program may be writing it. A copy of it gets nothing, and takes nothing away from the original.
     """
     note = part.with_name(part.name + _TAIL)
     if not note.exists():

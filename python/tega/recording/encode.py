@@ -19,20 +19,9 @@ from tega.runtime.opencv import load_cv2
 
 
 def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
-    """Copy recordings with smaller pictures.
+    """Copy recordings, one or those of a session's folder, with JPEG pictures of ``quality``, 1 to 100.
 
-    Args:
-        session: A recording, or a session's folder.
-        out: Folder of the new session: new or empty.
-        quality: Quality of the JPEG images, 1 to 100.
-
-    Returns:
-        The new recordings.
-
-    Raises:
-        RecordingError: A recording cannot be read, or a picture of it.
-        ConfigError: ``out`` holds something.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    ``out`` becomes a session's folder: new or empty, else ``ConfigError``. Returns the new recordings.
     """
     files = session_files(session)
     new_session(out)

@@ -34,28 +34,18 @@ def export_file(
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Write one table per topic, and the attached files as they are.
+    """Write one table per topic, and the attached files as they are; return the tables.
 
     Columns are named as in a run's own tables. Times are seconds since the start of the session, exact to the
-    nanosecond: ``t_s`` when something was captured, ``log_s`` when it was received. EMG channels have their names,
-    else ``ch1`` and so on, motors ``m`` and their number, other lists count from 1. CAN frames become text such as
-    ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has a row per sample.
+    nanosecond: ``t_s`` when something was captured, ``log_s`` when it was received. EMG channels have their
+    names, else ``ch1`` and so on, motors ``m`` and their number, other lists count from 1. CAN frames become
+    text such as ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has one
+    row a sample.
 
-    Args:
-        path: The recording.
-        folder: Output folder; new or empty.
-        kind: ``csv``, or ``parquet`` (extra ``parquet``).
-        pictures: Also write every picture, as PNG or the JPEG that it is, in a folder per finger named by its number.
-        progress: Called as the file is read.
-
-    Returns:
-        The tables.
-
-    Raises:
-        ConfigError: The folder holds something.
-        RecordingError: The recording cannot be read.
-        UnsafeNameError: A topic or an attachment has a name that cannot be a file's.
-        MissingExtraError: A package is not installed.
+    ``folder`` is new or empty, else ``ConfigError``. ``parquet`` needs the extra of that name. With
+    ``pictures`` every picture is written too, as PNG or the JPEG that it is, in a folder per finger named by
+    its number. ``progress`` is called as the file is read. A topic or an attachment with a name that cannot
+    be a file's is ``UnsafeNameError``.
     """
     if kind == "parquet":
         require("pyarrow.parquet", driver="export", extra="parquet")
@@ -99,15 +89,8 @@ def export_file(
 class _TopicTable:
     """Turns the messages of a topic into the rows of its table, many at a time.
 
-    Args:
-        to: The table.
-        schema: Name of the messages' schema.
-        epoch_ns: Log time at the start of the session.
-        channels: Names of the EMG channels.
-
-    Attributes:
-        log_ns: Log times of the messages that wait.
-        values: What they hold.
+    ``epoch_ns`` is the log time at the start of the session; ``values`` and ``log_ns`` are those of the
+    messages that wait.
     """
 
     def __init__(self, to: GrowingTable, schema: str, epoch_ns: int, channels: Sequence[str]) -> None:
@@ -161,9 +144,7 @@ def _sample_columns(log_s: Sequence[float], values: Sequence[Any], channels: Seq
 def message_columns(values: Sequence[Any], channels: Sequence[str] = ()) -> dict[str, Sequence[Any]]:
     """Return the columns of messages alike, named as :mod:`tega.recording.column_names` says.
 
-    Args:
-        values: The decoded messages, all with the same fields present and lists of the same length.
-        channels: Names of the EMG channels.
+    The decoded messages all have the same fields present and lists of the same length.
     """
     columns: dict[str, Sequence[Any]] = {}
     first = values[0]

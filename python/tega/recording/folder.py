@@ -31,20 +31,11 @@ class _RunSummary(msgspec.Struct):
 def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
     """Make a folder ready for a run's outputs, and keep those of an earlier run in a folder below it.
 
-    The folder may be new, empty, or hold an earlier run (recognised by its ``summary.json``). An earlier run's own
-    files are then moved to ``earlier-1``, ``earlier-2``, …; other files in the folder are unchanged. A
-    ``summary.json`` that marks the run as unfinished is written at once: it stays if the run is killed, and the next
-    run recognises the folder by it.
-
-    Args:
-        folder: The folder.
-        also: Further files of an earlier run of this kind.
-
-    Returns:
-        The folder with the earlier run; ``None`` if there was none, or it left no results.
-
-    Raises:
-        ConfigError: The path is a file, or the folder holds something that is not an earlier run.
+    The folder may be new, empty, or hold an earlier run (recognised by its ``summary.json``). An earlier
+    run's own files, and those of ``also``, are then moved to ``earlier-1``, ``earlier-2``, …, which is
+    returned (``None`` without results); other files in the folder are unchanged. A ``summary.json`` that
+    marks the run as unfinished is written at once: it stays if the run is killed, and the next run recognises
+    the folder by it. ``ConfigError`` as of :func:`check_folder`.
     """
     check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -57,8 +48,7 @@ def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
 def check_folder(folder: Path) -> None:
     """Check that a folder can take a run's outputs, and change nothing.
 
-    Raises:
-        ConfigError: The path is a file, or the folder holds something that is not an earlier run.
+    ``ConfigError`` where it is a file, or holds something that is not an earlier run.
     """
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"output folder {folder.name!r} is a file", "name a folder")

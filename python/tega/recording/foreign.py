@@ -15,10 +15,8 @@ _MOST_TOPICS: Final = 12
 def no_session(path: Path, names: Iterable[str]) -> RecordingError:
     """Return the error for a file that holds no recording of a session.
 
-    Args:
-        path: The file.
-        names: Names of its tables and schemas. If one is of TEGA, the file is another kind of recording; if none is,
-            the error names the profile, the topics, their types and numbers of messages.
+    If one of ``names``, its tables and schemas, is of TEGA, the file is another kind of recording; if none
+    is, the error names the profile, the topics, their types and numbers of messages.
     """
     if any(name.startswith("tega") for name in names):
         return RecordingError(f"{path.name}: no recording of a session", "name a file made with --record")

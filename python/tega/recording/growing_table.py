@@ -21,14 +21,7 @@ _ROWS_PER_GROUP: Final = 1 << 14
 
 
 class GrowingTable(ABC):
-    """Takes some rows at a time; a column that later rows bring goes to the end, empty in the earlier ones.
-
-    Args:
-        path: The file.
-
-    Attributes:
-        n_rows: How many rows it has.
-    """
+    """Takes some rows at a time; a column that later rows bring goes to the end, empty in earlier ones."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

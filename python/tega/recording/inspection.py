@@ -27,13 +27,10 @@ class StreamFacts(msgspec.Struct, frozen=True):
     """Facts about one stream of a recording.
 
     Attributes:
-        topic: Its name.
-        schema: Name of its messages' schema.
-        messages: Number of messages.
-        rate_hz: Rate of the messages between the first and the last stamp; for EMG, of the samples; ``None`` if there
-            are too few.
+        rate_hz: Rate of the messages between the first and the last stamp; for EMG, of the samples; ``None``
+            if there are too few.
         median_ms: The usual distance of two stamps.
-        longest_ms: The longest.
+        longest_ms: Their longest distance.
         gaps: Distances longer than two and a half times the usual one.
         missing: Items that never came, by the gaps in their numbers.
         dropped: Items that were not recorded, since the disk did not keep up.
@@ -74,7 +71,6 @@ class Inspection(msgspec.Struct, frozen=True):
     """Contents of a recording.
 
     Attributes:
-        file: Its name.
         complete: Whether the run that made it finished it.
         cut: Reason for an early end of reading, in a word; ``""`` for none.
         lossless: Whether the pictures are as they were.
@@ -83,17 +79,13 @@ class Inspection(msgspec.Struct, frozen=True):
         start: Time of day at the start of the session, nanoseconds since 1970.
         duration_s: From there to the newest stamp.
         ended: Way in which the run ended; ``""`` if it was not recorded.
-        mib: Size of the file.
         config_sha256: Checksum of the settings' text.
         versions: Versions of the recording itself, and of everything the results may depend on.
         sources: Names of the inputs, as their drivers report them.
         absent: Features that it was recorded with and that are not installed here, a sentence each.
-        streams: By topic.
-        latency: Latency by stage; empty if the run was not in real time, and without stages that a recorded source
-            does not have.
-        markers: Markers, in order.
+        latency: Latency by stage; empty if the run was not in real time, and without stages that a recorded
+            source does not have.
         states: Changes of the run's state and alerts, in order.
-        log: Lines of the program.
     """
 
     file: str
@@ -127,12 +119,7 @@ class _Topic:
 
 @reports_damage
 def inspect_file(path: Path) -> Inspection:
-    """Look through a recording; pictures are counted, not decoded.
-
-    Raises:
-        RecordingError: The file cannot be read.
-        MissingExtraError: A package of the extra ``record`` is not installed.
-    """
+    """Look through a recording; pictures are counted, not decoded."""
     reader, seen = McapReader(path), _Messages()
     for message in reader.messages(lambda topic: not topic.endswith("/image")):
         if not seen.epoch_ns:

@@ -10,14 +10,7 @@ from tega.records import LogLine
 
 
 class LogRecords(logging.Handler):
-    """Makes a record of each line of the log.
-
-    Args:
-        put: Given each record.
-
-    Attributes:
-        start_ns: The monotonic clock at the session's start.
-    """
+    """Makes a record of each line of the log; ``start_ns`` is the monotonic clock at the session's start."""
 
     def __init__(self, put: Callable[[LogLine], object]) -> None:
         super().__init__(logging.INFO)

@@ -13,11 +13,8 @@ from tega.runtime.lifecycle import require
 class McapItem(NamedTuple):
     """A message, an attachment or a table, as the public stream reader gives it.
 
-    Attributes:
-        kind: ``Message``, ``Attachment`` or ``Metadata``.
-        record: As it was read, not yet decoded.
-        channel: Channel of a message.
-        schema: Schema of a message; ``None`` if it has none.
+    ``kind`` is ``Message``, ``Attachment`` or ``Metadata``, ``record`` not yet decoded. A message has a
+    channel, and a schema or none.
     """
 
     kind: str
@@ -33,14 +30,7 @@ class McapItem(NamedTuple):
 class McapRecords:
     """Records of a file, in the order in which they were written, as far as the file can be read.
 
-    Args:
-        file: Opened for reading; needs no index.
-
-    Attributes:
-        problem: Reason why the rest cannot be read; ``""`` for none.
-
-    Raises:
-        MissingExtraError: The package ``mcap`` is not installed.
+    It needs no index. ``problem`` is the reason why the rest cannot be read; ``""`` for none.
     """
 
     def __init__(self, file: IO[bytes]) -> None:
@@ -74,17 +64,9 @@ class McapRecords:
 
 
 class McapCopy:
-    """A new file with an index, which takes records out of others.
+    """A new file with an index, which takes records out of others; the caller closes the file.
 
-    Args:
-        file: Opened for writing; the caller closes it.
-
-    Attributes:
-        n_messages: Messages written.
-        end_ns: Log time of the newest, nanoseconds since 1970; 0 when there is none.
-
-    Raises:
-        MissingExtraError: The package ``mcap`` is not installed.
+    ``end_ns`` is the log time of the newest message, nanoseconds since 1970; 0 when there is none.
     """
 
     def __init__(self, file: IO[bytes]) -> None:

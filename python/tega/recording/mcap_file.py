@@ -24,18 +24,11 @@ _LEVEL = 1
 
 
 class McapFile(RecordChannels):
-    """A file that grows by items.
+    """A file that grows by items; ``path`` must not exist.
 
-    Args:
-        path: The file; it must not exist.
-        lossless: Pictures as they are; else as JPEG.
-        jpeg_quality: 1 to 100.
-        most_bytes: Most bytes that may wait in memory for the disk.
-        raw: Something else to write to, opened for writing without a buffer; the file at ``path`` when ``None``.
-
-    Raises:
-        MissingExtraError: A package of the extra ``record`` is not installed.
-        RecordingError: The file cannot be made.
+    Pictures are kept as they are (``lossless``), else as JPEG of ``jpeg_quality``, 1 to 100. At most
+    ``most_bytes`` wait in memory for the disk. ``raw`` is another target, opened for writing without a
+    buffer.
     """
 
     def __init__(
@@ -95,12 +88,7 @@ class McapFile(RecordChannels):
         )
 
     def write(self, record: Record, t_ns: int) -> None:
-        """Encode a record and add it.
-
-        Args:
-            record: The record to write.
-            t_ns: Time of arrival, nanoseconds since the start of the session.
-        """
+        """Encode a record and add it; ``t_ns`` is its arrival, nanoseconds since the start of the session."""
         self.n_items += 1
         super().write(record, t_ns)
 

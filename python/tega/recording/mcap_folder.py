@@ -27,7 +27,7 @@ _NUMBER = re.compile(r"trial-([0-9]{3,12})\.mcap")
 
 
 class _IndexTrial(msgspec.Struct):
-    """Names a trial's file; whatever else the index says of the trial stays as it is."""
+    """Names a trial's file; all else of the trial in the index stays as it is."""
 
     file: str
 
@@ -43,8 +43,7 @@ class Recovered(NamedTuple):
 
     Attributes:
         path: The finished one.
-        n_messages: Messages in it.
-        end_ns: Log time of the newest, nanoseconds since 1970; 0 when there is none.
+        end_ns: Log time of the newest message, nanoseconds since 1970; 0 when there is none.
         problem: Reason why the rest cannot be read.
     """
 
@@ -55,20 +54,10 @@ class Recovered(NamedTuple):
 
 
 class SessionFolder:
-    """A folder of trials.
+    """A folder of trials, made if need be; ``ConfigError`` if it holds something that is not a session.
 
-    Opening a folder finishes the files that an earlier process left unfinished.
-
-    Args:
-        path: The folder; made if need be.
-        to_read: Whether an unfinished file that cannot be finished may stay as it is.
-
-    Raises:
-        ConfigError: The path is a file, or the folder holds something that is not a session.
-
-    Attributes:
-        recovered: Files that were finished on opening.
-        unfinished: Files that could not be finished, for lack of room or of the right to write.
+    Opening it finishes the files that an earlier process left unfinished (``recovered``). With ``to_read``
+    those that cannot be, for lack of room or of the right to write, may stay as they are (``unfinished``).
     """
 
     def __init__(self, path: Path, *, to_read: bool = False) -> None:
@@ -88,22 +77,14 @@ class SessionFolder:
         self.recovered = self._recover()
 
     def new_trial(self) -> Path:
-        """Return the path of the next trial's file, which does not exist; while it is written it ends in ``.part``.
-
-        Raises:
-            RecordingError: The index, which is to name it, is damaged.
-        """
+        """Return the path of the next trial's file, new; while it is written it ends in ``.part``."""
         self.index()
         numbers = (_NUMBER.match(file.name) for file in self.path.iterdir())
         taken = [int(number[1]) for number in numbers if number is not None]
         return self.path / f"trial-{max(taken, default=0) + 1:03d}.mcap"
 
     def note(self, name: str, facts: dict[str, Any]) -> None:
-        """Write facts about a trial into the index, which is replaced as a whole or not at all.
-
-        Raises:
-            RecordingError: The index is damaged; it stays as it is.
-        """
+        """Write facts about a trial into the index, which is replaced as a whole or not at all."""
         index = self.index()
         trials = {trial["file"]: trial for trial in index["trials"]}
         trials[name] = {"file": name, **trials.get(name, {}), **facts}
@@ -113,8 +94,7 @@ class SessionFolder:
     def discard(self, name: str) -> None:
         """Delete a trial's file, finished or not, and its entry in the index; missing ones are ignored.
 
-        Raises:
-            RecordingError: The name is not that of a trial, or the index is damaged.
+        A name that is not that of a trial is ``RecordingError``.
         """
         if _NUMBER.fullmatch(name) is None:
             raise RecordingError(
@@ -137,17 +117,10 @@ class SessionFolder:
         self._write(self.index())
 
     def label(self, task: str, names: Sequence[str] = ()) -> list[str]:
-        """Write the task of trials into the index; their files are unchanged.
+        """Write the task of trials, in words, into the index; their files are unchanged.
 
-        Args:
-            task: In words.
-            names: The trials' files; empty for all.
-
-        Returns:
-            The files.
-
-        Raises:
-            RecordingError: There is no such trial, or none at all, or the index is damaged.
+        Returns the files: those of ``names``, all where it is empty; missing ones, or none at all, are
+        refused.
         """
         there = sorted((file.name for file in self.path.glob("trial-*.mcap")), key=in_order)
         missing = [name for name in names if name not in there]
@@ -164,11 +137,7 @@ class SessionFolder:
         write_whole(self.path / INDEX_NAME, msgspec.json.format(msgspec.json.encode(index), indent=2) + b"\n")
 
     def index(self) -> dict[str, Any]:
-        """Return the index as it stands.
-
-        Raises:
-            RecordingError: The index is damaged.
-        """
+        """Return the index as it stands; ``RecordingError`` where it is damaged."""
         return _index(self.path)
 
     def _is_session(self) -> bool:
@@ -242,16 +211,8 @@ def in_order(name: str) -> tuple[int, str]:
 def recover_file(source: Path, target: Path) -> Recovered:
     """Copy everything readable of an MCAP file into one with an index; stops at the first damage.
 
-    Args:
-        source: A file left by a killed writer, or a truncated one.
-        target: The new file; it is replaced, and appears only when it is complete.
-
-    Returns:
-        The finished file, with its number of messages and the problem of the rest.
-
-    Raises:
-        RecordingError: The source is no file, or larger than a recording can be.
-        MissingExtraError: The package ``mcap`` is not installed.
+    The source was left by a killed writer or truncated; ``RecordingError`` where it is larger than a
+    recording can be. The target is replaced, and appears only when it is complete.
     """
     with open_recording(source) as old, new_file(target) as file:
         # A file killed before its first flush has nothing, not even a header: the copy has one all the same.
@@ -272,12 +233,10 @@ def no_recording(folder: Path) -> RecordingError:
 
 
 def session_files(path: Path) -> list[Path]:
-    """Return the recordings that a path names: a file, or all of a session's folder, unfinished ones finished first.
+    """Return the recordings that a path names: a file, or all of a session's folder, at least one.
 
-    If there is no room or no permission to finish a file, it is returned unfinished: it can be read up to its end.
-
-    Raises:
-        RecordingError: There are none.
+    Unfinished ones are finished first. Without room or permission for that they are returned unfinished: they
+    can be read up to their end.
     """
     if path.is_dir():
         folder = SessionFolder(path, to_read=True)
@@ -292,11 +251,7 @@ def session_files(path: Path) -> list[Path]:
 
 
 def one_recording(path: Path) -> Path:
-    """Return the recording that a path names: a file, or the only one of a session's folder.
-
-    Raises:
-        RecordingError: There is none, or more than one.
-    """
+    """Return the recording that a path names: a file, or the only one of a session's folder."""
     files = session_files(path)
     if len(files) > 1:
         names = ", ".join(file.name for file in files)

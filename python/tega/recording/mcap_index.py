@@ -55,25 +55,15 @@ _log_ns = itemgetter(1)
 
 @reports_damage
 def open_indexed(path: Path) -> IndexedReader:
-    """Open a recording for access by topic and time; no message is decoded.
-
-    Raises:
-        RecordingError: The file cannot be read, or is no recording of TEGA's.
-        MissingExtraError: A package of the extra ``record`` is not installed.
-    """
+    """Open a recording for access by topic and time; no message is decoded."""
     return IndexedReader(path)
 
 
 class IndexedReader(McapReader):
-    """Reads messages of a recording by their places.
+    """Reads messages of a recording by their places; ``topics`` is the schema's name by topic.
 
-    Args:
-        path: The file.
-
-    Attributes:
-        topics: Name of each topic's schema, by topic.
-        from_ns: Log time of the first message, nanoseconds since 1970; 0 without a message.
-        until_ns: Log time of the last message.
+    ``from_ns`` and ``until_ns`` are the log times of its first and last message, nanoseconds since 1970; 0
+    without a message.
     """
 
     def __init__(self, path: Path) -> None:
@@ -101,22 +91,14 @@ class IndexedReader(McapReader):
         return any(ids & chunk.lists.keys() for chunk in self._chunks)
 
     def places(self, topic: str, *, from_ns: int, to_ns: int) -> NDArray[Any]:
-        """Return the places of a topic's messages in a span of log time, of :data:`PLACE`, in the file's order.
-
-        Raises:
-            RecordingError: The index is damaged.
-        """
+        """Return a topic's places, of :data:`PLACE`, in a span of log time, in the file's order."""
         found = self._passed.get(topic) if self._passed else self._listed(topic, from_ns, to_ns)
         if found is None:
             return np.empty(0, PLACE)
         return found[(found["log_ns"] >= from_ns) & (found["log_ns"] < to_ns)]
 
     def message(self, topic: str, place: Any) -> Message:
-        """Return the message of a topic at a place; the part of the file that was read last stays in memory.
-
-        Raises:
-            RecordingError: That part of the file is damaged.
-        """
+        """Return a topic's message at a place; the part of the file that was read last stays in memory."""
         begins = self._chunks[place["part"]].begins
         try:
             if self._newest[0] != begins:
@@ -131,12 +113,8 @@ class IndexedReader(McapReader):
     ) -> Iterator[Message]:
         """Return every message in the order of the log times, those of one time as they were written.
 
-        Args:
-            wanted: Asked by schema and topic whether to decode, at the first message of each channel.
-            since_ns: Skip parts of the file that end before this log time; the first messages may still be earlier.
-
-        Raises:
-            RecordingError: The file cannot be opened.
+        ``wanted`` is asked by schema and topic whether to decode, at the first message of each channel. Parts
+        of the file that end before ``since_ns`` are skipped; the first messages may still be earlier.
         """
         # A message is next once no later part of the file begins before it.
         chunks = [chunk for chunk in self._chunks if chunk.until_ns >= since_ns]

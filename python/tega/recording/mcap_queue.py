@@ -21,12 +21,9 @@ _ITEM_BYTES = 512
 
 
 class Item(NamedTuple):
-    """A record to be written.
+    """A record to be written, not yet encoded.
 
-    Attributes:
-        record: Not yet encoded.
-        t_ns: Time of arrival, nanoseconds since the start of the session.
-        n_bytes: Its approximate size in memory.
+    ``t_ns`` is its arrival since the start of the session; ``n_bytes`` is about its size in memory.
     """
 
     record: Record
@@ -42,12 +39,9 @@ class Item(NamedTuple):
 class BoundedQueue:
     """First in, first out, up to so many bytes; given by many threads, taken by one.
 
-    The consumer holds no lock: its thread has the lowest priority in the program, and the producers would wait for
-    it.
-
-    Args:
-        most_bytes: Pictures are dropped and counted beyond this, everything else 16 MiB later.
-        wait: If true, producers wait instead; for runs that are not in real time.
+    The consumer holds no lock: its thread has the lowest priority in the program, and the producers would
+    wait for it. Beyond ``most_bytes`` pictures are dropped and counted, everything else 16 MiB later; with
+    ``wait`` producers wait instead, for runs that are not in real time.
     """
 
     def __init__(self, *, most_bytes: int, wait: bool = False) -> None:

@@ -46,12 +46,12 @@ class Message(NamedTuple):
     """A message of a recording.
 
     Attributes:
-        topic: Its channel.
         schema: Name of its schema, such as ``tega.Contact``.
         log_ns: Time of arrival, nanoseconds since 1970.
         n_bytes: Its size in the file before compression.
         value: Decoded; ``None`` where the caller did not want it.
-        image: With a picture's numbers and times, its image; put there by :func:`tega.recording.pictures.paired`.
+        image: With a picture's numbers and times, its image; put there by
+            :func:`tega.recording.pictures.paired`.
     """
 
     topic: str
@@ -100,15 +100,13 @@ class Plan(NamedTuple):
 class McapReader:
     """Passes over a file. Needs no index, so that a cut file is read as far as it goes.
 
-    Args:
-        path: The file.
-        data: Its content, where it is no file of its own; ``path`` is then only its name.
-        check_sums: If true, treat a part with a wrong checksum as the end of the file, like other damage.
+    If ``data`` is its content, ``path`` is only its name. With ``check_sums`` a part with a wrong checksum is
+    the end of the file, like other damage.
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
         files: Attachments, as far as the pass has come.
-        progress: Called with the file's name, the MiB that were read, and all MiB; replace it to display them.
+        progress: Called with the file's name, the MiB that were read, and all MiB; replace it for a display.
         cut: Reason for an early end of the file; ``""`` before that, and in a complete one.
         part_begins: Place in the file of the part that holds the message which a pass has just returned.
     """
@@ -132,14 +130,9 @@ class McapReader:
         return not self.cut and "end" in self.metadata
 
     def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[Message]:
-        """Return the messages in the order in which they were written.
+        """Return the messages in the order of writing; ``wanted`` is asked per topic whether to decode.
 
-        Args:
-            wanted: Asked per topic whether to decode.
-
-        Raises:
-            RecordingError: The file cannot be opened, is no MCAP, or was not recorded by TEGA.
-            MissingExtraError: A package of the extra ``record`` is not installed.
+        Raises ``RecordingError`` also for an MCAP that was not recorded by TEGA.
         """
         faults = require("mcap.exceptions", driver="replay", extra="record")
         if self._data is None and self.path.is_file() and not self.path.stat().st_size:
@@ -256,15 +249,8 @@ def read_ahead(items: Iterator[Item]) -> Generator[Item]:
 def chunk_records(record: Any, *, check_sum: bool = False) -> list[Any]:
     """Return the records of a part of the file, as the package ``mcap`` does in seven times the time.
 
-    Args:
-        record: The part; of any other record a list of it alone.
-        check_sum: Whether a wrong checksum is damage.
-
-    Returns:
-        Messages as :class:`RawMessage`, and schemas and channels.
-
-    Raises:
-        Exception: Of many types where the part is damaged.
+    They are messages as :class:`RawMessage`, and schemas and channels; of any record but a part a list of it
+    alone. A damaged part raises exceptions of many types; with ``check_sum`` a wrong checksum is damage.
     """
     reading = require("mcap.stream_reader", driver="replay", extra="record")
     records = require("mcap.records", driver="replay", extra="record")

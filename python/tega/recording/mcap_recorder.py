@@ -35,21 +35,12 @@ _MIB = 1024 * 1024
 class McapRecorder:
     """Writes one trial of a session.
 
-    :meth:`put` never waits for the disk (unless ``wait``) and never encodes. Records that do not fit into the queue
-    are dropped and counted, by topic. When the disk is full, or nearly so, the recording stops and reports it; the
-    run continues.
+    :meth:`put` never waits for the disk (unless ``wait``, for runs that are not in real time) and never
+    encodes. Records that do not fit into the queue, of ``queue_bytes`` or as the settings have it, are
+    dropped and counted, by topic. When the disk is full, or nearly so, the recording stops and reports it;
+    the run continues. ``raw`` is something else to write to than a file in the folder.
 
-    Args:
-        folder: The session's folder.
-        settings: Settings of the recording.
-        wait: If true, producers wait for room instead of dropping records; for runs that are not in real time.
-        queue_bytes: Most bytes that may wait to be encoded; the settings' value when ``None``.
-        raw: Something else to write to than a file in the folder.
-
-    Attributes:
-        state: ``recording``, ``stopped`` or ``complete``.
-        reason: Reason for stopping.
-        path: The file, when it is complete.
+    ``state`` is ``recording``, ``stopped`` (for ``reason``) or ``complete``, when ``path`` is the file.
     """
 
     def __init__(
@@ -86,9 +77,7 @@ class McapRecorder:
     def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
         """Write the file's head, which a reader needs first; slow, so it comes before the session's start.
 
-        Args:
-            facts: Tables of names and texts, by name.
-            files: Media type and content, by name.
+        ``facts`` are tables of names and texts, ``files`` media type and content; both by name.
         """
         for name, table in facts.items():
             self._file.metadata(name, table)
@@ -99,12 +88,7 @@ class McapRecorder:
         self._folder.note(self.path.name, {"state": "recording", "lossless": self._settings.lossless})
 
     def begin(self, start_ns: int, epoch_ns: int) -> None:
-        """Begin to take records.
-
-        Args:
-            start_ns: The session's clock at its start.
-            epoch_ns: Time of day at that moment, nanoseconds since 1970.
-        """
+        """Begin to take records; ``start_ns`` is the session's clock, ``epoch_ns`` that moment since 1970."""
         self._file.epoch_ns = epoch_ns
         self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
         self._file.flush()
@@ -112,11 +96,9 @@ class McapRecorder:
         threading.Thread(target=self._sync, name="tega-recorder-sync", daemon=True).start()
 
     def put(self, record: Record, *, t_ns: int | None = None) -> None:
-        """Hand a record over.
+        """Hand over a record, not encoded yet.
 
-        Args:
-            record: The record to write; it is not encoded yet.
-            t_ns: Time of arrival, since the start of the session, if the record's own stamp is on another clock.
+        ``t_ns`` is its arrival since the start of the session, if its own stamp is on another clock.
         """
         self._queue.put(Item.of(record, t_ns))
 
@@ -136,13 +118,9 @@ class McapRecorder:
         return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
-        """Write the waiting records, the index and the summary; close the file and give it its name.
+        """Write what waits, the index and the run's summary (JSON); close the file and give it its name.
 
-        Args:
-            summary: The run's summary as JSON.
-
-        Returns:
-            Summary of the recording, for people and machines.
+        Returns the recording's summary, for people and machines.
         """
         self._drain()
         if self._thread.is_alive():

@@ -77,11 +77,7 @@ def schema_bytes() -> bytes:
 
 @cache
 def message_class(name: str) -> Any:
-    """Return the class of a message by its name in :data:`MESSAGES`.
-
-    Raises:
-        MissingExtraError: protobuf is not installed.
-    """
+    """Return the class of a message by its name in :data:`MESSAGES`; needs protobuf."""
     return decoder(f"{PACKAGE}.{name}", schema_bytes())
 
 
@@ -103,12 +99,7 @@ def unit_table() -> dict[str, str]:
 
 @cache
 def decoder(name: str, descriptor_set: bytes) -> Any:
-    """Return the class of any message out of the schema that a file carries.
-
-    Args:
-        name: Full name, such as ``foxglove.RawImage``.
-        descriptor_set: The schema's bytes.
-    """
+    """Return the class of a message, such as ``foxglove.RawImage``, out of the schema that a file carries."""
     files = _protobuf("descriptor_pb2").FileDescriptorSet.FromString(descriptor_set)
     pool = _protobuf("descriptor_pool").DescriptorPool()
     for file in files.file:

@@ -23,13 +23,8 @@ _HINT = "merge only recordings of one setup; keep the others apart"
 class _Part(NamedTuple):
     """A recording that is to be merged.
 
-    Attributes:
-        path: Its file.
-        name: Name for messages.
-        from_ns: Time of day at which it begins, nanoseconds since 1970.
-        to_ns: Time of day of its newest message.
-        tables: Its metadata.
-        calibration: Its maxima, as text.
+    ``from_ns`` and ``to_ns`` are the times of day of its beginning and its newest message, nanoseconds since
+    1970; ``tables`` are its metadata, ``calibration`` its maxima, as text.
     """
 
     path: Path
@@ -51,20 +46,9 @@ class _Part(NamedTuple):
 def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     """Copy all recordings of several sessions into a new one, in order of time, one file each.
 
-    The recordings are unchanged, so each one replays as before; their metadata name their origin.
-
-    Args:
-        sessions: Recordings, or folders of sessions; at least two recordings in all.
-        out: Folder of the new session: new or empty.
-
-    Returns:
-        The new recordings.
-
-    Raises:
-        RecordingError: One cannot be read, two hold the same time, or they differ in versions, calibration, vest
-            or inputs.
-        ConfigError: ``out`` holds something.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    The recordings, at least two in all, are unchanged, so each one replays as before; their metadata name
+    their origin. ``out`` is new or empty, else ``ConfigError``. ``RecordingError`` if two hold the same time,
+    or they differ in versions, calibration, vest or inputs.
     """
     parts = sorted((_part(path) for session in sessions for path in session_files(session)), key=_begin)
     if len(parts) < 2:

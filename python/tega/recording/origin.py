@@ -23,12 +23,7 @@ Tables = Mapping[str, Mapping[str, str]]
 
 
 class Span(NamedTuple):
-    """A part of a session.
-
-    Attributes:
-        from_ns: Its beginning, nanoseconds since the start of the session; 0 where nothing was cut off.
-        to_ns: Its end, not in it; ``None`` where nothing was cut off.
-    """
+    """Part of a session, ns since its start; ``to_ns``, not in it, is ``None`` where nothing was cut off."""
 
     from_ns: int = 0
     to_ns: int | None = None
@@ -66,14 +61,7 @@ def origins(tables: Tables) -> list[dict[str, str]]:
 
 
 def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[str, dict[str, str]]:
-    """Return name and content of the table for one more step.
-
-    Args:
-        tables: Tables of the source file.
-        source: File from which the new one is made.
-        made_by: The verb.
-        part: Part of the source that is copied.
-    """
+    """Return name and content of the table for one more step: a verb, and the part of the source copied."""
     from tega import __version__
 
     head = tables.get("tega", {})
@@ -88,11 +76,7 @@ def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[s
 
 
 def new_session(folder: Path) -> None:
-    """Make the folder of a new session.
-
-    Raises:
-        ConfigError: There is something already.
-    """
+    """Make the folder of a new session; ``ConfigError`` if there is something already."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{folder.name!r} is there already", "name a new or empty folder with --out")
     folder.mkdir(parents=True, exist_ok=True)

@@ -60,12 +60,7 @@ class PosesFile(Opened):
         return f"poses-file: {self._options.file.name} has ended" if done else ""
 
     def open(self) -> None:
-        """Read the file.
-
-        Raises:
-            RecordingError: The file cannot be read, holds no poses, or is a session in other axes.
-            MissingExtraError: The file is a session, and the extra ``record`` is not installed.
-        """
+        """Read the file; ``RecordingError`` also for no poses in it, or a session in other axes."""
         if self._poses is None:
             self._poses = RecordedPoses(self._read_file(), delay_ns=round(self._options.delay_ms * 1e6))
 
@@ -88,11 +83,7 @@ class PosesFile(Opened):
         self._poses = None
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
-        """Return the poses that are due since the last call.
-
-        Raises:
-            DeviceUnavailableError: The file is not open.
-        """
+        """Return the poses that are due since the last call, from an open file."""
         if self._poses is None:
             raise DeviceUnavailableError("poses-file: it is not open", "use it in a with block")
         return self._poses.read(now_ns)
@@ -102,8 +93,7 @@ class PosesFile(Opened):
 def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
     """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
 
-    Raises:
-        RecordingError: The recording cannot be read, or has no tracked forearm.
+    ``RecordingError`` also where it has no tracked forearm.
     """
     from tega.recording.replay.feed import RecordFeed
     from tega.records import ArmTurn

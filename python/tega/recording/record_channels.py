@@ -28,19 +28,13 @@ _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
 class RecordChannels:
     """Channels of a context of its own, one a topic, made as records come.
 
-    Args:
-        lossless: Pictures as they are; else as JPEG.
-        jpeg_quality: 1 to 100.
-        cells: Whether the sums that the metric ``live`` reads are kept beside a JPEG.
-        open_channel: Makes the channel of a topic, given the SDK's class of channels and its arguments; by default a
-            channel of the context. It has ``has_sinks()`` and ``log(message, log_time=)``.
+    ``lossless`` keeps pictures as they are, else they are JPEG of ``jpeg_quality``, 1 to 100, with ``cells``
+    beside which the sums that the metric ``live`` reads are kept. ``open_channel`` makes the channel of a
+    topic, given the SDK's class of channels and its arguments; by default a channel of the context. It has
+    ``has_sinks()`` and ``log(message, log_time=)``.
 
-    Attributes:
-        epoch_ns: Time of day at the start of the session, ns; viewers show this plus the session's time.
-        context: The SDK's context.
-
-    Raises:
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    ``epoch_ns`` is the time of day at the start of the session, ns; viewers show this plus the session's
+    time. ``context`` is the SDK's.
     """
 
     def __init__(
@@ -67,11 +61,9 @@ class RecordChannels:
         self._open: Callable[..., Any] = open_channel or self._open_own
 
     def write(self, record: Record, t_ns: int) -> None:
-        """Encode and log a record, unless its channel has no subscriber; a new channel is created for later ones.
+        """Encode and log a record, unless its channel has no subscriber; make a new channel for later ones.
 
-        Args:
-            record: The record to log.
-            t_ns: Time of arrival, nanoseconds since the start of the session.
+        ``t_ns`` is its arrival, nanoseconds since the start of the session.
         """
         if not self._received(record):
             return

@@ -48,13 +48,9 @@ def _pattern(topic: str) -> re.Pattern[str]:
 
 
 def record_of(kind: type[Record], message: Message, named: Mapping[str, str], zero_ns: int) -> Record:
-    """Return the record of a message.
+    """Return the record of a decoded message.
 
-    Args:
-        kind: Its type.
-        message: The message, decoded.
-        named: Fields that the topic names.
-        zero_ns: Log time at the start of the session.
+    ``named`` are the fields that the topic names; ``zero_ns`` is the log time at the start of the session.
     """
     value: Any = message.value
     if own_schema(kind):
@@ -91,10 +87,7 @@ def _axes(value: Any, names: str) -> tuple[float, ...]:
 def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> dict[str, Any]:
     """Return a record as a row, its columns named as :mod:`tega.recording.column_names` says.
 
-    Args:
-        record: The record.
-        shift_ns: Added to its times.
-        channels: Names of the EMG channels.
+    ``shift_ns`` is added to its times; ``channels`` are the names of the EMG channels.
     """
     row: dict[str, Any] = {}
     cells: dict[str, Any] = values(record) if not isinstance(record, Joints) else {"t_ns": record.t_ns}
@@ -166,9 +159,7 @@ def units_of(kind: type[Record]) -> dict[str, str]:
 def arrays_of(rows: Iterable[Mapping[str, Any]], *, most_rows: int = 4096) -> dict[str, NDArray[Any]]:
     """Return rows as columns; numbers that are missing are NaN, missing texts ``None``.
 
-    Args:
-        rows: The rows; a name may be missing in some.
-        most_rows: Rows that are collected as Python objects before they become arrays.
+    A name may be missing in some rows. At most ``most_rows`` are Python objects before they become arrays.
     """
     blocks: dict[str, list[NDArray[Any]]] = {}
     waiting: list[Mapping[str, Any]] = []

@@ -45,20 +45,8 @@ class RecorderProcess:
     """Writes one trial of a session through a process of its own.
 
     The interface is that of :class:`~tega.recording.mcap_recorder.McapRecorder`, with the same results.
-
-    Args:
-        folder: The session's folder.
-        settings: Settings of the recording.
-        realtime: Whether the process may ask for real-time priority.
-
-    Raises:
-        RecordingError: The process does not start, or the file cannot be made.
-        MissingExtraError: A package of the extra ``record`` is not installed.
-
-    Attributes:
-        state: ``recording``, ``stopped`` or ``complete``.
-        reason: Reason for stopping.
-        path: The file, when it is complete.
+    ``RecordingError`` where the process does not start, or the file cannot be made. ``realtime`` is whether
+    the process may ask for real-time priority.
     """
 
     def __init__(self, folder: SessionFolder, settings: RecordingSection, *, realtime: bool) -> None:
@@ -95,12 +83,7 @@ class RecorderProcess:
         self._ask("head", facts, files)
 
     def begin(self, start_ns: int, epoch_ns: int) -> None:
-        """Begin to take records; returns at once.
-
-        Args:
-            start_ns: The session's clock at its start.
-            epoch_ns: Time of day at that moment, nanoseconds since 1970.
-        """
+        """Begin to take records, returning at once; see :meth:`.McapRecorder.begin`."""
         self._begun = (start_ns, epoch_ns)
         self._thread.start()
 
@@ -115,11 +98,7 @@ class RecorderProcess:
         return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
-        """Write the waiting records, the index and the summary; end the process, and return the summary.
-
-        Args:
-            summary: The run's summary as JSON.
-        """
+        """Write what waits, the index and the run's summary (JSON); end the process, return the summary."""
         self._queue.close()
         self._closing.set()
         if self._thread.is_alive():

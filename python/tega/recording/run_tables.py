@@ -39,14 +39,10 @@ _NAME = "disk: tables are no longer written"
 
 
 class RunTables(Part):
-    """The output folder of a run.
+    """The output folder of a run; the settings of ``context`` name it.
 
-    A run in real time may be steering a hand: a slow disk delays nothing, and a full one ends the tables but not the
-    run. A run as fast as possible ends with the error.
-
-    Args:
-        context: Context of the run; its settings name the folder.
-        folder: The folder.
+    A run in real time may be steering a hand: a slow disk delays nothing, and a full one ends the tables but
+    not the run. A run as fast as possible ends with the error.
     """
 
     def __init__(self, context: PartContext, folder: Path) -> None:
@@ -72,7 +68,7 @@ class RunTables(Part):
         return sinks._replace(tables=tables)
 
     def ended(self, report: LoopReport, n_waits: int) -> None:  # noqa: ARG002
-        """Complete the tables before the summary says so."""
+        """Complete the tables before the summary states so."""
         self._closes.close()
 
     def finish(self, summary: dict[str, Any]) -> None:

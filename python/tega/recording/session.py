@@ -48,16 +48,9 @@ _LOG = logging.getLogger(__name__)
 
 
 class Recording(Part):
-    """Records one run; create it before the devices are opened, so that missing parts are reported first.
+    """Records one run from its bus into a session's folder; ``ConfigError`` where that holds something else.
 
-    Args:
-        config: The settings; their ``recording.dir`` is the session's folder.
-        folder: The session's folder.
-        bus: Bus with everything to record.
-
-    Raises:
-        MissingExtraError: A package of the extra ``record`` is not installed.
-        ConfigError: The folder holds something else.
+    Create it before the devices are opened, so that missing parts are reported first.
     """
 
     def __init__(self, config: SessionConfig, folder: Path, bus: Bus) -> None:
@@ -118,13 +111,9 @@ class Recording(Part):
     ) -> None:
         """Write the head of the file from its parts.
 
-        Args:
-            config: The settings.
-            calibration: The maxima.
-            calibration_name: Name for the origin of the maxima.
-            baselines: Untouched pictures by finger, uint8 (H, W, 3).
-            sources: Descriptions of the inputs, by finger; ``emg`` for the muscles.
-            facts: ``layout``, ``pace``, and whether the vest is live, the hand steered, and a display connected.
+        ``calibration_name`` is the origin of the maxima, ``baselines`` are untouched pictures by finger,
+        uint8 (H, W, 3), ``sources`` the inputs by finger and ``emg`` for the muscles. ``facts`` are
+        ``layout``, ``pace``, and whether the vest is live, the hand steered, and a display connected.
         """
         text = config_text(config)
         reported = {

@@ -23,12 +23,9 @@ _MOST_LINES = 64
 
 
 class RecordTable:
-    """Writes the records of one kind into their table, with header and rows from the record's fields.
+    """Writes records of one kind into their table, with header and rows from the record's fields.
 
-    Args:
-        folder: Output folder.
-        kind: The records.
-        names: Columns of a list field with one number per part of a device, by the field.
+    ``names`` are the columns of a list field with one number per part of a device, by the field.
     """
 
     def __init__(self, folder: Path, kind: type[Record], **names: Iterable[str]) -> None:

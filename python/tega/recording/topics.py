@@ -110,11 +110,7 @@ class Topic(Sequence[Any]):
     @overload
     def __getitem__(self, index: slice) -> list[Any]: ...
     def __getitem__(self, index: int | slice) -> Any:
-        """Read the record of a number; of a slice, a list of them.
-
-        Raises:
-            RecordingError: The index is neither; a slice of seconds is one of the recording.
-        """
+        """Read the record of a number, or a list for a slice; a slice of seconds is the recording's."""
         requested = (index.start, index.stop, index.step) if isinstance(index, slice) else (index,)
         if any(isinstance(one, (str, float)) for one in requested):
             raise RecordingError(

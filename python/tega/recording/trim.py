@@ -47,26 +47,15 @@ _LEADING = frozenset(
 def trim_session(
     session: Path, *, from_s: float, to_s: float | None, out: Path, lead_in: bool = True
 ) -> Path:
-    """Write a part of a recording into a new session.
+    """Write a part of a recording into a new session's folder, ``out``, new or empty, else ``ConfigError``.
 
-    Every message with a log time in the span is copied unchanged, with its own stamps, which still count from the
-    start of the session. A frame is included if the loop received its contact within the span, even if the frame
-    arrived just before. Settings, calibration, versions and the baseline images are kept.
+    Every message with a log time in the span is copied unchanged, with its own stamps, which still count from
+    the start of the session. A frame is included if the loop received its contact within the span, even if
+    the frame arrived just before. Settings, calibration, versions and the baseline images are kept.
 
-    Args:
-        session: A recording, or the folder of a session with one.
-        from_s: Beginning of the part, seconds since the start of the session.
-        to_s: Its end; ``None`` for that of the recording.
-        out: Folder of the new session: new or empty.
-        lead_in: If true, also keep the records from before the span that a replay needs, which include EMG samples.
-
-    Returns:
-        The new recording.
-
-    Raises:
-        RecordingError: The recording cannot be read, or holds nothing of the span.
-        ConfigError: ``out`` holds something.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    ``from_s`` and ``to_s`` are seconds since the start of the session; ``None`` is the end of the recording.
+    ``lead_in`` also keeps the records from before the span that a replay needs, which include EMG samples. A
+    span without records is ``RecordingError``.
     """
     source = one_recording(session)
     part = Span(round(from_s * 1e9), None if to_s is None else round(to_s * 1e9))
@@ -91,8 +80,8 @@ class _Check:
         tables: Metadata of the file.
         origin: Name and content of the table with the new file's origin.
         felt: Frames by finger and stamp that had their contact received within the span.
-        lead_in: A separate file with the records from before the span; empty if there are none, or if the recording
-            has itself been trimmed without them.
+        lead_in: A separate file with the records from before the span; empty if there are none, or if the
+            recording has itself been trimmed without them.
     """
 
     def __init__(self, source: Path, part: Span) -> None:

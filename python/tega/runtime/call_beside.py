@@ -20,17 +20,11 @@ Result = TypeVar("Result")
 def called_beside(
     function: Callable[..., Result], *arguments: Any, lost: Exception
 ) -> Iterator[Callable[[], Result]]:
-    """Begin to call a function; return a function that waits for the result, to be used in the block.
+    """Begin a call of a module's function in a process; yield a function that waits for its result.
 
-    The process ends with the block, and with this program.
-
-    Args:
-        function: The function, of a module.
-        arguments: Its arguments; they and the result have to be such that :mod:`pickle` knows.
-        lost: Raised where the process ends without a result, as when memory is short.
-
-    Raises:
-        Exception: By the function that waits: ``lost``, or what the function raised.
+    Arguments and result have to be known to :mod:`pickle`. The waiting function raises what the call raised,
+    or ``lost`` where the process ends without a result, as when memory is short. The process ends with the
+    block, and with this program.
     """
     child = start_child(__name__, stdout=subprocess.PIPE)
     assert isinstance(child.stdin, io.BufferedWriter)

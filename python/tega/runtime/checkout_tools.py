@@ -18,11 +18,7 @@ _FOLDERS: Final = {
 
 @contextmanager
 def needs_tools(subject: str) -> Iterator[None]:
-    """Say which pip line brings a package of ``tools/`` that an import in this block does not find.
-
-    Raises:
-        MissingToolError: The package is not installed; the hint is the pip line, to be typed in a checkout.
-    """
+    """Raise ``MissingToolError`` where an import of ``tools/`` fails; its hint is a checkout's pip line."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -84,9 +84,9 @@ def isolated_workers() -> Iterator[None]:
 
 
 def is_running(pid: int, module: str) -> bool:
-    """Return whether a process runs a module of TEGA now: neither ended, stopped nor replaced by another program.
+    """Return whether a process runs a module of TEGA now: not ended, stopped or replaced by another program.
 
-    Where the system does not say (no ``/proc``), the answer is no.
+    Where the system does not show it (no ``/proc``), the answer is no.
     """
     folder = Path(f"/proc/{pid}")
     try:
@@ -98,10 +98,9 @@ def is_running(pid: int, module: str) -> bool:
 
 
 def end_child(child: subprocess.Popen[bytes] | subprocess.Popen[str], patience_s: float) -> int:
-    """Close a program's input, wait for it to end, and kill it if it does not; one that has ended gives its code.
+    """Close a program's input and kill it if it outlasts ``patience_s``.
 
-    Returns:
-        Its exit code, negative for the signal that ended it.
+    Return its exit code, negative for the signal that ended it.
     """
     if child.stdin is not None:
         with contextlib.suppress(OSError):  # it has ended, and words for it are left over

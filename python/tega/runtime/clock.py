@@ -40,11 +40,8 @@ def _boot_and_asleep_s() -> tuple[float, float]:
 class Standstill:
     """Detects that this program did not run: it was stopped, got no processor, or the computer slept.
 
-    Args:
-        longest_s: Time between two calls of :meth:`pulse` that is no standstill yet, seconds.
-
-    Attributes:
-        slept_s: Time that the computer slept in the last standstill, seconds.
+    Up to ``longest_s`` between two calls of :meth:`pulse` is no standstill; ``slept_s`` is the computer's
+    sleep in the last one.
     """
 
     def __init__(self, longest_s: float) -> None:
@@ -106,14 +103,9 @@ class ManualClock:
 
 
 class PausableClock:
-    """Another clock without the time for which it was held.
+    """Another clock (``None``: the machine's) without the time for which it was held, ``held_ns`` in all.
 
-    Args:
-        paused: Asked by every wait; the clock stands still, and the wait lasts, while it says so.
-        clock: The other clock; the machine's when ``None``.
-
-    Attributes:
-        held_ns: Total duration of the pauses so far, nanoseconds.
+    Every wait calls ``paused``: the clock stands still, and the wait lasts, while that is true.
     """
 
     def __init__(self, paused: Callable[[], bool], clock: Clock | None = None) -> None:

@@ -136,11 +136,9 @@ class InputEvent(NamedTuple):
 
 
 class CameraCounts(msgspec.Struct, kw_only=True):
-    """Counts of the pictures that a camera sent.
+    """Counts of the pictures that a camera sent: ``received`` in all, of which ``used`` were passed on.
 
     Attributes:
-        received: Pictures in all.
-        used: Pictures passed on.
         dropped: Pictures that never came, by the gaps between the others; an estimate.
         torn: Frames with a missing end, or with the end of the previous frame.
         duplicate: Pictures equal to the one before to the last bit.

@@ -30,13 +30,7 @@ EVIDENCE: Final[tuple[Evidence, ...]] = get_args(Evidence)
 
 
 class Contradiction(NamedTuple):
-    """Difference between a stream's own evidence and the assumption of its driver.
-
-    Attributes:
-        evidence: The evidence that was compared.
-        found: Finding in the stream, with its numbers.
-        hint: The next step to take.
-    """
+    """Difference between a stream's ``evidence`` and its driver's assumption; ``found`` has the numbers."""
 
     evidence: Evidence
     found: str
@@ -48,20 +42,14 @@ class Contradiction(NamedTuple):
 
 
 def refuse(driver: str, label: str, contradiction: Contradiction) -> NoReturn:
-    """Refuse a stream with unusable samples.
-
-    Raises:
-        StreamContradictionError: Always.
-    """
+    """Refuse a stream with unusable samples: always raises ``StreamContradictionError``."""
     raise StreamContradictionError(f"{driver}: {label}: {contradiction}", contradiction.hint)
 
 
 class Contradictions:
     """Contradictions of one open stream that leave its samples usable.
 
-    Attributes:
-        now: Those that hold at present.
-        seen: Those that held at any time since the stream was opened.
+    ``now`` are those that hold at present, ``seen`` those that held at any time since the stream was opened.
     """
 
     def __init__(self) -> None:

@@ -7,13 +7,9 @@ from typing import NamedTuple, Protocol
 
 
 class Bar(NamedTuple):
-    """Bar that rises and falls while a step goes on.
+    """Bar that rises and falls while a step goes on; it is filled from ``low`` to ``share``, each 0 to 1.
 
-    Attributes:
-        name: Name of the bar.
-        share: How far it is filled, 0 to 1.
-        text: Its value in words.
-        low: Where the filling begins, 0 to 1: above 0 for a target with two ends.
+    ``low`` is above 0 for a target with two ends; ``text`` is the value in words.
     """
 
     name: str
@@ -50,9 +46,5 @@ class Guide(Shows, Protocol):
         ...
 
     def ask(self, question: str, answers: Mapping[str, str]) -> str:
-        """Ask a question; return one of the answers' keys.
-
-        Raises:
-            Undecided: There is no operator to answer.
-        """
+        """Ask a question; return a key of the answers, or raise ``Undecided`` where there is no operator."""
         ...

@@ -12,11 +12,7 @@ from tega.errors import DtypeError
 
 
 def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) -> NDArray[Any]:
-    """Return a function of numbers applied to each element of arrays, which are broadcast against each other.
-
-    Raises:
-        DtypeError: An array does not hold real numbers.
-    """
+    """Return a function of numbers applied to each element of arrays of real numbers, broadcast together."""
     arrays = [np.asarray(value) for value in values]
     for array in arrays:
         if array.dtype.kind not in "fiu":
@@ -29,10 +25,8 @@ def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) ->
 def each_item(function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], item_axes: int) -> NDArray[Any]:
     """Return a function of items, such as pictures of three axes, applied along the leading axes of arrays.
 
-    Args:
-        function: Takes an item of each array, and returns arrays of one shape.
-        arrays: Arrays whose leading axes are broadcast against each other.
-        item_axes: Number of an item's axes.
+    It takes an item of ``item_axes`` axes of each array and has to return arrays of one shape; the leading
+    axes are broadcast against each other.
     """
     shape = np.broadcast_shapes(*(array.shape[: array.ndim - item_axes] for array in arrays))
     several = [np.broadcast_to(array, shape + array.shape[array.ndim - item_axes :]) for array in arrays]

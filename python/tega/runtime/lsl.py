@@ -18,11 +18,7 @@ EXTRA = "lsl"
 
 
 def load_lsl(who: str) -> Any:
-    """Import pylsl; unless its library is configured, only its errors are printed.
-
-    Raises:
-        MissingExtraError: pylsl is not installed.
-    """
+    """Import pylsl; unless its library is configured, only its errors are printed."""
     own = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
     if not any(file.exists() for file in own):
         quiet = files("tega.runtime").joinpath("lsl_api.cfg")
@@ -32,13 +28,9 @@ def load_lsl(who: str) -> Any:
 
 
 def find_streams(lsl: Any, by: str, value: str, timeout_s: float) -> list[Any]:
-    """Return all streams of a name, type or identifier; after the first, half a second is waited for others.
+    """Return all streams whose ``name``, ``type`` or ``source_id`` (``by``) is ``value``.
 
-    Args:
-        lsl: The library.
-        by: ``name``, ``type`` or ``source_id``.
-        value: It.
-        timeout_s: How long the first may take.
+    The first may take ``timeout_s``; after it, half a second is waited for others.
     """
     found = lsl.resolve_byprop(by, value, minimum=1, timeout=timeout_s)
     if len(found) == 1:

@@ -46,11 +46,9 @@ class ClockCorrection:
         self.n_asked, self.n_outliers = 1, 0
 
     def follow(self, ask: Callable[[], float], now_s: float) -> float:
-        """Return the correction in use, asked for again where a second has passed.
+        """Return the correction in use; ``ask`` is called where a second of the monotonic clock has passed.
 
-        Args:
-            ask: Returns the library's newest measurement, seconds; may raise ``TimeoutError`` or ``RuntimeError``.
-            now_s: Seconds of the monotonic clock.
+        It returns the newest measurement, seconds, and may raise ``TimeoutError`` or ``RuntimeError``.
         """
         if now_s - self._requested_at_s >= _ASK_S:
             self._requested_at_s = now_s

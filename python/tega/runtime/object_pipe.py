@@ -55,11 +55,7 @@ def widen_pipe(pipe: BufferedWriter) -> None:
 
 
 def send_object(pipe: BufferedWriter, content: Any) -> None:
-    """Write an object; arrays are not copied.
-
-    Raises:
-        OSError: The reader is gone.
-    """
+    """Write an object, arrays without a copy; ``OSError`` where the reader is gone."""
     arrays: list[pickle.PickleBuffer] = []
     head = pickle.dumps(content, _PROTOCOL, buffer_callback=arrays.append)
     parts = [memoryview(head), *(array.raw() for array in arrays)]
@@ -70,11 +66,7 @@ def send_object(pipe: BufferedWriter, content: Any) -> None:
 
 
 def receive_object(pipe: BufferedReader | FileIO) -> Any:
-    """Read an object.
-
-    Raises:
-        EOFError: The other end is closed.
-    """
+    """Read an object; ``EOFError`` where the other end is closed."""
     (n_parts,) = _COUNT.unpack(_exactly(pipe, _COUNT.size))
     sizes = [size for (size,) in _SIZE.iter_unpack(_exactly(pipe, n_parts * _SIZE.size))]
     head, *arrays = (_exactly(pipe, size) for size in sizes)

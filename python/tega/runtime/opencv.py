@@ -23,11 +23,7 @@ _AGAIN = "copy it again from its source, or take it out of the recording"
 
 
 def load_cv2(driver: str) -> Any:
-    """Import OpenCV for a driver, with its own threads off: each sensor already has a thread.
-
-    Raises:
-        MissingExtraError: OpenCV is not installed.
-    """
+    """Import OpenCV for a driver, with its own threads off: each sensor already has a thread."""
     # FFmpeg writes what it thinks of a damaged stream to stderr; the driver says it better. Read at first use.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # A header may state any size; memory for it is asked for before the first pixel is decoded.
@@ -40,20 +36,10 @@ def load_cv2(driver: str) -> Any:
 
 
 def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
-    """Read a picture as blue, green, red.
+    """Read a PNG, JPEG, BMP, TIFF, WebP or ``.npy`` file as uint8 (H, W, 3), blue, green, red.
 
-    A file that was cut short is refused even where the decoder would return the part it got.
-
-    Args:
-        path: A PNG, JPEG, BMP, TIFF or WebP file, or an ``.npy`` array.
-        driver: Name of the driver, for the messages.
-
-    Returns:
-        uint8 (H, W, 3), blue, green, red, not turned by any orientation tag.
-
-    Raises:
-        RecordingError: The file is missing, cut short, or not a picture.
-        MissingExtraError: OpenCV is not installed.
+    It is not turned by any orientation tag. A file that was cut short is refused even where the decoder would
+    return the part it got.
     """
     try:
         data = read_foreign(path, most_mib=_MOST_MIB)

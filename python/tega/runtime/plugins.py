@@ -24,15 +24,9 @@ def _plugins(group: str, _path: tuple[str, ...]) -> dict[str, EntryPoint]:
 
 
 def find_plugin(group: str, subject: str, name: str) -> EntryPoint:
-    """Return the entry point of a name.
+    """Return the entry point of a name in a group, such as ``"tega.devices"``; the nearest name is the hint.
 
-    Args:
-        group: The group, such as ``"tega.devices"``.
-        subject: Term for a member of the group in messages: driver, metric, decoder, mapping or layout.
-        name: The name looked for.
-
-    Raises:
-        ConfigError: Nothing in the group has that name; the hint is the nearest one.
+    ``subject`` is the messages' term for a member: driver, metric, decoder, mapping or layout.
     """
     entries = plugins(group)
     entry = entries.get(name)
@@ -44,11 +38,9 @@ def find_plugin(group: str, subject: str, name: str) -> EntryPoint:
 
 
 def load_plugin(entry: EntryPoint, subject: str) -> Any:
-    """Import what an entry point names.
+    """Import what an entry point names; ``DeviceUnavailableError`` where the module lacks it.
 
-    Raises:
-        MissingExtraError: Its module needs a package that is not installed.
-        DeviceUnavailableError: Its module lacks the object that the entry point names.
+    ``MissingExtraError`` where the module needs a package that is not installed.
     """
     try:
         return entry.load()

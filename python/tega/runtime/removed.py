@@ -14,7 +14,6 @@ class Removed(NamedTuple):
     Attributes:
         since: Version without it.
         reason: Why, as the end of a sentence.
-        hint: Next step.
         unused: Value of a field that made no use of it; a file that holds this value is read as before.
     """
 
@@ -37,24 +36,15 @@ REMOVED: Final[Mapping[str, Removed]] = {
 
 
 def refuse_removed(name: str, removed: Mapping[str, Removed] = REMOVED) -> None:
-    """Refuse what was taken out; anything else passes.
-
-    Raises:
-        ConfigError: It was taken out; the message says since when and why.
-    """
+    """Refuse what was taken out, since when and why in the message; anything else passes."""
     if (gone := removed.get(name)) is not None:
         raise ConfigError(gone.sentence(name), gone.hint)
 
 
 def without_removed(table: Mapping[str, Any], removed: Mapping[str, Removed]) -> dict[str, Any]:
-    """Return a file's table without the fields that were taken out and that it made no use of.
+    """Return a file's table without removed fields that it made no use of; one in use is ``ConfigError``.
 
-    Args:
-        table: Fields as read from TOML or JSON; tables inside it are left as they are.
-        removed: Registry of fields, by name.
-
-    Raises:
-        ConfigError: A field that was taken out was in use.
+    Tables inside it are left as they are.
     """
     for name, value in table.items():
         if name in removed and value != removed[name].unused:

@@ -31,11 +31,8 @@ _Link = TypeVar("_Link")
 class Reopening:
     """Paces the tries to open one device again.
 
-    Args:
-        first_s: Rest before the first try after the device has worked.
-        most_s: Longest rest between two tries.
-        factor: By how much each rest is longer than the one before.
-        spread: Rests are longer or shorter by up to this share, so that several programs do not try in step.
+    The first rest after the device has worked is ``first_s``, each next one longer by ``factor``, up to
+    ``most_s``. Rests vary by up to the share ``spread``, so that several programs do not try in step.
     """
 
     def __init__(self, first_s: float, most_s: float, *, factor: float = 2.0, spread: float = 0.0) -> None:
@@ -49,11 +46,7 @@ class Reopening:
         self._due_s = 0.0
 
     def wait(self, over: Over) -> bool:
-        """Rest before the next try.
-
-        Returns:
-            Whether to try.
-        """
+        """Rest before the next try; return whether to try."""
         rest_s, self._rest_s = self._rest_s, min(self._factor * self._rest_s, self._most_s)
         return not over(rest_s * random.uniform(1 - self._spread, 1 + self._spread))
 
@@ -74,16 +67,10 @@ class Reopening:
         absent: type[Exception] | tuple[type[Exception], ...],
         refused: Callable[[Exception], object] = lambda _error: None,
     ) -> _Link | None:
-        """Try until the device opens.
+        """Try until the device opens; ``None`` when it is no longer wanted.
 
-        Args:
-            open_device: Opens it.
-            over: As for :meth:`wait`.
-            absent: Errors that say that it is not there yet; any other one is raised.
-            refused: Called with each of these errors.
-
-        Returns:
-            The open device; ``None`` when the device is no longer wanted.
+        Errors of ``absent`` mean that it is not there yet: ``refused`` is called with them; others are
+        raised.
         """
         while self.wait(over):
             try:
@@ -103,16 +90,10 @@ class Reopening:
         absent: type[Exception] | tuple[type[Exception], ...],
         refused: Callable[[Exception], object] = lambda _error: None,
     ) -> None:
-        """Use a device until it is no longer wanted, and open it again whenever it goes away.
+        """Use a device until it is no longer wanted, and whenever it goes away, open it as :meth:`open` does.
 
-        Args:
-            link: The open device to begin with; ``None`` to open it first.
-            open_device: Opens it.
-            use: Uses it until it goes away or is no longer wanted; returns whether it gave anything.
-            close: Lets go of it.
-            over: As for :meth:`wait`.
-            absent: As for :meth:`open`.
-            refused: As for :meth:`open`.
+        A ``link`` of ``None`` is opened first. ``use`` lasts until the device goes away or is no longer
+        wanted, and returns whether it gave anything; ``close`` is called after each.
         """
         while not over(0.0):
             if link is None:

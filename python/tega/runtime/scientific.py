@@ -8,18 +8,10 @@ from tega.runtime.lifecycle import require
 
 
 def scipy_stats() -> Any:
-    """Return ``scipy.stats``.
-
-    Raises:
-        MissingExtraError: SciPy is not installed.
-    """
+    """Return ``scipy.stats``, or raise ``MissingExtraError``."""
     return require("scipy.stats", driver="statistics", extra="study")
 
 
 def statsmodels(name: str) -> Any:
-    """Return a module of statsmodels.
-
-    Raises:
-        MissingExtraError: statsmodels is not installed.
-    """
+    """Return a module of statsmodels, or raise ``MissingExtraError``."""
     return require(f"statsmodels.{name}", driver="statistics", extra="study")

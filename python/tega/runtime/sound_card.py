@@ -9,12 +9,7 @@ from tega.runtime.lifecycle import require
 
 
 def load_sounddevice() -> Any:
-    """Import the package sounddevice.
-
-    Raises:
-        MissingExtraError: It is not installed.
-        DeviceUnavailableError: PortAudio, which it needs, is not.
-    """
+    """Import sounddevice; ``DeviceUnavailableError`` where PortAudio, which it needs, is not installed."""
     try:
         return require("sounddevice", driver="sound", extra="sound")
     except OSError as error:

@@ -30,12 +30,9 @@ _HINT: Final = (
 
 
 def is_other_clock(age_s: float, *, ahead_s: float = AHEAD_S, away_s: float = AWAY_S) -> bool:
-    """Return whether a stamp of this age at its arrival cannot be of this machine's clock.
+    """Return whether a stamp of this age (arrival less stamp) cannot be of this machine's clock.
 
-    Args:
-        age_s: Arrival less stamp, seconds.
-        ahead_s: The largest time by which a stamp may be later than its arrival.
-        away_s: The largest age of an item that is still on its way.
+    It is at most ``ahead_s`` later than its arrival, and an item still on its way is at most ``away_s`` old.
     """
     return not -ahead_s <= age_s <= away_s
 
@@ -61,11 +58,9 @@ class StampCheck:
         self.contradiction: Contradiction | None = None
 
     def believes(self, stamp_s: float, arrival_s: float) -> bool:
-        """Compare the newest stamp and return whether it can be used.
+        """Return whether the newest item's stamp, ``stamp_s`` on the clock of the arrivals, can be used.
 
-        Args:
-            stamp_s: The sender's time of the newest item, on the clock of the arrivals.
-            arrival_s: When it came, seconds of the monotonic clock; never less than before.
+        ``arrival_s`` is on the monotonic clock and never less than before.
         """
         age_s, last, self._last = arrival_s - stamp_s, self._last, (stamp_s, arrival_s)
         found = ""

@@ -78,14 +78,9 @@ def short_turns() -> Iterator[None]:
 
 @contextmanager
 def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
-    """Ask for real-time priority for the calling thread and this block.
+    """Ask for real-time priority for the calling thread and this block; yield whether it has it.
 
-    Args:
-        rank: Before which other threads of the run it goes.
-        inherited: Threads that are started in the block keep it; none of them may start a process.
-
-    Yields:
-        Whether it was granted, or was so before.
+    ``inherited`` means that threads started in the block keep it; none of them may start a process.
     """
     if sys.platform != "linux" or not _possible():
         yield False

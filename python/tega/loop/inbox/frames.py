@@ -33,15 +33,10 @@ SEEN_REST_S = 0.001
 class FrameMeter:
     """Measures each frame of one finger once, as they arrive.
 
-    Args:
-        baseline: The finger's untouched picture, uint8 (H, W, 3).
-        report: Counted up along the way.
-        live: Whether the frames come from a sensor that runs on its own clock.
-        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-
-    Attributes:
-        seq: Number of the newest frame; ``None`` before the first.
-        next_seq: Number of the frame that should come next.
+    ``baseline`` is untouched, uint8 (H, W, 3); ``report`` is counted up. ``live`` is whether the frames come
+    from a sensor that runs on its own clock; the time ``start_ns`` at the session's start is subtracted from
+    its stamps. ``seq`` is the number of the newest frame, ``None`` before the first, ``next_seq`` that of the
+    frame that should come next.
     """
 
     def __init__(
@@ -66,14 +61,10 @@ class FrameMeter:
         self.next_seq = 0
 
     def take(self, frame: TactileFrame) -> Contact | None:
-        """Measure a frame.
+        """Measure a frame; another size than the baseline's is ``RecordingError``.
 
-        Returns:
-            The contact in it; ``None`` for a frame that came again under its number, or of a live sensor without
-            a vote (:mod:`tega.loop.inbox.picture_votes`).
-
-        Raises:
-            RecordingError: The frame is not of the baseline's size.
+        The contact is ``None`` for a frame that came again under its number, or of a live sensor without a
+        vote (:mod:`tega.loop.inbox.picture_votes`).
         """
         report, last, t_ns = self._report, self._last, frame.t_ns - self._start_ns
         contact, may_vote = None, True
@@ -108,12 +99,10 @@ class FrameMeter:
         return contact
 
     def take_sums(self, seq: int, t_ns: int, sums: NDArray[np.int16]) -> Contact:
-        """Measure a picture that is not painted, by its sums over cells; it is taken to differ from the one before.
+        """Measure a picture that is not painted, by its sums over cells; it is taken to differ from the last.
 
-        Args:
-            seq: Its number; not that of the one before.
-            t_ns: Its time.
-            sums: As for :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
+        ``seq`` must not be that of the one before; ``sums`` are those of
+        :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
         """
         report = self._report
         self.seq = seq
@@ -149,18 +138,13 @@ def fed_contacts(
     observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
     notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Callable[[TactileFrame], None]:
-    """Return the function that a sensor's own thread calls with each picture; a bad one is dropped and counted.
+    """Return the function that a sensor's thread calls with each picture; a bad one is dropped and counted.
 
-    Args:
-        meter: Measures them.
-        report: Counted up along the way.
-        take: Given the contact in each picture.
-        fail: Called with an unexpected exception; the sensor's thread continues.
-        stamp: Called with each measured frame's time and the monotonic time of its reception.
-        prepare: Called with each frame before it is checked and measured.
-        observe: Called with each frame and the monotonic time of its reception, after the measurement was passed on, so
-            that recording delays nothing.
-        notify: Called with each measured frame and its contact, in the thread that measures.
+    ``take`` is called with the contact in each picture, ``fail`` with an unexpected exception; the sensor's
+    thread continues. ``stamp`` is called with each measured frame's time and the monotonic time of its
+    reception, ``prepare`` with each frame before it is checked and measured, ``observe`` with each frame and
+    the time of its reception after the measurement was passed on, so that recording delays nothing, and
+    ``notify`` with each measured frame and its contact, in the thread that measures.
     """
 
     def measure(frame: TactileFrame) -> None:
@@ -207,29 +191,20 @@ def measured_contacts(
     observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
     notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Generator[Contact, None, int]:
-    """Measure the frames of a source; returns the time at which it ended, nanoseconds.
+    """Measure the frames of an open source; returns the time at which it ended, nanoseconds.
 
-    In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes away the
-    finger falls silent after 100 ms; it is opened again, once a second until that works or the run is over.
+    In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes
+    away the finger falls silent after 100 ms; it is opened again, once a second, until that works or the run
+    ends.
 
-    A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the frame
-    before it is not measured again. Of a live source the third and later of such frames in a row are not passed
-    on: the sensor is stuck, and its finger falls silent like any other without fresh frames until pixels change.
+    A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the
+    frame before it is not measured again. Of a live source the third and later of such frames in a row are
+    not passed on: the sensor is stuck, and its finger falls silent like any without fresh frames until pixels
+    change.
 
-    Args:
-        source: An open source.
-        baseline: Its untouched picture, uint8 (H, W, 3).
-        metric: Measures its frames.
-        report: Counted up along the way.
-        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-        stopped: Returns true to stop reading.
-        stamp: Called with each measured frame's time and the monotonic time of its reception.
-        prepare: Called with each frame before it is checked and measured.
-        observe: Called with each frame and the monotonic time of its reception.
-        notify: Called with each measured frame and its contact, in the thread that measures.
-
-    Raises:
-        RecordingError: A recorded frame is unreadable or not of the baseline's size.
+    ``baseline``, ``report`` and ``start_ns`` are those of :class:`FrameMeter`; ``stamp``, ``prepare``,
+    ``observe`` and ``notify`` those of :func:`fed_contacts`, but ``observe`` is called before the
+    measurement. ``stopped`` returns true to stop reading.
     """
     live, end_ns = source.info.live, 0
     meter = FrameMeter(baseline, metric, report, live=live, start_ns=start_ns)

@@ -14,23 +14,14 @@ _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class Seat(NamedTuple):
-    """An input device, and which of its buttons is meant.
-
-    Attributes:
-        button: Name of the button; ``None`` for any.
-    """
+    """An input device, and which of its buttons is meant: ``None`` for any."""
 
     source: InputSource
     button: str | None
 
 
 class SeatSeen(NamedTuple):
-    """State of an input device at a look.
-
-    Attributes:
-        held: Whether the button that is meant is down.
-        n_presses: Number of presses since the start.
-    """
+    """State of an input device at a look: whether its button is down, and the presses since the start."""
 
     state: InputReading
     held: bool
@@ -47,11 +38,7 @@ class SeatSeen(NamedTuple):
 
 
 class Inputs:
-    """Looks at all input devices of a run; no look ever waits for a device.
-
-    Attributes:
-        seen: State of each device at the last look.
-    """
+    """Looks at all input devices of a run, never waiting for one; ``seen`` is from the last look."""
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:
         self._seats = dict(seats)

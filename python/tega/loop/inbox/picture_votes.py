@@ -37,22 +37,14 @@ _BACK_NS = 500_000_000
 
 
 class Untouched(NamedTuple):
-    """Light and lines of an untouched picture.
-
-    Attributes:
-        edges: Indices of the edge lines that are not of one colour by themselves.
-    """
+    """Light and lines of an untouched picture; ``edges`` index edge lines not of one colour by themselves."""
 
     light: float
     edges: tuple[int, ...]
 
 
 def untouched_lines(baseline: NDArray[np.uint8]) -> Untouched:
-    """Return the reference that a camera's frames are compared with.
-
-    Args:
-        baseline: The untouched picture, uint8 (H, W, 3).
-    """
+    """Return the reference that a camera's frames are compared with; the baseline is uint8 (H, W, 3)."""
     light, lines = vote_lines(baseline)
     spreads = [float(np.frombuffer(line, np.uint8).std()) for line in lines]
     return Untouched(light, tuple(k for k, spread in enumerate(spreads) if spread >= _LEAST_SPREAD))
@@ -63,10 +55,8 @@ def picture_fault(
 ) -> tuple[str, list[bytes]]:
     """Return the fault of a picture in words, ``""`` for none, and its edge lines for the next call.
 
-    Args:
-        image: uint8 (H, W, 3), of the baseline's size; not the picture before again.
-        untouched: Light and lines of the untouched picture.
-        before: Edge lines of the picture before; empty for the first.
+    ``image`` is uint8 (H, W, 3), of the baseline's size, and not the picture before again, whose edge lines
+    are ``before``, empty for the first.
     """
     light, lines = vote_lines(image)
     now = [lines[k] for k in untouched.edges]
@@ -97,12 +87,7 @@ class CameraVote:
         self.fault = ""
 
     def take(self, fault: str, t_ns: int) -> bool:
-        """Count the next picture, and return whether it may be used.
-
-        Args:
-            fault: Fault of the picture in words; ``""`` for none.
-            t_ns: Time of the picture.
-        """
+        """Count the next picture, with its fault in words or ``""``; return whether it may be used."""
         if fault:
             self._bad_ns.append(t_ns)
             self._lost |= len(self._bad_ns) == _FEWEST and t_ns - self._bad_ns[0] <= _BACK_NS
@@ -126,12 +111,10 @@ _SAMPLE_STRIDE = 40
 
 
 class KeptPicture(NamedTuple):
-    """The newest measured picture.
+    """The newest measured picture, uint8 (H, W, 3).
 
-    Attributes:
-        image: uint8 (H, W, 3).
-        sample: Copy of some of its pixels: a driver that wrongly gives one buffer again and again is not taken for a
-            stuck sensor.
+    ``sample`` is a copy of some of its pixels, so that a driver that wrongly gives one buffer again and again
+    is not taken for a stuck sensor.
     """
 
     image: NDArray[np.uint8]
@@ -145,15 +128,11 @@ def kept_picture(image: NDArray[np.uint8], contact: Contact) -> KeptPicture:
 
 
 def is_repeat(image: NDArray[np.uint8], last: KeptPicture) -> bool:
-    """Return whether every pixel of a picture equals the newest one's.
+    """Return whether every pixel of a picture, uint8 (H, W, 3), equals the newest one's.
 
-    A picture that is the newest one itself, in memory that cannot be written, needs no comparison. Else the sample
-    decides where the pictures differ in it, which noise sees to; only where it agrees is every pixel compared, so that
-    the answer is exact.
-
-    Args:
-        image: uint8 (H, W, 3).
-        last: The newest measured picture.
+    A picture that is the newest one itself, in memory that cannot be written, needs no comparison. Else the
+    sample decides where the pictures differ in it, which noise sees to; only where it agrees is every pixel
+    compared, so that the answer is exact.
     """
     if image.shape != last.image.shape:
         return False

@@ -21,7 +21,6 @@ class Finger(NamedTuple):
 
     Attributes:
         baseline: Its untouched picture.
-        report: Counts of the frames.
         measured: All frames, where they had to be measured beforehand.
         stream: Contacts of the finger from elsewhere; its source is then not read.
     """
@@ -40,7 +39,6 @@ class Muscles(NamedTuple):
     Attributes:
         maxima: Its maxima and the conditions they hold under.
         decoder: Samples to intents; ``None`` where they are made somewhere else.
-        report: Counts of the samples.
         stream: The intents, where they are known from somewhere else; its source is then not read.
     """
 
@@ -57,10 +55,9 @@ class Prepared(NamedTuple):
     Attributes:
         fingers: By name, thumb first.
         muscles: The EMG side; ``None`` without EMG.
-        calibration_name: Base name of their file, or the person they belong to; ``""`` when they came from the
-            recording.
-        poll_hand: Returns at a tick, by the requested level, a reading of hand and arm from another source; those of
-            the run are then not read.
+        calibration_name: Base name of the maxima's file, or their person; ``""`` when from the recording.
+        poll_hand: Returns at a tick, by the requested level, a reading of hand and arm from another source;
+            those of the run are then not read.
     """
 
     fingers: Mapping[str, Finger]

@@ -30,10 +30,8 @@ class _Opens(Protocol):
 class Reader(Generic[Given]):
     """A thread that passes on the items of an iterator, until that ends or the reader is closed.
 
-    Args:
-        take: Called with each item, in the thread.
-        done: Called in the thread at the end, with the iterator's return value and its exception.
-        rank: Priority of the thread, if others wait for its items, as the loop does; ``None`` for an ordinary one.
+    ``take`` is called in it with each item, ``done`` at the end with the iterator's return value and its
+    exception. ``rank`` is its priority, if others wait for its items, as the loop does; ``None`` is ordinary.
     """
 
     def __init__(

@@ -43,13 +43,9 @@ def picture_of(
 ) -> Picture:
     """Return the record of a picture.
 
-    Args:
-        finger: Name of the finger.
-        frame: The picture.
-        received_ns: The monotonic time at which it was received; ``None`` for one out of a file.
-        start_ns: The monotonic time at the start of the session.
-        loaded: Whether another finger bore a load.
-        rezeroed: Whether a new baseline was taken before it was measured.
+    ``received_ns`` is monotonic, ``None`` for one out of a file; ``start_ns`` is that time at the start of
+    the session. ``loaded`` is whether another finger bore a load, ``rezeroed`` whether a new baseline was
+    taken before it was measured.
     """
     t_ns = frame.t_ns if received_ns is None else frame.t_ns - start_ns
     return Picture(
@@ -136,17 +132,11 @@ class SourceReport(msgspec.Struct, kw_only=True):
 
 
 class BlockMeter:
-    """Turns EMG samples into levels as they come.
+    """Turns EMG samples into levels as they come; ``end_ns`` is the time of the newest sample.
 
-    Args:
-        report: Counted up along the way.
-        maxima: Maxima of the channels, with the kind of the samples.
-        live: Whether the samples come from a device that runs on its own clock.
-        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-        adaptation: Adapts the decoder's input; ``None`` for unchanged samples.
-
-    Attributes:
-        end_ns: Time of the newest sample.
+    ``report`` is counted up; ``maxima`` have the kind of the samples. ``live`` is whether these come from a
+    device that runs on its own clock; the time ``start_ns`` at the session's start is subtracted from its
+    stamps. ``adaptation`` adapts the decoder's input; ``None`` for unchanged samples.
     """
 
     def __init__(
@@ -179,19 +169,11 @@ class BlockMeter:
         self._next_index = -round(MOST_GAP_S * self._rate_hz)
 
     def take(self, chunk: EmgChunk) -> list[Intent]:
-        """Take the next samples.
+        """Take the next samples, (n, channels), in the source's unit; return the intents of complete blocks.
 
-        Samples missing before these, by their numbers, take up time too. For a tenth of a second the last values are
-        held; after that the channels are bad until samples arrive again.
-
-        Args:
-            chunk: The next samples, (n, channels), in the unit of the source.
-
-        Returns:
-            The intents of the blocks that they complete: none, one or more.
-
-        Raises:
-            ShapeError: The samples have another number of channels than the maxima.
+        Samples missing before these, by their numbers, take up time too. For a tenth of a second the last
+        values are held; after that the channels are bad until samples arrive again. Another number of
+        channels than the maxima's is ``ShapeError``.
         """
         samples, report, votes, adaptation = chunk.samples, self._report, self._votes, self._adaptation
         n_missing = max(0, chunk.first_index - self._next_index)
@@ -223,10 +205,7 @@ class BlockMeter:
     def _times_ns(self, n: int, end_ns: int, n_whole: int) -> NDArray[np.int64]:
         """Return the times of the next samples: arrival for a live source, completion for a recording.
 
-        Args:
-            n: Samples.
-            end_ns: Time of the last of them, as the source states it.
-            n_whole: Number of the last of them, from 1, with those that were lost.
+        The last of them has the stated time ``end_ns`` and, from 1 with lost ones, the number ``n_whole``.
         """
         if self._live:
             times_ns = np.empty(n, np.int64)
@@ -289,23 +268,15 @@ def grasp_blocks(
     observe: Callable[[EmgChunk], None] = lambda _chunk: None,
     adaptation: ChannelAdaptation | None = None,
 ) -> Generator[Intent, None, int]:
-    """Turn the samples of a source into levels, one per block; returns when it ended, nanoseconds.
+    """Turn an open source's samples into levels, one per block; returns when it ended, nanoseconds.
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
-    samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed it.
+    samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed
+    it. A live source that goes away is opened again, once a second until that works or the run is over.
 
-    A live source that goes away is opened again, once a second until that works or the run is over.
-
-    Args:
-        source: An open source.
-        decoder: Samples to intents.
-        report: Counted up along the way.
-        maxima: Maxima of the channels, with the kind of the samples.
-        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-        stopped: Returns true to stop reading.
-        stamp: Called with each block's time and the monotonic time at which its last samples were received.
-        observe: Called with the samples that were read, before they are decoded.
-        adaptation: Adapts the decoder's input; ``None`` for unchanged samples.
+    ``report``, ``maxima``, ``start_ns`` and ``adaptation`` are those of :class:`BlockMeter`. ``stopped``
+    returns true to stop reading; ``stamp`` is called with each block's time and the monotonic time at which
+    its last samples were received; ``observe`` with the samples that were read, before they are decoded.
     """
     live = source.info.live
     meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)

@@ -58,12 +58,9 @@ class Stream(Protocol[Item_co]):
 class PulledStream(Generic[Item]):
     """A stream of items that exist already or are computed on demand.
 
-    Args:
-        items: The iterator. It may return the time at which the stream ends (the last frame lasts one period);
-            otherwise that is the time of its last item.
-        end_ns: Time at which the stream ends, if the iterator does not return it.
-        known: Times at which the items are known; ``None`` for the times they are stamped with.
-        over: Whether it is known by now that nothing follows the last item.
+    It ends at the latest of its last item's time, ``end_ns`` and the time that the iterator may return (the
+    last frame lasts one period). ``known`` are the times at which the items are known, ``None`` for those
+    they are stamped with; ``over`` is whether it is known by now that nothing follows the last item.
     """
 
     def __init__(
@@ -101,11 +98,7 @@ class PulledStream(Generic[Item]):
             self.ended, self.due_ns = True, NEVER_NS
 
     def next_until(self, t_ns: int) -> Item | None:
-        """Return the next item known at ``t_ns``, or ``None``.
-
-        Raises:
-            Exception: Whatever the iterator raises.
-        """
+        """Return the next item known at ``t_ns``, or ``None``; raises whatever the iterator raises."""
         if not self._begun:
             self._begun = True
             self._advance()
@@ -127,12 +120,10 @@ class PulledStream(Generic[Item]):
 
 
 class LiveStream(Generic[Item]):
-    """A stream that is filled by another thread, the link, or the driver of the loop's time; the loop never waits.
+    """A stream filled by another thread, the link, or the driver of the loop's time; the loop never waits.
 
-    Args:
-        capacity: Items held at most; where the loop does not keep up, the oldest are lost.
-        due_ns: Before this time nothing will be put in.
-        clock: Returns the monotonic time by which items lapse.
+    At most ``capacity`` items are held; where the loop does not keep up, the oldest are lost. Nothing is put
+    in before ``due_ns``; ``clock`` returns the monotonic time by which items lapse.
 
     Attributes:
         on_loss: Called for every item that was not taken in time, in the thread that finds out.
@@ -167,12 +158,9 @@ class LiveStream(Generic[Item]):
             return NEVER_NS if self.ended else self._next_ns
 
     def put(self, item: Item, *, use_by_ns: int = NEVER_NS, next_ns: int = 0) -> None:
-        """Add an item.
+        """Add an item, not before the previous one's time.
 
-        Args:
-            item: The item; its time is not before that of the previous one.
-            use_by_ns: Until when it may be taken, on the stream's clock.
-            next_ns: The next one's time, or any before it.
+        It may be taken until ``use_by_ns`` on the stream's clock; the next one comes at ``next_ns`` or later.
         """
         with self._lock:
             lost = len(self._items) >= self._capacity
@@ -186,11 +174,9 @@ class LiveStream(Generic[Item]):
         self.on_item()
 
     def end(self, end_ns: int | None = None, error: BaseException | None = None) -> None:
-        """Put nothing in any more.
+        """End the stream at ``end_ns``, ``None`` for the time of its last item.
 
-        Args:
-            end_ns: Time at which the stream ends; ``None`` for that of its last item.
-            error: Raised to the loop after the items before it.
+        ``error`` is raised to the loop after the items before it.
         """
         with self._lock:
             self.end_ns = max(self.end_ns, end_ns or 0)
@@ -200,8 +186,7 @@ class LiveStream(Generic[Item]):
     def next_until(self, t_ns: int) -> Item | None:
         """Return the next item stamped at or before ``t_ns`` that has not lapsed, or ``None``.
 
-        Raises:
-            BaseException: Whatever the stream ended with.
+        Raises the error with which the stream ended.
         """
         while self._items:  # without the lock: there is mostly nothing
             with self._lock:

@@ -93,10 +93,7 @@ class Rule(NamedTuple):
 class Compared:
     """Compares a stream's records with those of its replay as they come, by their times.
 
-    Numbers are equal when every bit is; every NaN equals any other.
-
-    Attributes:
-        found: The findings so far.
+    Numbers are equal when every bit is; every NaN equals any other. ``found`` are the findings so far.
     """
 
     def __init__(self, stream: str, rule: Rule) -> None:
@@ -122,11 +119,9 @@ class Compared:
         self._compare(t_ns, *((other, record) if replayed else (record, other)))
 
     def settle(self, until_ns: int, cut_ns: int = NEVER_NS) -> None:
-        """Note what is on one side only: both are complete up to a tick.
+        """Note what is on one side only: both are complete up to the tick ``until_ns``.
 
-        Args:
-            until_ns: The tick.
-            cut_ns: What only the replay has from here on is no difference: the recording was cut there.
+        What only the replay has from ``cut_ns`` on is no difference: the recording was cut there.
         """
         for t_ns in sorted(self._waiting):
             if self._waiting[t_ns][-1][1] < until_ns:

@@ -68,19 +68,15 @@ class RecordFeed:
 
     Attributes:
         reader: Reads the file; for further passes.
-        head: Facts that are known before the first message.
+        head: Facts that are known before the first message; a file cut off before its head is refused.
         bus: Every record is published here as it was recorded; subscribe before reading begins.
-        ahead: Functions called with every picture in another thread, those of one finger in order. Each returns a
-            function that is called in the reader's thread when the picture is published.
-        cells_suffice: Whether the functions need no image where the picture's cells are recorded; it is empty then.
+        ahead: Functions called with every picture in another thread, those of one finger in order. Each
+            returns a function that is called in the reader's thread when the picture is published.
+        cells_suffice: Whether the functions need no image where a picture's cells are recorded: it is empty.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
         newest_ns: Time of the newest message so far, since the start of the session.
         ended: Whether everything has been read.
-
-    Raises:
-        RecordingError: The file is no recording of a session, or is cut off before its head.
-        MissingExtraError: A package of the extra ``record`` is not installed.
     """
 
     def __init__(self, path: Path, *, progress: Progress | None = None) -> None:

@@ -44,11 +44,9 @@ class PlayedMoment(NamedTuple):
 class Follower:
     """Takes the messages of some topics, and publishes their content in the run.
 
-    Args:
-        name: Name for reports about unusable messages.
-        delay_ns: Delay of its messages after what they show, nanoseconds.
-
     Attributes:
+        name: For reports about unusable messages.
+        delay_ns: Delay of its messages after what they show, nanoseconds.
         since_ns: Messages that came before are not given to it; set by :meth:`begin` and :meth:`skip`.
         n_published: Number of times that it published something.
     """
@@ -91,10 +89,8 @@ class Player(Protocol):
 class FollowedFile:
     """A file that is read as far as the playhead is, a part of the file at a time.
 
-    Args:
-        reader: Reads the file.
-        zero_ns: Log time at the beginning of the recording.
-        topics: Follower of each topic to read.
+    ``zero_ns`` is the log time at the recording's beginning; ``topics`` has the follower of each topic to
+    read.
     """
 
     def __init__(self, reader: IndexedReader, zero_ns: int, topics: Mapping[str, Follower]) -> None:
@@ -209,11 +205,7 @@ class PlayedSamples(Follower):
         self._offset = None
 
     def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:
-        """Publish the next samples.
-
-        Raises:
-            RecordingError: The samples have another number of channels.
-        """
+        """Publish the next samples; another number of channels is ``RecordingError``."""
         given = read(EmgSamples, message.value)
         n, more = divmod(given.samples.size, self._n_channels)
         if given.n_channels != self._n_channels or more:

@@ -31,14 +31,13 @@ class Head(msgspec.Struct, frozen=True):
         config: The settings to compute it with, without devices: those of the run unless changed.
         tree: Settings as in the file, with the devices.
         calibration: Maxima to compute it with.
-        emg_kind: Kind of the EMG samples.
         arm: Settings of the arm's chain.
         baselines: Untouched pictures, by finger, uint8 (H, W, 3).
         sources: Descriptions of the inputs.
         facts: Format, times, and the parts that were live.
         files: All attachments; those that options of stages name are used in their place.
         versions: Version of every record that it may hold; empty in recordings of the first version.
-        from_ns: Beginning of the file, nanoseconds since the start of the session; what is before is its lead-in.
+        from_ns: Beginning of the file, nanoseconds since the session's start; what is before is its lead-in.
         changed: Differences from the run's own settings, a sentence each.
     """
 
@@ -62,11 +61,7 @@ class Head(msgspec.Struct, frozen=True):
 
 
 def read_head(reader: McapReader) -> Head:
-    """Return the head of a recording whose first message has been passed.
-
-    Raises:
-        RecordingError: It is no recording of a session, its head is damaged, or a later TEGA made it.
-    """
+    """Return the head of a recording whose first message has been passed; that of a later TEGA is refused."""
     facts, files = reader.metadata.get("tega", {}), reader.files
     if facts.get("format") != FORMAT:
         raise RecordingError(
@@ -106,8 +101,7 @@ def read_head(reader: McapReader) -> Head:
 def lead_in(reader: McapReader, from_ns: int) -> list[Message]:
     """Return what came before a trimmed recording, in order; nothing for one that begins with its session.
 
-    Raises:
-        RecordingError: It was trimmed without its lead-in.
+    Raises ``RecordingError`` where it was trimmed without its lead-in.
     """
     data = reader.files.get(LEAD_IN, b"")
     if from_ns > 0 and not data:
@@ -133,11 +127,7 @@ def _refuse_newer(reader: McapReader, versions: Mapping[str, str]) -> None:
 
 
 def without_devices(tree: dict[str, Any], sets: Sequence[str] = ()) -> SessionConfig:
-    """Check settings, with overrides, without their devices, which need not be installed to replay their data.
-
-    Raises:
-        ConfigError: One of them is unknown, of a wrong type or out of range.
-    """
+    """Check settings, with overrides, without their devices, which a replay does not need installed."""
     kept, devices = {"stages": tree.get("stages", {})}, {"driver", "options"}
     for name, left_out in (("session", {"out_dir"}), ("vest", devices), ("hand", devices)):
         kept[name] = {key: value for key, value in tree.get(name, {}).items() if key not in left_out}
@@ -158,12 +148,9 @@ def _as_named_now(tree: dict[str, Any], facts: Mapping[str, str]) -> dict[str, A
 
 
 def with_changes(head: Head, other: Path | None = None, sets: Sequence[str] = ()) -> Head:
-    """Return the head of a recording with the settings of a file, with overrides as ``key=value``, or with these alone.
+    """Return a recording's head with a file's settings and overrides as ``key=value``, or with these alone.
 
     They replace the run's preset, calibration, kind of EMG, stages, vest, hand and arm's chain.
-
-    Raises:
-        ConfigError: The other settings cannot be used.
     """
     if other is None and not sets:
         return head

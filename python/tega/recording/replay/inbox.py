@@ -34,20 +34,14 @@ _MOST = 1 << 20
 
 
 class RecordedRun(Pacer):
-    """Paces the loop by the ticks of a recorded run, and gives it what the run received and decided at each.
+    """Paces the loop by a recorded run's ticks, and gives it what the run received and decided at each.
 
-    The recording is read as far as each deadline needs it. Deadlines that were left out are left out, and the loop is
-    woken where it was woken. If every source had ended, the streams end with the last tick of the run.
+    The recording is read as far as each deadline needs it. Deadlines that were left out are left out, and the
+    loop is woken where it was woken. If every source had ended, the streams end with its last tick.
 
-    Args:
-        feed: The recording.
-        measured: Knows what each contact and intent is now.
-        settle: Called about every second with the tick.
-
-    Attributes:
-        contacts: The loop's contacts, by finger.
-        levels: The loop's intents; ``None`` without EMG.
-        active: Whether motors were tried in the run, or a program sent frames.
+    ``measured`` knows what each contact and intent is now; ``settle`` is called about every second with the
+    tick. ``levels`` are the loop's intents, ``None`` without EMG; ``active`` is whether motors were tried in
+    the run, or a program sent frames.
     """
 
     def __init__(self, feed: RecordFeed, measured: Measured, settle: Callable[[int], None]) -> None:

@@ -36,16 +36,10 @@ _STEP_NS = 1_000_000_000
 
 
 class PictureError(msgspec.Struct):
-    """Errors of contacts measured in JPEG pictures, or in their cells, against those recorded.
+    """Errors of a finger's contacts measured in JPEG pictures, or in their cells, against those recorded.
 
-    Attributes:
-        finger: Name of the finger.
-        compared: Frames compared.
-        contact_changed: Frames in which only one of the two has contact.
-        eda_mean_px: Mean error of the area over all frames, pixels.
-        eda_max_px: The largest.
-        cci_mean: Mean error of the concentration.
-        cci_max: The largest.
+    ``contact_changed`` counts frames in which only one of the two has contact. The area (``eda``) is in
+    pixels, over all frames; ``cci`` is the concentration.
     """
 
     finger: str
@@ -67,11 +61,9 @@ class PictureError(msgspec.Struct):
 
 
 class MeasuredFingers:
-    """Measures the pictures of a recording as they are read, in other threads unless somebody is told of each.
+    """Measures a recording's pictures as they are read, in other threads unless there is a ``notify``.
 
-    Args:
-        feed: The recording.
-        notify: Told of each picture, and may ask its metric for the map of it.
+    It is called with each picture, and may ask its metric for the map of it.
     """
 
     def __init__(self, feed: RecordFeed, notify: Callable[[MeasuredPicture], object] | None = None) -> None:
@@ -106,14 +98,7 @@ class MeasuredFingers:
 def picture_errors(path: Path, config: Path | None, sets: Sequence[str]) -> list[PictureError]:
     """Return the errors of contacts measured in a recording's pictures, by finger.
 
-    Args:
-        path: The recording.
-        config: Other settings to measure with, as for :func:`~tega.recording.replay.replay_file`.
-        sets: Single settings.
-
-    Raises:
-        RecordingError: The recording cannot be read.
-        ConfigError: The other settings cannot be used.
+    ``config`` and ``sets`` are other settings, as for :func:`~tega.recording.replay.replay_file`.
     """
     feed = RecordFeed(path)
     feed.head = with_changes(feed.head, config, sets)
@@ -134,14 +119,10 @@ def picture_errors(path: Path, config: Path | None, sets: Sequence[str]) -> list
 class Measured:
     """Measures pictures and samples of a recording as they are read.
 
-    Args:
-        feed: The recording.
-        bus: Receives adaptations, the output of stages beside the connected ones, and pictures measured as in the run.
-
-    Attributes:
-        again: Whether measuring the pictures again gives the recorded contacts to the last bit: the pictures are
-            unchanged, the metric has the version that measured them, and either the recording begins with the session
-            or the metric has no memory.
+    The bus receives adaptations, the output of stages beside the connected ones, and pictures measured as in
+    the run. ``again`` is whether measuring the pictures again gives the recorded contacts to the last bit:
+    the pictures are unchanged, the metric has the version that measured them, and either the recording begins
+    with the session or the metric has no memory.
     """
 
     def __init__(self, feed: RecordFeed, bus: Bus) -> None:

@@ -39,10 +39,9 @@ _DISPLAYED = (_DRAWN, "sound-vest")
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
-    """Load the settings to play on, from a file with overrides; without a file a vest is drawn in this terminal.
+    """Load the settings to play on, with overrides; without a file a vest is drawn in this terminal.
 
-    Raises:
-        ConfigError: The settings cannot be used, or name nothing to play to.
+    ``ConfigError`` also where they name nothing to play to.
     """
     config = load_config(path, sets=sets).config
     if config.vest.driver is not None or config.hand.driver is not None:
@@ -70,34 +69,24 @@ def play_file(
     parts: Sequence[Part] = (),
     progress: Progress = lambda _subject, _done, _total: None,
 ) -> dict[str, Any]:
-    """Play a recorded run.
+    """Play a recorded run; return the summary, with a table ``played``.
 
-    For a lossless recording contacts and levels are computed again from the raw streams; else the recorded ones are
-    used. Times at which the run had switched its motors off, or set a level against the muscles, are played too.
+    For a lossless recording contacts and levels are computed again from the raw streams; else the recorded
+    ones are used. Times at which the run had switched its motors off, or set a level against the muscles, are
+    played too. Times in the summary are the recording's, counted from the beginning of the lead.
 
-    Args:
-        path: The recording.
-        to: Settings to play on. Their sources and maxima are not used, and nothing is recorded. The vibration counts
-            towards the daily dose of the person they name.
-        speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
-        because: Reason for playing faster than recorded on a real vest or hand.
-        playhead: Position to begin at; also takes requests to seek. ``None`` plays everything from the beginning.
-        others: Files of the same time and machine, such as a scene recording, each played by the feature that wants it.
-        bus: Bus of the run.
-        controls: As of ``run_session``.
-        parts: As of ``run_session``.
-        progress: Reports preparation.
-
-    Returns:
-        The run's summary, with a table ``played``. Its times are the recording's, counted from the beginning of the
-        lead.
+    Sources and maxima of ``to`` are not used, and nothing is recorded; the vibration counts towards the daily
+    dose of the person that it names. ``speed`` is seconds of the session a second, 0.05 to 20, ``None`` for
+    as fast as it goes; ``because`` is the reason for playing faster than recorded on a real vest or hand.
+    ``playhead`` is the position to begin at, and takes requests to seek; ``None`` plays everything from the
+    beginning. ``others`` are files of the same time and machine, such as a scene recording, each played by
+    the feature that wants it. ``controls`` and ``parts`` are those of ``run_session``; ``progress`` reports
+    preparation.
 
     Raises:
-        RecordingError: The recording cannot be read.
         InvalidValueError: The recording ends before the moment to begin with.
         ConfigError: The speed is not allowed for the devices to play on.
         KeyboardInterrupt: ``controls.stop`` returned true before the loop had begun.
-        TegaError: Whatever the run says.
     """
     live, real = _live(to)
     _check_speed(speed, real, because)

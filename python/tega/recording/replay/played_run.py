@@ -55,15 +55,9 @@ _POLL_S: Final = 0.01
 
 
 class PlayedRun(Part):
-    """Plays a recording's records as the playhead passes them.
+    """Plays a recording's records as the playhead passes them; read ``feed`` before the rest is used.
 
-    Args:
-        feed: The recording, to be read before the rest is used.
-        playhead: Position of the playback.
-
-    Attributes:
-        feed: The recording.
-        facts: What the summary says of the playback, besides what happened in it.
+    ``facts`` are the summary's about the playback, besides what happened in it.
     """
 
     def __init__(self, feed: RecordFeed, playhead: Playhead) -> None:
@@ -119,11 +113,8 @@ class PlayedRun(Part):
     def follow(self, bus: Bus, others: Sequence[Path]) -> None:
         """Open the files to follow: a thread for each, or the run's own where that has no real time.
 
-        Topics without subscribers on the bus are not read. A jump publishes no marker.
-
-        Raises:
-            ConfigError: Two streams have the same name.
-            RecordingError: A file cannot be used, or is of another time.
+        Topics without subscribers on the bus are not read. A jump publishes no marker. ``ConfigError`` where
+        two streams have the same name, ``RecordingError`` where a file is of another time.
         """
         feed, playhead, self._bus = self.feed, self._playhead, bus
         markers = (Marker(t_ns=one.t_ns, text=one.text, source=PLAYED) for one in self._marked)

@@ -26,20 +26,19 @@ _known_ns = attrgetter("log_ns")
 class Playhead:
     """Position in a recording, and clock of the run that plays it; takes requests for another position.
 
-    The clock stands at 0 until the first tick is waited for, then runs at the speed. A jump changes neither the clock
-    nor budgets and limits of the run, and shortens no pause. ``from_s`` is the position to begin at, seconds.
+    The clock stands at 0 until the first tick is waited for, then runs at the speed. A jump changes neither
+    the clock nor budgets and limits of the run, and shortens no pause. ``from_s`` is the position to begin
+    at, seconds, not below 0.
 
     Attributes:
         speed: Seconds of the session a second, set before the run; ``None`` for a clock that never sleeps.
         end_ns: Length of the recording; 0 until it is read.
         shift_ns: Time of the run minus time of the recording.
-        n_jumps: Number of jumps so far.
         tick_ns: Time of the run: the deadline last waited for.
-        fills: Functions called with every tick of the run, after a requested jump and before the loop reads its input.
-        n_late: Deadlines that were more than 3 ms late, by the machine's clock; ``worst_late_ns`` is the latest.
-
-    Raises:
-        InvalidValueError: ``from_s`` is below 0.
+        fills: Functions called with every tick of the run, after a requested jump and before the loop's
+            input.
+        n_late: Deadlines that were more than 3 ms late, by the machine's clock; ``worst_late_ns`` is the
+            most.
     """
 
     def __init__(self, from_s: float = 0.0) -> None:
@@ -57,8 +56,7 @@ class Playhead:
     def begin(self, end_ns: int, lead_ns: int) -> None:
         """Set the length of the recording, which begins at ``lead_ns`` of the run's time.
 
-        Raises:
-            InvalidValueError: The recording ends before the position to begin at.
+        ``InvalidValueError`` where it ends before the position to begin at.
         """
         if self.from_ns >= max(end_ns, 1):
             raise InvalidValueError(

@@ -22,7 +22,6 @@ class CodedEvent(NamedTuple):
         t_s: Seconds from the observation's beginning.
         subject: Person or thing that it concerns; ``""`` for none.
         modifiers: The chosen values, ``None`` as a word where none was chosen.
-        comment: Text that was written beside it.
         duration_s: Length of a state, seconds; 0 for a point event, ``None`` for a state without an end.
     """
 
@@ -44,17 +43,10 @@ Edge = Literal["POINT", "START", "STOP", ""]
 
 
 def paired(edges: Iterable[tuple[Edge, CodedEvent]], *, name: str) -> list[CodedEvent]:
-    """Join beginnings and ends of states, by subject, behaviour and modifiers.
+    """Join point events, beginnings and ends, in any order, to events in the order of their beginnings.
 
-    Args:
-        edges: Point events, and beginnings and ends of states, in any order.
-        name: Name of the observation, for the errors.
-
-    Returns:
-        Events in the order of their beginnings.
-
-    Raises:
-        RecordingError: A state ends before it has begun, or begins twice.
+    States are joined by subject, behaviour and modifiers. Raises ``RecordingError`` where one ends before it
+    has begun, or begins twice.
     """
     found: list[CodedEvent] = []
     opened: dict[tuple[str, str, tuple[str, ...]], int] = {}
@@ -85,11 +77,7 @@ def edges_of(event: CodedEvent) -> list[float]:
 
 
 def check_times(events: Sequence[CodedEvent], *, length_s: float, name: str, hint: str) -> list[CodedEvent]:
-    """Refuse events outside of the coded time; an event without an end ends with the coded time.
-
-    Raises:
-        RecordingError: An event begins or ends outside.
-    """
+    """Refuse events outside of the coded time; an event without an end ends with the coded time."""
     checked = []
     for event in events:
         if event.duration_s is None:

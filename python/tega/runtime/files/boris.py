@@ -26,12 +26,7 @@ _NO_PERSON: Final = frozenset({"No focal subject", "NA"})
 
 
 class BorisBehaviour(NamedTuple):
-    """Behaviour that a rater codes with one key.
-
-    Attributes:
-        modifiers: Sets of values by the name of the set; of each a rater chooses one value.
-        is_state: Whether it has a beginning and an end.
-    """
+    """Behaviour coded with one key; of each named set of ``modifiers`` a rater chooses one value."""
 
     code: str
     key: str
@@ -48,15 +43,10 @@ def boris_project(
     variables: Sequence[str] = (),
     observations: Mapping[str, Any],
 ) -> bytes:
-    """Return a project file.
+    """Return a project file; ``observations`` are those of :func:`boris_observation` by name.
 
-    Args:
-        name: Name of the project.
-        description: Origin of its times.
-        behaviours: Behaviours that can be coded.
-        subjects: Subjects that events may concern; their keys are the digits from 1.
-        variables: Names of the observations' own facts.
-        observations: By name (:func:`boris_observation`).
+    ``description`` is the origin of its times, ``variables`` are the names of the observations' own facts.
+    The subjects' keys are the digits from 1.
     """
     project = {
         "time_format": "seconds",
@@ -120,15 +110,10 @@ def boris_observation(
     rate_hz: float = 0.0,
     states: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return an observation: a live one, or that of a video beside the project.
+    """Return an observation: a live one, or that of a video (``media``, ``""`` for none) beside the project.
 
-    Args:
-        events: Its events.
-        length_s: How long it is.
-        variables: Its own facts.
-        media: The video's name; ``""`` for a live observation.
-        rate_hz: Its pictures a second.
-        states: Behaviours that are states.
+    ``variables`` are its own facts, ``rate_hz`` is the video's pictures a second, ``states`` are the
+    behaviours that are states.
     """
     times = [(t_s, e) for e in events for t_s in (edges_of(e) if e.code in states else [e.t_s])]
     observation: dict[str, Any] = {
@@ -164,10 +149,9 @@ def boris_observation(
 
 
 def read_boris(path: Path) -> dict[str, list[CodedEvent]]:
-    """Return the events of a project (``.boris``, ``.boris.gz``) or of a tabular or aggregated export, by observation.
+    """Return a project's events (``.boris``, ``.boris.gz``, tabular or aggregated export) by observation.
 
-    Raises:
-        RecordingError: It is none of these, or an event in it has no time.
+    Raises ``RecordingError`` also where an event has no time.
     """
     if path.name.endswith((".boris", ".boris.gz")):
         return _project(path)

@@ -47,13 +47,8 @@ class _Tier(NamedTuple):
 def read_eaf(path: Path, known: Sequence[str] = ()) -> dict[str, list[CodedEvent]]:
     """Return the events of an ELAN file by rater, in the order of their beginnings.
 
-    Args:
-        path: The file.
-        known: Known behaviours. A tier codes one of them if the tier's name begins with it. A tier codes several if
-            each of its annotations names one. Other tiers name their behaviour themselves.
-
-    Raises:
-        RecordingError: It is no ELAN file, or an annotation in it has no time.
+    A tier codes a behaviour of ``known`` if the tier's name begins with it, and several if each of its
+    annotations names one. Other tiers name their behaviour themselves. Annotations need a time.
     """
     try:
         file = _EafFile(read_foreign(path, most_mib=_MOST_MIB))
@@ -97,13 +92,10 @@ def read_eaf(path: Path, known: Sequence[str] = ()) -> dict[str, list[CodedEvent
 def write_eaf(
     path: Path, raters: Mapping[str, Sequence[CodedEvent]], *, codes: Sequence[str], media: str = ""
 ) -> None:
-    """Write an ELAN file.
+    """Write an ELAN file; the events of a rater without a name are for a file to fill in.
 
-    Args:
-        path: The file.
-        raters: Events of each rater; of one without a name for a file to fill in.
-        codes: Behaviours that get a tier of each rater, even without an event.
-        media: Name of a video beside the file; ``""`` for none.
+    ``codes`` get a tier of each rater, even without an event; ``media`` names a video beside it, ``""`` for
+    none.
     """
     root = ET.Element(
         "ANNOTATION_DOCUMENT",
@@ -152,7 +144,7 @@ def write_eaf(
 
 
 class _EafFile:
-    """The parts of an ELAN file that are used; entities and types of document are refused, nothing is expanded.
+    """The used parts of an ELAN file; entities and types of document are refused, nothing is expanded.
 
     Attributes:
         slots_s: Time of each slot that has one, seconds.

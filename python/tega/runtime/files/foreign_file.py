@@ -36,16 +36,9 @@ _KINDS = (
 
 
 def check_file(path: Path, *, most_mib: int, error: type[TegaError] = RecordingError) -> None:
-    """Refuse anything but a regular file, which might never end, and files above the maximum size.
+    """Raise ``error`` for anything but a regular file, which might never end, and above ``most_mib`` MiB.
 
-    Args:
-        path: The file; a folder or a missing file is left to the caller to detect.
-        most_mib: The largest size, MiB.
-        error: Class of the error to raise.
-
-    Raises:
-        TegaError: The file is refused; raised as the class given by ``error``.
-        OSError: It cannot be looked at.
+    A folder or a missing file is left to the caller to detect; ``OSError`` where it cannot be looked at.
     """
     there = path.stat()
     for is_kind, name in _KINDS:
@@ -67,20 +60,12 @@ def read_foreign(path: Path, *, most_mib: int, error: type[TegaError] = Recordin
 
 
 def read_words(path: Path, *, most_mib: int = 1, error: type[TegaError] = RecordingError) -> str:
-    """Return a text file's content without the mark that some editors put before UTF-8; errors as above.
-
-    Raises:
-        UnicodeDecodeError: It is no UTF-8.
-    """
+    """Return a UTF-8 file's text without a byte order mark; errors as above, or ``UnicodeDecodeError``."""
     return read_foreign(path, most_mib=most_mib, error=error).decode("utf-8-sig").replace("\r\n", "\n")
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the tree of a TOML text.
-
-    Raises:
-        ValueError: It is no TOML, or goes deeper than anything that is meant.
-    """
+    """Return the tree of a TOML text; ``ValueError`` also for one deeper than anything that is meant."""
     try:
         return tomllib.loads(text)
     except RecursionError as error:
@@ -90,8 +75,8 @@ def parse_toml(text: str) -> dict[str, Any]:
 def parse_json(data: bytes | str, kind: type[_R]) -> _R:
     """Return the value of a JSON text, of the type that is asked for.
 
-    Raises:
-        msgspec.DecodeError: It is no JSON or no UTF-8, is of another type, or goes deeper than anything that is meant.
+    ``msgspec.DecodeError`` where it is no JSON or no UTF-8, of another type, or deeper than anything that is
+    meant.
     """
     try:
         return msgspec.json.decode(data, type=kind)
@@ -104,12 +89,7 @@ def parse_json(data: bytes | str, kind: type[_R]) -> _R:
 def load_npy(data: bytes, name: str) -> NDArray[Any]:
     """Return the array of an ``.npy`` file's content; its header is believed only as far as there are bytes.
 
-    Args:
-        data: The content.
-        name: Name in error messages.
-
-    Raises:
-        RecordingError: It is no such array, or cut short, or made of Python objects.
+    An array that is cut short or made of Python objects is a ``RecordingError`` about ``name``.
     """
     try:
         return _array(data)

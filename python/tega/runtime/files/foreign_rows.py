@@ -27,16 +27,9 @@ _CLOCK: Final = re.compile(r"(-?)(\d+):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
 def read_rows(
     path: Path, needed: Collection[str], *, most_mib: int, hint: str
 ) -> tuple[list[list[str]], int]:
-    """Return the rows of a table, and the number of the row that names the columns.
+    """Return the rows of a table, and the number of the row that names the columns, ``needed`` among them.
 
-    Args:
-        path: The file.
-        needed: Names of columns that this row has; the delimiter is the one that separates them.
-        most_mib: Largest size, MiB.
-        hint: The next step if it is no such table.
-
-    Raises:
-        RecordingError: It cannot be read, or has no row with these names.
+    The delimiter is the one that separates these. Without such a row, ``RecordingError`` with ``hint``.
     """
     try:
         data = read_foreign(path, most_mib=most_mib)
@@ -63,11 +56,7 @@ def read_rows(
 
 
 def seconds(cell: str) -> float:
-    """Return a time, seconds: ``2.5``, ``2,5`` or ``00:00:02.5``.
-
-    Raises:
-        ValueError: It is no time, or not finite.
-    """
+    """Return a finite time, seconds, from ``2.5``, ``2,5`` or ``00:00:02.5``; else ``ValueError``."""
     if (clock := _CLOCK.fullmatch(cell)) is not None:
         sign, hours, minutes, rest = clock.groups()
         t_s = (int(hours) * 60 + int(minutes)) * 60 + float(rest.replace(",", "."))

@@ -26,13 +26,8 @@ _RESTORE = "restore the file from a copy"
 def read_json_lines(path: Path, kind: type[Entry], subject: str) -> list[Entry]:
     """Read a journal; a last line that was cut off is passed over, a missing file holds none.
 
-    Args:
-        path: The file.
-        kind: Type of an entry; one with a field ``n`` counts the lines from 1.
-        subject: An entry's name, such as ``event``.
-
-    Raises:
-        RecordingError: Another line is no entry, or lines are missing.
+    A field ``n`` of ``kind`` counts the lines from 1; missing lines are refused. ``subject`` names an entry,
+    such as ``event``.
     """
     return _parse(read_foreign(path, most_mib=_MOST_MIB), path, kind, subject)[0] if path.exists() else []
 
@@ -60,17 +55,11 @@ def _parse(content: bytes, path: Path, kind: type[Entry], subject: str) -> tuple
 
 
 class JsonLines(Generic[Entry]):
-    """A journal, open to be added to; one program at a time.
+    """A journal, open to be added to; one program at a time. The file and its folder are made where missing.
 
-    Args:
-        path: The file; it and its folder are made where they are missing.
-        kind: Type of an entry, as in :func:`read_json_lines`.
-        subject: An entry's name.
-        taken: Message and hint where another program has the file open.
-
-    Raises:
-        RecordingError: The file holds something else, or is a link.
-        DeviceUnavailableError: Another program has it open.
+    ``kind`` and ``subject`` are those of :func:`read_json_lines`. Where another program has the file open,
+    this is ``DeviceUnavailableError`` with ``taken``, message and hint; ``RecordingError`` where the file is
+    a link or holds something else.
     """
 
     def __init__(self, path: Path, kind: type[Entry], subject: str, *, taken: tuple[str, str]) -> None:

@@ -18,11 +18,9 @@ _KEEPS_READERS_OUT = sys.platform == "win32"
 def lock_file(file: IO[bytes], path: Path) -> bool:
     """Mark an open file as being written, for as long as it is open; the mark dies with the process.
 
-    Where a lock would keep readers out, it is an empty file beside it that is locked, with :data:`LOCK_SUFFIX` behind
-    its name; that one stays locked until ``file`` is dropped.
-
-    Returns:
-        True if no other process has marked it. Also true on a file system without locks.
+    Where a lock would keep readers out, it is an empty file beside it that is locked, with
+    :data:`LOCK_SUFFIX` behind its name; that one stays locked until ``file`` is dropped. True if no other
+    process has marked it, and on a file system without locks.
     """
     marked = file
     if _KEEPS_READERS_OUT:

@@ -32,10 +32,9 @@ def sorted_names(files: Sequence[Path]) -> list[Path]:
 
 
 def without_strays(files: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
-    """Leave out pictures named unlike nearly all others: as frames they would set the maximum.
+    """Return pictures without those named unlike nearly all others, and a sentence that names these, if any.
 
-    Returns:
-        The others, and a sentence that names those left out, if any.
+    As frames they would set the maximum.
     """
     shapes = {path: _DECIMAL.sub("#", path.stem.casefold()) for path in files}
     usual, n_usual = Counter(shapes.values()).most_common(1)[0]
@@ -51,9 +50,8 @@ def without_strays(files: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
 def name_times_s(stems: Sequence[str]) -> list[float] | None:
     """Return the times in the names of sorted pictures, seconds from the first.
 
-    Returns:
-        ``None`` where the longest numbers of the names are not all seconds, milliseconds, microseconds or nanoseconds
-        since 1970, or do not rise.
+    ``None`` where the longest numbers of the names are not all seconds, milliseconds, microseconds or
+    nanoseconds since 1970, or do not rise.
     """
     if len(stems) < 2:
         return None

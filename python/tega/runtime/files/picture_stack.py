@@ -29,17 +29,10 @@ class _Member(NamedTuple):
 
 
 class PictureStack:
-    """The pictures of one array of a file, in order.
+    """The pictures of an array in order; ``variable`` names it, ``""`` is the only one that holds pictures.
 
-    Args:
-        variable: Name of the array in an ``.npz`` file; ``""`` for the only one that holds pictures.
-
-    Attributes:
-        times_s: Time of each from an array ``t_s``, ``t_ms``, ``t_us`` or ``t_ns`` beside them, seconds from the
-            first; ``None`` without one.
-
-    Raises:
-        RecordingError: The file holds no such array, several, or one of another type or shape.
+    ``times_s`` come from an array ``t_s``, ``t_ms``, ``t_us`` or ``t_ns`` beside them, seconds from the
+    first; ``None`` without one. An array of another type or shape is refused.
     """
 
     def __init__(self, path: Path, *, variable: str = "") -> None:
@@ -74,11 +67,7 @@ class PictureStack:
             self._read_bytes()
 
     def read(self) -> NDArray[np.uint8] | None:
-        """Return the next picture, uint8 (H, W, 3) in the file's order of colours; ``None`` after the last.
-
-        Raises:
-            RecordingError: The file ends before, or is damaged.
-        """
+        """Return the next picture, uint8 (H, W, 3), colours as in the file; ``None`` after the last."""
         if self._n_read == self.n_pictures:
             return None
         self._n_read += 1

@@ -46,15 +46,8 @@ def plain_name(name: str, *, subject: str, source: str) -> str:
 
 
 def path_below(folder: Path, name: str, *, subject: str, source: str) -> Path:
-    """Return the path of something in a folder or a folder below it, from a name such as ``gels/D20982/before.png``.
+    """Return the path of something below a folder, from a name such as ``gels/D20982/before.png``.
 
-    Args:
-        folder: The folder.
-        name: Plain names with ``/`` between them.
-        subject: As in :func:`plain_name`, like ``source``.
-        source: Where the name stands.
-
-    Raises:
-        UnsafeNameError: A part of it is not a plain name, so that it may lie outside of the folder.
+    Each part has to be a name as for :func:`plain_name`, else the path might lie outside of the folder.
     """
     return folder.joinpath(*(plain_name(part, subject=subject, source=source) for part in name.split("/")))

@@ -35,20 +35,11 @@ _ARRAY_TYPES: Final = ("float32[", "float64[", "int16[", "int32[", "uint16[", "u
 
 
 class Ros2Bag:
-    """One topic of a bag.
+    """One topic of a finished bag: an MCAP file, or a folder with several.
 
-    Args:
-        path: An MCAP file, or the folder of a bag with several.
-        topic: Name of the topic; ``""`` for the only one that fits.
-        pictures: Whether pictures are wanted, else arrays of numbers.
-
-    Attributes:
-        kind: Type of its messages.
-        begin_ns: Log time of the first message of the bag, nanoseconds: its topics have one time.
-
-    Raises:
-        RecordingError: It is no bag in MCAP, was not finished, or has no such topic.
-        MissingExtraError: mcap-ros2-support is not installed.
+    ``topic`` is ``""`` for the only one that fits: pictures if these are wanted, else arrays of numbers.
+    ``kind`` is the type of its messages, ``begin_ns`` the log time of the first message of the bag: its
+    topics have one time.
     """
 
     def __init__(self, path: Path, *, topic: str, pictures: bool) -> None:
@@ -84,12 +75,10 @@ class Ros2Bag:
         )
 
     def messages(self) -> Iterator[tuple[int, Any]]:
-        """Return the messages with their times, nanoseconds from the beginning of the bag.
+        """Return the messages with their rising times, nanoseconds from the beginning of the bag.
 
-        The first has its log time; the others are as far from it as their header's stamps say, else their log times.
-
-        Raises:
-            RecordingError: A message is damaged, or the times do not rise.
+        The first has its log time; the others are as far from it as by their header's stamps, else by their
+        log times.
         """
         first: tuple[int, int] | None = None
         last_ns = -1
@@ -152,10 +141,9 @@ class Ros2Bag:
 
 
 def picture_of(value: Any, kind: str, name: str) -> NDArray[np.uint8] | bytes:
-    """Return the picture of a message: uint8 (H, W, 3) in blue, green, red, or the bytes of a compressed one.
+    """Return a message's picture: uint8 (H, W, 3) in blue, green, red, or the bytes of a compressed one.
 
-    Raises:
-        RecordingError: Its encoding is not one of 8 bits, or it has another length than its header says.
+    Refused are encodings of other than 8 bits and another length than the header states.
     """
     if kind == COMPRESSED:
         return bytes(value.data)
@@ -177,13 +165,10 @@ def picture_of(value: Any, kind: str, name: str) -> NDArray[np.uint8] | bytes:
 
 
 def rows_of(value: Any, name: str) -> NDArray[np.float64]:
-    """Return the samples of a message, float64 (samples, channels).
+    """Return the samples of a message, float64 (samples, channels), as many as its layout states.
 
-    An array without a layout is one sample of all channels; one with two dimensions is samples by channels, or the
-    other way round where their labels say so.
-
-    Raises:
-        RecordingError: It holds no numbers, or another number than its layout says.
+    An array without a layout is one sample of all channels; one with two dimensions is samples by channels,
+    or the other way round by their labels.
     """
     data = getattr(value, "data", None)
     if data is None:

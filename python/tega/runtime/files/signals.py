@@ -40,9 +40,8 @@ class Signals(NamedTuple):
         samples: float64 (n, channels), in the file's unit, NaN where a cell has no number.
         channels: Their columns in the file, from 1.
         rate_hz: Samples per second; ``None`` if neither the file nor the user states them.
-        starts: Rows at which a stretch without a loss begins, and their numbers with the lost samples counted in.
+        starts: Rows at which a stretch without a loss begins, and their numbers with lost samples counted in.
         timing: Course of the file's times; ``None`` if it has none.
-        decision: Way in which it was read.
     """
 
     samples: NDArray[np.float64]
@@ -62,10 +61,8 @@ class Signals(NamedTuple):
 def read_signals(path: Path, reading: Reading | None = None) -> Signals:
     """Read the samples of a file.
 
-    Raises:
-        RecordingError: It is missing, cannot be parsed, holds no sample, lacks a channel, can be read in several ways,
-            or its times contradict the rate.
-        MissingExtraError: Its format needs a package that is not installed.
+    Raises ``RecordingError`` where it is missing, cannot be parsed, holds no sample, lacks a channel, can be
+    read in several ways, or its times contradict the rate.
     """
     reading = reading or Reading()
     table = _opened(path, reading)

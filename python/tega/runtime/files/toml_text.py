@@ -17,9 +17,8 @@ from tomlkit.items import Item, Table
 def toml_item(value: Any) -> Item:
     """Return a value as a tomlkit item that stands on one line, to be put into a document.
 
-    Args:
-        value: Text, a bool, a number, a time with its zone (written in UTC, whole seconds), or lists and mappings of
-            those; a key with the value ``None`` is left out.
+    ``value`` is text, a bool, a number, a time with its zone (written in UTC, whole seconds), or lists and
+    mappings of those; a key with the value ``None`` is left out.
     """
     if isinstance(value, Mapping):
         table = tomlkit.inline_table()

@@ -47,11 +47,10 @@ class VideoFacts(NamedTuple):
         n_stated: Number of frames by the header; ``None`` if it states none.
         rate_hz: Frames per second; the mean where the rate is variable.
         longest_s: Longest distance between two frames, seconds.
-        variable: Whether the rate is variable.
         cut: Whether the last packet ends with the file, before its end.
         end_s: Length by the header, seconds; ``None`` if it states none.
-        times_s: Times of all frames in order, where those of the frames themselves are not used: AVI states times of
-            decoding, which are another order with B-frames; ``None`` otherwise.
+        times_s: Times of all frames in order, where those of the frames themselves are not used: AVI states
+            times of decoding, which are another order with B-frames; ``None`` otherwise.
     """
 
     codec: str
@@ -66,15 +65,10 @@ class VideoFacts(NamedTuple):
 
 
 class VideoFrames:
-    """The frames of a video file, in order.
+    """The frames of a video file, in order; ``notes`` are sentences on how it is read.
 
-    Attributes:
-        n_decoded: Number of frames decoded so far, one of them ahead of :meth:`read`.
-        notes: Sentences on how the file is read.
-
-    Raises:
-        RecordingError: The file is missing, is no video, states no rate, or nothing of it decodes.
-        MissingExtraError: PyAV is not installed.
+    ``n_decoded`` is one ahead of :meth:`read`. A file that states no rate, or none of which decodes, is
+    refused.
     """
 
     def __init__(self, path: Path) -> None:
@@ -122,11 +116,8 @@ class VideoFrames:
     def read(self) -> tuple[float, NDArray[np.uint8]] | None:
         """Return the next frame and its time; ``None`` after the last.
 
-        Returns:
-            Seconds from the beginning of the file, and uint8 (H, W, 3), blue, green, red, turned by the rotation tag.
-
-        Raises:
-            RecordingError: The frame cannot be converted.
+        Time is in seconds from the file's beginning; frames are uint8 (H, W, 3), blue, green, red, turned by
+        the rotation tag.
         """
         t_s = self._pending_s
         if t_s is None:
@@ -257,11 +248,7 @@ class VideoFrames:
 
 
 def check_video(path: Path) -> None:
-    """Refuse anything but a regular file, and files that are too large for a video.
-
-    Raises:
-        RecordingError: It is missing, a folder, a pipe or a device, or too large.
-    """
+    """Refuse anything but a regular file, and files that are too large for a video."""
     try:
         check_file(path, most_mib=_MOST_MIB)
     except OSError as error:

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 
 def oriented(image: NDArray[np.uint8], matrix: tuple[int, int, int, int]) -> NDArray[np.uint8]:
-    """Return a picture as players show it.
+    """Return a picture, uint8 (H, W, 3), as players show it.
 
-    Args:
-        image: uint8 (H, W, 3).
-        matrix: Signs of (a, b, c, d) of the display matrix: a pixel at (x, y) is shown at (ax + cy, bx + dy).
+    ``matrix`` has the display matrix's signs (a, b, c, d): a pixel at (x, y) is shown at (ax + cy, bx + dy).
     """
     a, b, c, d = matrix
     if a and d:

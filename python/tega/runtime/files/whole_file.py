@@ -27,9 +27,8 @@ _GUARDED: Final[int] = sum(
 def new_file(path: Path, *, sync: bool = False) -> Iterator[BinaryIO]:
     """Open a new file that takes a path's place when the block ends, and is gone where an error ends it.
 
-    Args:
-        path: The place; a link there is replaced, not followed.
-        sync: Bring it to the disk before it takes the place, so that it outlives a loss of power.
+    A link there is replaced, not followed. With ``sync`` it is on the disk before, to outlive a loss of
+    power.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     beside.unlink(missing_ok=True)
@@ -52,12 +51,7 @@ def write_whole(path: Path, data: bytes | str, *, sync: bool = False) -> None:
 
 
 def open_to_append(path: Path) -> IO[bytes]:
-    """Open a file to read it and to add to it; it is made if need be, but not its folder.
-
-    Raises:
-        RecordingError: It is a link, or no file.
-        OSError: It cannot be opened.
-    """
+    """Open a file, not a link, to read it and to add to it; it is made if need be, but not its folder."""
     refused = RecordingError(
         f"{path.name}: is a link, or no file, and is not written to", f"see what {path} is, and move it away"
     )

@@ -19,7 +19,6 @@ class Format(NamedTuple):
     """A format that is read.
 
     Attributes:
-        suffixes: Endings of its files.
         magic: Bytes with which its files begin; empty if they are known by their ending.
         reader: Module below this package, and its function that opens a file.
         library: Distribution that reads it; ``""`` if TEGA itself does.
@@ -34,11 +33,9 @@ class Format(NamedTuple):
     origin: str
 
     def open(self, path: Path, reading: Reading) -> Table:
-        """Open a file of this format.
+        """Open a file of this format; ``RecordingError`` where it is damaged or can be read in several ways.
 
-        Raises:
-            RecordingError: It is damaged, or can be read in several ways.
-            MissingExtraError: The library is not installed.
+        Where its library is missing, this and the readers raise ``MissingExtraError``.
         """
         module, _, function = self.reader.partition(":")
         opened: Callable[[Path, Reading], Table] = getattr(importlib.import_module(module), function)
@@ -122,11 +119,7 @@ _OTHER_MAGIC = {
 
 
 def format_of(path: Path) -> Format:
-    """Return the format of a file, by its first bytes before its name.
-
-    Raises:
-        RecordingError: It is of a format that is not read; the hint is the way out.
-    """
+    """Return a file's format, by its first bytes before its name; others are refused with a way out."""
     head, suffix = head_of(path, 32), path.suffix.lower()
     for known in FORMATS:
         if (

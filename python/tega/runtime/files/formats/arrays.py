@@ -16,11 +16,7 @@ from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one,
 
 
 def open_npy(path: Path, reading: Reading) -> Table:
-    """Open an array, (samples,), (samples, channels), or (channels, samples) where it can be nothing else.
-
-    Raises:
-        RecordingError: It is damaged, or no array of real numbers.
-    """
+    """Open an array, (samples,), (samples, channels), or (channels, samples) where it can be nothing else."""
     array = load_npy(path.read_bytes(), path.name)
     names = array.dtype.names or ()
     if names:
@@ -31,11 +27,7 @@ def open_npy(path: Path, reading: Reading) -> Table:
 
 
 def open_npz(path: Path, reading: Reading) -> Table:
-    """Open an archive of arrays.
-
-    Raises:
-        RecordingError: It is damaged, or none of its arrays, or several, can be the samples.
-    """
+    """Open an archive of arrays; refused where none of them, or several, can be the samples."""
     arrays: dict[str, Any] = {}
     try:
         with zipfile.ZipFile(path) as archive:

@@ -33,12 +33,7 @@ class _Layout(NamedTuple):
 
 
 def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all readers
-    """Open the signals of one rate: those of EMG by their labels, else those of the rate that most have.
-
-    Raises:
-        RecordingError: It is damaged.
-        MissingExtraError: edfio is not installed.
-    """
+    """Open the signals of one rate: those of EMG by their labels, else those of the rate that most have."""
     edfio: Any = require("edfio", driver="emg-file", extra="formats")
     layout = _layout(path)
     first = next(_parts(edfio, path, layout), None)
@@ -76,7 +71,7 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
 
 
 def _layout(path: Path) -> _Layout:
-    """Read as much of the header as says how long it and a record are."""
+    """Read as much of the header as states how long it and a record are."""
     with path.open("rb") as file:
         fixed = file.read(256)
         try:

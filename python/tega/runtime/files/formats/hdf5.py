@@ -28,12 +28,7 @@ _ROWS = 65_536
 
 
 def open_hdf5(path: Path, reading: Reading) -> Table:
-    """Open a dataset: a matrix, or records with named fields.
-
-    Raises:
-        RecordingError: It is damaged, or no dataset, or several, can be the samples.
-        MissingExtraError: h5py is not installed.
-    """
+    """Open a matrix or named fields of records; refused where no dataset or several can be the samples."""
     return _open(path, reading, transposed=False)
 
 

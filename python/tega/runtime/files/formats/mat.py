@@ -24,12 +24,7 @@ _MOST_FIELDS = 1000
 
 
 def open_mat(path: Path, reading: Reading) -> Table:
-    """Open a matrix of a MATLAB file.
-
-    Raises:
-        RecordingError: It is damaged, or no variable, or several, can be the samples.
-        MissingExtraError: SciPy is not installed.
-    """
+    """Open a matrix of a MATLAB file; refused where no variable, or several, can be the samples."""
     io = require("scipy.io", driver="emg-file", extra="lab")
     try:
         _check_size(path)

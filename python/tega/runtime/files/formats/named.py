@@ -22,13 +22,7 @@ _MOST_LISTED = 12
 
 
 class Picked(NamedTuple):
-    """Array that holds the samples.
-
-    Attributes:
-        name: Its name.
-        array: It.
-        note: Why it was picked; ``""`` for the one that was asked for.
-    """
+    """Array that holds the samples; ``note`` is why it was picked, ``""`` for the one that was asked for."""
 
     name: str
     array: Any
@@ -36,15 +30,10 @@ class Picked(NamedTuple):
 
 
 def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
-    """Return the array of samples among named ones.
+    """Return the array of samples among named ones; ``RecordingError`` where none or several can be meant.
 
-    Args:
-        arrays: Arrays, or anything with ``shape`` and ``dtype``, by name; fields of a structure behind a dot.
-        variable: Name that is wanted; ``emg`` also stands for the only one that can be it.
-        file: File name for errors.
-
-    Raises:
-        RecordingError: There is no such array, or several can be meant.
+    Arrays are anything with ``shape`` and ``dtype``; fields of a structure are behind a dot. The variable
+    ``emg`` also stands for the only one that can be it.
     """
     if variable in arrays:
         return Picked(variable, arrays[variable], "")
@@ -74,11 +63,7 @@ def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
 
 
 def open_arrays(arrays: Mapping[str, Any], reading: Reading, file: str, format_name: str) -> Table:
-    """Return a table of one of several arrays, with the rate and the time that stand beside it.
-
-    Raises:
-        RecordingError: None of them, or several, can be the samples.
-    """
+    """Return a table of one of several arrays, with the rate and the time that stand beside it."""
     picked = pick(arrays, reading.variable, file)
     array, sideways = oriented(as_array(picked.array, file), file, rows=reading.rows)
     table = Table(
@@ -91,11 +76,7 @@ def open_arrays(arrays: Mapping[str, Any], reading: Reading, file: str, format_n
 
 
 def as_array(value: Any, file: str) -> Any:
-    """Return the numbers of an array, a sparse matrix or a dataset.
-
-    Raises:
-        RecordingError: It would not fit into memory.
-    """
+    """Return the numbers of an array, a sparse matrix or a dataset, unless they would not fit into memory."""
     shape = tuple(getattr(value, "shape", ()))
     if int(np.prod(shape, dtype=np.float64)) * 8 > MOST_MIB * 2**20:
         raise RecordingError(

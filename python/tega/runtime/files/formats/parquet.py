@@ -18,12 +18,7 @@ _ROWS = 65_536
 
 
 def open_parquet(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all readers
-    """Open a table of named columns; columns that hold no numbers are text.
-
-    Raises:
-        RecordingError: It is damaged, or has no column of numbers.
-        MissingExtraError: pyarrow is not installed.
-    """
+    """Open a table of named columns, one of numbers at least; columns that hold no numbers are text."""
     parquet: Any = require("pyarrow.parquet", driver="emg-file", extra="formats")
     types: Any = require("pyarrow.types", driver="emg-file", extra="formats")
     with parquet.ParquetFile(path) as file:

@@ -17,11 +17,7 @@ _FRAMES = 65_536
 
 
 def open_wav(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all readers
-    """Open a recording; its events stand in ``NAME-events.txt`` beside it.
-
-    Raises:
-        RecordingError: It is damaged, or holds other than whole numbers.
-    """
+    """Open a recording of whole numbers; its events stand in ``NAME-events.txt`` beside it."""
     try:
         with wave.open(str(path), "rb") as file:
             n_channels, width, rate_hz = file.getnchannels(), file.getsampwidth(), file.getframerate()

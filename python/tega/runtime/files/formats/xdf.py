@@ -20,12 +20,7 @@ _MOST_LISTED = 12
 
 
 def open_xdf(path: Path, reading: Reading) -> Table:
-    """Open a stream of EMG, with its own time stamps as its clock.
-
-    Raises:
-        RecordingError: It is damaged, or no stream, or several, can be the EMG.
-        MissingExtraError: pyxdf is not installed.
-    """
+    """Open a stream of EMG, its own stamps as its clock; refused where none, or several, can be the EMG."""
     pyxdf: Any = require("pyxdf", driver="emg-file", extra="formats")
     with _damage(path.name) as found:
         table = _open(pyxdf, path, reading)

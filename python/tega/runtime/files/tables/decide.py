@@ -23,19 +23,14 @@ class Decision(msgspec.Struct, kw_only=True):
 
     Attributes:
         file: Base name of the file.
-        format: Its format.
         channels: Columns that are read as channels, from 1.
-        names: Their names.
-        unit: Their unit; ``""`` if the file does not state it, or several.
+        unit: Unit of the channels; ``""`` if the file does not state it, or several.
         time: Column of the time, from 1; 0 if there is none.
         counter: Column of a counter that shows losses, from 1; 0 if there is none.
-        columns: All columns.
         facts: Encoding, delimiter, decimal sign and the first row's line, of a text table.
         sideways: Whether each row was a channel.
         rate_hz: Samples per second that are used; ``None`` if unknown.
-        rate_from: Origin of the rate.
         n_samples: Samples of a channel.
-        events: Events in the file.
         faults: Findings of the comparison of time and rate.
         notes: Other facts that a reader of the results must know.
         words: The decision in one line; ``""`` where all columns are channels and nothing had to be decided.
@@ -61,11 +56,7 @@ class Decision(msgspec.Struct, kw_only=True):
 
 
 def decide(table: Table, reading: Reading) -> Decision:
-    """Decide which columns of a table are read.
-
-    Raises:
-        RecordingError: A channel that was asked for does not exist, or several readings are possible.
-    """
+    """Decide which columns of a table are read; ``RecordingError`` where several readings are possible."""
     columns = table.columns
     check_channels(table.file, reading.channels, len(columns))
     channels = reading.channels or _channels(table.file, columns)
@@ -90,11 +81,7 @@ def decide(table: Table, reading: Reading) -> Decision:
 
 
 def check_channels(file: str, channels: Sequence[int], n_columns: int) -> None:
-    """Refuse channels that are not there.
-
-    Raises:
-        RecordingError: One is not there, or asked for twice.
-    """
+    """Refuse channels that are not there, or asked for twice."""
     for c in channels:
         if not 1 <= c <= n_columns:
             raise RecordingError(

@@ -110,11 +110,7 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def find_dialect(lines: Sequence[str], name: str, *, decimal: str = "") -> Dialect:
-    """Return the dialect of a table.
-
-    Raises:
-        RecordingError: Commas can be decimal signs or delimiters, and nothing decides.
-    """
+    """Return a table's dialect; refused where nothing decides between decimal commas and delimiters."""
     probe = list(lines[-_MOST_LINES:])
     quoted = any('"' in line for line in lines)
     best, most = Dialect("", decimal or "."), 0.0

@@ -34,12 +34,7 @@ _WINDOWS = bytes(range(0x80, 0xA0))
 
 
 class Encoding(NamedTuple):
-    """Encoding of a text file.
-
-    Attributes:
-        name: Python's name of it.
-        mark: Bytes before the text, a byte order mark.
-    """
+    """Encoding of a text file, by Python's name; ``mark`` is the length of its byte order mark in bytes."""
 
     name: str
     mark: int = 0
@@ -60,11 +55,7 @@ class Lines(NamedTuple):
 
 
 def find_encoding(head: bytes, name: str) -> Encoding:
-    """Return the encoding of a text by its first bytes.
-
-    Raises:
-        RecordingError: It is no text.
-    """
+    """Return the encoding of a text by its first bytes; ``RecordingError`` where it is no text."""
     for mark, encoding in _BOMS:
         if head.startswith(mark):
             return Encoding(encoding, len(mark))
@@ -94,11 +85,7 @@ def find_encoding(head: bytes, name: str) -> Encoding:
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file for reading, through gzip if it is compressed.
-
-    Raises:
-        RecordingError: It is damaged, or grows beyond :data:`MOST_MIB` when it is inflated.
-    """
+    """Open a file for reading, through gzip if compressed; refused above :data:`MOST_MIB` when inflated."""
     with path.open("rb") as raw:
         packed = raw.read(2) == b"\x1f\x8b"
         raw.seek(0)
@@ -121,8 +108,7 @@ def head_of(path: Path, n_bytes: int) -> bytes:
 def read_lines(path: Path, encoding: Encoding) -> Iterator[Lines]:
     """Yield a file's lines, about a block of 2 MiB at a time; lines end with LF, CR LF or CR.
 
-    Raises:
-        RecordingError: It is not of that encoding, has a line that never ends, or is larger than is read.
+    Another encoding, a line that never ends and a file larger than is read are each ``RecordingError``.
     """
     decoder = codecs.getincrementaldecoder(encoding.name)()
     rest, number, n_read = "", 1, encoding.mark

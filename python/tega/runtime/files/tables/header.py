@@ -74,11 +74,7 @@ class Header(NamedTuple):
 
 
 def find_header(lines: Sequence[str], dialect: Dialect, name: str) -> Header:
-    """Return where a table begins.
-
-    Raises:
-        RecordingError: There is no row of numbers, or a damaged one before the first good one.
-    """
+    """Return where a table begins; a damaged row of numbers before the first good one is refused."""
     cells: dict[int, list[str]] = {}
     for at, line in enumerate(lines):
         if text := (uncommented(line) if not line.startswith("#") else "").strip():

@@ -68,13 +68,7 @@ _ALWAYS_TIME = _TIME - _ALONE_TIME
 
 
 class Name(NamedTuple):
-    """A column's name, judged.
-
-    Attributes:
-        text: The name as it stands in the file.
-        unit: Its unit, ``""`` if it has none.
-        role: Content of the column according to its name.
-    """
+    """A column's name, judged; ``unit`` is ``""`` for none, ``role`` is the content according to the name."""
 
     text: str
     unit: str

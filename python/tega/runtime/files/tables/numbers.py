@@ -20,11 +20,7 @@ _MOST_DISPLAYED = 60
 
 
 def clock_s(cell: str) -> float:
-    """Return the seconds of a date and time since 1970, or of a time of day since midnight.
-
-    Raises:
-        ValueError: It is neither.
-    """
+    """Return a date and time as seconds since 1970, a time of day since midnight; else ``ValueError``."""
     found = CLOCK.fullmatch(cell)
     if found is None:
         raise ValueError(cell)
@@ -35,11 +31,7 @@ def clock_s(cell: str) -> float:
 
 
 def number_of(cell: str, decimal: str) -> float:
-    """Return a cell's number, NaN for one that is missing.
-
-    Raises:
-        ValueError: It is no number.
-    """
+    """Return a cell's number, NaN for one that is missing; ``ValueError`` where it is no number."""
     if NUMBER[decimal].fullmatch(cell):
         if decimal == ",":
             return float(cell.replace(".", "").replace(",", "."))
@@ -64,8 +56,7 @@ class RowParser:
     def parse(self, first: int, lines: Sequence[str]) -> NDArray[np.float64]:
         """Return the numbers of lines, float64 (n, columns); empty lines and comments are left out.
 
-        Raises:
-            RecordingError: A line has another number of cells, or a wanted cell is no number.
+        Another number of cells, or a wanted cell that is no number, is ``RecordingError``.
         """
         if self._may_be_fast:
             try:

@@ -16,11 +16,9 @@ _HEAD_BYTES = 65_536
 
 
 class NamedRow(NamedTuple):
-    """A row of a table.
+    """A row of a table; ``line`` is its number in the file, from 1, ``cells`` are by the columns' names.
 
-    Attributes:
-        line: Number of its line in the file, from 1.
-        cells: Its cells by the names of their columns; numbers have a decimal point, whatever the file has.
+    Numbers have a decimal point, whatever the file has.
     """
 
     line: int
@@ -30,12 +28,8 @@ class NamedRow(NamedTuple):
 def named_rows(path: Path, *, most_mib: int) -> tuple[list[str], Iterator[NamedRow]]:
     """Return the names of a table's columns, none for an empty file, and its rows.
 
-    Encoding, delimiter (comma, semicolon or tab) and decimal sign are found out. A row that has fewer cells than names
-    lacks the last ones; one that has more is refused.
-
-    Raises:
-        RecordingError: It is no text, or a row has too many cells.
-        OSError: It cannot be opened.
+    Encoding, delimiter (comma, semicolon or tab) and decimal sign are found out. A row that has fewer cells
+    than names lacks the last ones; one that has more is refused.
     """
     check_file(path, most_mib=most_mib)
     encoding = find_encoding(head_of(path, _HEAD_BYTES), path.name)

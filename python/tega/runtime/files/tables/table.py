@@ -43,12 +43,7 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FileEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """An event that a file holds beside its samples.
-
-    Attributes:
-        t_s: Time since the first sample, seconds.
-        text: Its name.
-    """
+    """An event that a file holds beside its samples; ``t_s`` is since the first sample."""
 
     t_s: float
     text: str
@@ -91,8 +86,7 @@ class Table:
         file: Base name of the file.
         blocks: Reads columns in blocks of rows.
         facts: Encoding, delimiter and the like, by name.
-        rate_hz: Samples per second as the file states them.
-        rate_from: Place where it states them.
+        rate_hz: Samples per second as the file states them, at the place ``rate_from``.
         times_s: Time of each row in seconds, where the format has a clock of its own.
         notes: Facts that a reader of the results must know.
         sideways: Whether rows were channels.
@@ -113,10 +107,9 @@ class Table:
     def load(
         self, channels: Sequence[int], beside: Sequence[int]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Read channels, and columns beside them, by numbers from 0, with little more memory than they take.
+        """Read channels, and columns beside them, by numbers from 0; return both, float64 (n, columns).
 
-        Returns:
-            Both, float64 (n, columns).
+        This takes little more memory than they do.
         """
         blocks, n = self.blocks([*channels, *beside]), len(channels)
         first, second = next(blocks, np.empty((0, n + len(beside)))), next(blocks, None)
@@ -135,11 +128,8 @@ def judged_columns(
 ) -> list[Column]:
     """Judge columns by their names and first values.
 
-    Args:
-        names: Names as they stand in the file; empty for a table without names.
-        head: First values, float64 (n, columns), NaN for a cell without a number.
-        units: Units that stand apart from the names.
-        text: Whether each column holds words, which are no numbers.
+    ``names`` stand as in the file, none for a table without; ``head`` is float64 (n, columns), NaN for a cell
+    without a number; ``units`` stand apart from the names; ``text`` is whether each column holds words.
     """
     columns = []
     for at in range(head.shape[1]):
@@ -163,15 +153,10 @@ def judged_columns(
 
 
 def oriented(array: NDArray[np.float64], file: str, *, rows: str) -> tuple[NDArray[np.float64], bool]:
-    """Return an array with a row per sample, and whether it had a row per channel.
+    """Return an array of real numbers with a row per sample, and whether it had a row per channel.
 
-    Args:
-        array: Numbers, (n,) or (n, m).
-        file: File name for the error.
-        rows: ``auto``, ``samples`` or ``channels``.
-
-    Raises:
-        RecordingError: It has other than one or two dimensions, or may be either.
+    ``array`` is (n,) or (n, m), ``rows`` is ``auto``, ``samples`` or ``channels``; one that may be both is
+    refused.
     """
     array = np.asarray(array)
     if array.dtype.kind not in "iuf":

@@ -22,11 +22,7 @@ _SIGNS = {"auto": "", "point": ".", "comma": ","}
 
 
 def open_text(path: Path, reading: Reading) -> Table:
-    """Open a text table.
-
-    Raises:
-        RecordingError: It is no text, holds no sample, or can be read in several ways.
-    """
+    """Open a text table; refused where it holds no sample or can be read in several ways."""
     encoding = find_encoding(head_of(path, _HEAD_BYTES), path.name)
     blocks = read_lines(path, encoding)
     lines, ended = _beginning(blocks)

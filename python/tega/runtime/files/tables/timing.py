@@ -63,12 +63,9 @@ class Timing(NamedTuple):
 def to_seconds(
     times: NDArray[np.float64], unit_s: float | None, rate_hz: float | None
 ) -> NDArray[np.float64] | None:
-    """Return times in seconds; ``None`` where no unit makes sense of them.
+    """Return a time column, float64 (n,), in seconds; ``None`` where no unit makes sense of it.
 
-    Args:
-        times: Numbers of a time column, float64 (n,).
-        unit_s: Seconds of its unit; ``None`` if the file does not state it.
-        rate_hz: Stated samples per second; ``None`` if not stated.
+    ``unit_s`` is its unit in seconds, ``rate_hz`` the stated samples per second; ``None`` where not stated.
     """
     if unit_s is not None:
         return times * unit_s
@@ -126,18 +123,11 @@ def compare(
     subject: str,
     file: str,
 ) -> Timing:
-    """Compare times with a rate.
+    """Compare the rows' times, float64 (n,), with a rate, ``None`` to use that of the times.
 
-    Args:
-        times_s: Time of each row, seconds, float64 (n,).
-        samples: The rows' samples, (n, channels).
-        rate_hz: Stated samples per second; ``None`` to use the rate of the times.
-        counted: Losses that a counter shows, as :attr:`Timing.lost`.
-        subject: Name of the clock for messages, such as ``column "time"``.
-        file: File name for errors.
-
-    Raises:
-        RecordingError: The times contradict the rate, or jump too far to be a loss.
+    ``samples`` are (n, channels), ``counted`` are losses by a counter, as :attr:`Timing.lost`; ``subject``
+    names the clock for messages, such as ``column "time"``. Times that contradict the rate, or jump too far
+    to be a loss, are ``RecordingError``.
     """
     times_s, faults = _unwrapped(_filled(times_s)), list[str]()
     repeated = _repeated(times_s, samples)
@@ -203,7 +193,7 @@ def _repeated(times_s: NDArray[np.float64], samples: NDArray[np.float64]) -> NDA
 def _jumps(
     times_s: NDArray[np.float64], step_s: float, *, subject: str, file: str
 ) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:
-    """Return the rows before which time jumps ahead of an even course for good, and those before which it steps back.
+    """Return the rows before which time jumps ahead of an even course for good, and where it steps back.
 
     Each comes with the jump in seconds.
     """
