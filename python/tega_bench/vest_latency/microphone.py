@@ -25,10 +25,9 @@ def list_microphones() -> list[str]:
 
 
 class Microphone:
-    """Records while it is open; one channel.
+    """Records one channel while it is open.
 
-    Args:
-        device: Number or part of a name; ``None`` for the system's own choice.
+    ``device`` is a number or part of a name; ``None`` for the system's own choice.
     """
 
     def __init__(self, device: str | None = None) -> None:
@@ -45,9 +44,7 @@ class Microphone:
     def __enter__(self) -> Self:
         """Begin to record, and wait for the first block.
 
-        Raises:
-            DeviceUnavailableError: There is no such microphone, or it gives nothing.
-            MissingExtraError: sounddevice is not installed.
+        ``DeviceUnavailableError`` if there is no such microphone, or it gives nothing.
         """
         sd = load_sounddevice()
         try:
@@ -87,8 +84,7 @@ class Microphone:
     def received(self) -> NDArray[np.float64]:
         """Return the recorded sound, float64 (n,), -1 to 1.
 
-        Raises:
-            DeviceUnavailableError: The microphone was unplugged meanwhile, or the system has lost samples.
+        ``DeviceUnavailableError`` if the microphone was unplugged meanwhile, or the system has lost samples.
         """
         with self._lock:
             parts, came_s, lost = list(self._parts), self._came_s, self._lost
@@ -123,12 +119,7 @@ class Speaker:
         self._latency_s = 0.0
 
     def __enter__(self) -> Self:
-        """Open it.
-
-        Raises:
-            DeviceUnavailableError: There is none.
-            MissingExtraError: sounddevice is not installed.
-        """
+        """Open it; ``DeviceUnavailableError`` if there is none."""
         sd = load_sounddevice()
         try:
             self._stream = sd.OutputStream(
@@ -150,8 +141,7 @@ class Speaker:
     def click(self) -> float:
         """Click once and return when it leaves the converter, seconds on the monotonic clock.
 
-        Raises:
-            DeviceUnavailableError: The loudspeaker takes nothing any more.
+        ``DeviceUnavailableError`` if the loudspeaker takes nothing any more.
         """
         self._done.clear()
         self._wanted.set()
