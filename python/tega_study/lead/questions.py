@@ -20,12 +20,9 @@ PASS: Final = "-"
 
 
 class Question(NamedTuple):
-    """Scale that a participant is asked about.
+    """Scale that a participant is asked about; ``left`` is what 0 means, ``right`` what 100 means.
 
-    Attributes:
-        item: Its name in the events.
-        left: What 0 means.
-        right: What 100 means.
+    ``item`` is its name in the events.
     """
 
     item: str
