@@ -17,8 +17,7 @@ class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
         preset: Readings.
         cci: Contact concentration (Eq 6).
         eda: Contact area, pixels (Eq 4).
-        cci_norm: As a share of the calibrated press, at most 1; ``None`` where there is none. So is
-            ``eda_norm``.
+        cci_norm: Share of the calibrated press, at most 1; ``None`` where there is none; ``eda_norm`` too.
         peak_x: Peak, pixels; so is ``peak_y``.
     """
 

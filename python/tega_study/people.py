@@ -109,7 +109,8 @@ def paired_log_ratio(first: ArrayLike, second: ArrayLike) -> Ratio | None:
 
     With people who differ in their effect, a mixed model with a random intercept rejects a true null in a
     quarter of all studies of this size, and one with a random slope does not converge; this keeps its level,
-    and has the same estimate where the design is balanced. The arguments hold mean logarithms.
+    and has the same estimate where the design is balanced. The arguments hold each person's mean logarithm
+    under a condition.
     """
     off = np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64)
     if len(off) < 2:

@@ -49,7 +49,8 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     """Decisions about a study, kept in ``study.toml``.
 
     Attributes:
-        participants: How many are planned; looking at p-values before they are all there is a look too many.
+        participants: How many are planned; a look at p-values before all are there costs the tests their
+            level.
         conditions: Vest conditions; the first two are compared, the second is the reference.
         trials: Per person, object and condition.
         layout: How conditions follow one another, see :func:`tega_study.order.lay_out`.
@@ -95,7 +96,7 @@ class PlannedTrial(msgspec.Struct, frozen=True):
 
     Attributes:
         participant: Anonymous id, such as ``p01``.
-        trial: Number within the person, from 1; so is that of the block.
+        trial: Number within the person, from 1; so is ``block``.
         repeat: Number among those of the same object and condition, from 1.
         rest_s: Before it.
     """

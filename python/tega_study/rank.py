@@ -53,9 +53,8 @@ class Shift(NamedTuple):
 
     Attributes:
         estimate: In the unit of the values.
-        low: Of its confidence interval; minus infinity where the groups are too small for one.
-        coverage: True confidence of the interval where no two values are equal; at least that for whole
-            numbers.
+        low: Lower end of its confidence interval; minus infinity where the groups are too small for one.
+        coverage: True confidence where no two values are equal; at least that for whole numbers.
     """
 
     estimate: float
@@ -94,7 +93,8 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
 def rank_sum_counts(doubled_ranks: Sequence[int], n: int) -> NDArray[np.float64]:
     """Count in how many ways ``n`` of the values have each sum; any whole numbers from 0 do.
 
-    The values are such as twice the mid-ranks; float64, at place ``s`` the number of ways to reach it.
+    The values are, for example, twice the mid-ranks. Place ``s`` of the result (float64) is for the sum
+    ``s``.
     """
     top = int(sum(sorted(doubled_ranks)[-n:])) if n else 0
     ways = np.zeros((n + 1, top + 1))

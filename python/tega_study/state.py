@@ -20,13 +20,12 @@ TrialStatus = Literal["planned", "running", "redo"] | Status
 
 
 class SessionState(msgspec.Struct, frozen=True):
-    """State of a session's trials, by number.
+    """State of a session's trials; ``status`` and ``attempts`` (how often each was begun) are by number.
 
     Attributes:
         running: Number and attempt of the trial that is going on, or was when everything stopped.
         next: Number and attempt of the trial to do next; ``None`` when all are over.
         n_over: How many trials need nothing more.
-        attempts: How often each trial was begun.
     """
 
     status: dict[int, TrialStatus]

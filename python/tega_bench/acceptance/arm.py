@@ -52,7 +52,7 @@ class _EchoedOnce:
 def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     """Accept the arm of the settings: the steps rate, latency, limits, least and stop.
 
-    All are skipped without a yes, and nothing is opened. ``ConfigError`` if there is no dead-man switch, or 2
+    All are skipped without a yes, and nothing is opened. ``ConfigError`` without a dead-man switch, or if 2
     cm up is outside of the workspace.
     """
     question = (

@@ -45,7 +45,8 @@ def least_vest_options(options: Any) -> Any | None:
 def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     """Accept an open vest: the steps rate, latency, limits, least and stop; those that vibrate need a yes.
 
-    ``vest`` has the options of :func:`least_vest_options`; ``percent`` is the motors' limit.
+    ``vest`` has the options of :func:`least_vest_options`; ``percent`` is its limit; ``guide`` holds or wears
+    it.
     """
     dark = vest_frame([0] * 4, [0] * 4, layout=layout)
     motors = dark.motors.tolist()
@@ -179,8 +180,8 @@ def accept_hand(
 ) -> Iterator[AcceptanceStep]:
     """Accept a hand that was read with its motors off; after a yes, with the least torque.
 
-    The steps are rate, latency, limits, least and stop. ``make`` is the driver's class; ``measured`` is what
-    ``doctor`` measured with the motors off.
+    The steps are rate, latency, limits, least and stop. ``make`` is the driver's class, ``guide`` the person
+    at the hand's switch; ``measured`` is what ``doctor`` measured with the motors off.
     """
     yield _reported_rate(make(options).info.rate_hz or 0.0, measured)
     least = least_hand_options(options)

@@ -46,7 +46,7 @@ class AcceptanceStep(msgspec.Struct, frozen=True, kw_only=True):
         said: Finding, one or two sentences.
         todo: What to do about it; ``""`` for nothing.
         measured: Numbers, by a name that ends with the unit.
-        answers: By question to the person.
+        answers: The person's, by question.
     """
 
     name: str
@@ -144,7 +144,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def write_report(report: AcceptanceReport, folder: Path) -> tuple[Path, Path]:
-    """Write a report's JSON and text file into a folder, which is made if need be, and return them."""
+    """Write a report into a folder, which is made if need be; return the JSON file and the text file."""
     name = f"{report.check.replace('.', '-')}-{report.made:%Y%m%d-%H%M%S}"
     data, text = folder / f"{name}.json", folder / f"{name}.txt"
     encoded = msgspec.json.format(

@@ -83,9 +83,9 @@ def by_clicks(
 ) -> ClockMap:
     """Map by clicks with known times, in a recording that began at any time.
 
-    ``samples`` is float64 (n,), ``rate_hz`` as the recording has it. ``clicks_s`` are three or more, not
-    evenly spaced; ``source`` is what made them: a key of :data:`CLICKS_MS`. ``InvalidValueError`` if they are
-    too few, or not found in the recording.
+    ``samples`` is float64 (n,), ``rate_hz`` as the recording has it. ``clicks_s`` is when there were clicks:
+    three or more, not evenly spaced; ``source`` is what made them: a key of :data:`CLICKS_MS`.
+    ``InvalidValueError`` if they are too few, or not found in the recording.
     """
     known = np.sort(np.asarray(clicks_s, np.float64))
     if len(known) < _FEWEST_CLICKS:

@@ -59,8 +59,8 @@ def play_bursts(
 ) -> tuple[list[float], int]:
     """Drive one motor again and again, with rests; the vest is silent afterwards whatever happens.
 
-    Every frame passes the vest's own limits. A burst that they lower is not counted. The vest is open, and
-    reports when a frame leaves. ``stop`` is asked all the time whether to end early, which raises
+    The vest is open, and reports when a frame leaves; every frame passes its own limits, and a burst that
+    they lower is not counted. ``stop`` is asked all the time whether to end early, which raises
     ``KeyboardInterrupt``; ``reported`` gets the number of finished bursts and the total. Returns when the
     first frame of each burst left, seconds on the monotonic clock, and how many did not leave as wanted.
     ``DeviceUnavailableError`` if the vest was not reached all the time.

@@ -20,7 +20,7 @@ _MOST: Final = 64
 
 
 class EpisodePedal:
-    """Return presses of the marker seat's device, opened here or by a run; without a seat there are none.
+    """Presses of the marker seat's device, opened here or by a run; without a seat there are none.
 
     ``problem`` is why the pedal cannot be read between episodes; ``""`` if it can.
     """
@@ -87,8 +87,8 @@ class EpisodePedal:
 def pedal_names(pedals: str, seat: InputConfig | None, taken: frozenset[str]) -> tuple[str, ...]:
     """Return what pedals are called: the keys that they type, or the marker's buttons with commas between.
 
-    One to three different ones, none of them in ``taken``: keys that mean something already. Without the
-    marker's ``seat`` there are keys alone.
+    One to three different ones, none of them in ``taken``: keys that mean something already. Buttons need the
+    marker's ``seat``.
     """
     names = tuple(name.strip() for name in pedals.split(",")) if "," in pedals else tuple(pedals)
     if len(set(names)) != len(names) or len(names) > 3 or set(names) & (taken | {""}):

@@ -95,9 +95,9 @@ class EpisodeTaker:
 
     The recording folder and output folder of ``config`` are ignored. ``folder`` is new, or holds recordings
     already. ``pedals`` are one to three keys typed by a foot switch, or buttons of ``input.marker``,
-    separated by commas: continue, discard, repeat. ``stop`` is asked all the time whether to end.
-    ``settings`` is how the settings' file is named in what an error suggests. One program at a time: another
-    that takes episodes there is a ``DeviceUnavailableError``.
+    separated by commas; they mean continue, discard, repeat. ``stop`` is asked all the time whether to end.
+    ``settings`` is how the settings' file is named in what an error suggests. Another program that takes
+    episodes there is a ``DeviceUnavailableError``, pedals that mean something else an ``InvalidValueError``.
     """
 
     def __init__(

@@ -195,7 +195,7 @@ def _named(path: Path, events: Sequence[CodedEvent], known: Sequence[str]) -> li
 
 
 class CodedTrial(NamedTuple):
-    """Trial as a rater coded it, ``whole`` or in part; behaviours are of :data:`CODES` or of the plan."""
+    """Trial as a rater coded it, ``whole`` or in part; its behaviours are of :data:`CODES` or of the plan."""
 
     start: JournalEvent
     end: JournalEvent

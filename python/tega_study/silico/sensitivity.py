@@ -84,7 +84,7 @@ def run_sensitivity(
     dask: str = "",
     progress: Progress = lambda _subject, _done, _total: None,
 ) -> list[str]:
-    """Run the small studies that are not finished, each with so many people (``operators``).
+    """Run the small studies that are not finished; return the names of the changes left to other shards.
 
     Args:
         folder: A study in silico, not changed itself; its seed, objects and parameter file are used.
@@ -95,9 +95,6 @@ def run_sensitivity(
         shard: ``(i, n)``: only the i-th of n parts of the changes, from 1.
         dask: Address of a dask scheduler.
         progress: Called with the number of finished trials.
-
-    Returns:
-        Names of the changes that are not done, because they are other shards'.
 
     Raises:
         ConfigError: A parameter is not known.

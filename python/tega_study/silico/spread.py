@@ -30,11 +30,11 @@ def run_sessions(
 ) -> None:
     """Run sessions and put each into its study's folder as soon as it is over.
 
-    ``workers`` are processes on this machine, 0 for as many as there are cores; one runs in this process.
-    With ``dask``, the address of a scheduler, its workers run them, and need not share a disk with this
-    machine; ``WrongDeviceError`` if one has another version of the program, ``DeviceUnavailableError`` if no
-    scheduler answers or it has no worker. ``progress`` gets the number of finished trials, with ``dask``
-    after each session.
+    ``workers`` are processes on this machine, 0 for as many as there are cores; with 1 all run in this
+    process. With ``dask``, the address of a scheduler, its workers run them, and need not share a disk with
+    this machine; ``WrongDeviceError`` if one has another version of the program, ``DeviceUnavailableError``
+    if no scheduler answers or it has no worker. ``progress`` gets the number of finished trials, with
+    ``dask`` after each session.
     """
     total = sum(len(job.trials) for job in jobs)
     if not jobs:
