@@ -90,10 +90,7 @@ class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
 
 class WrittenBundle(NamedTuple):
-    """A bundle that was written.
-
-    ``left_out`` has the person's links, and files with names that no other computer takes.
-    """
+    """A written bundle; ``left_out``: the person's links, and files whose names no other computer takes."""
 
     manifest: BundleManifest
     left_out: list[Path]

@@ -32,11 +32,9 @@ NOT_OBSERVABLE = "not observable on this rig"
 
 
 class TrialEvents(msgspec.Struct, frozen=True):
-    """Events that the detector found in one attempt.
+    """Events that the detector found in one attempt, in order of time; seconds from the trial's start.
 
-    Attributes:
-        events: In order of time; seconds from the trial's start.
-        missing: Signals that the attempt did not record: ``closure`` of the hand, ``height`` of the arm.
+    ``missing``: signals that the attempt did not record, ``closure`` of the hand or ``height`` of the arm.
     """
 
     participant: str

@@ -17,9 +17,8 @@ Verdict = Literal["as printed", "opposite", "not distinguished", "no data"]
 class Direction(OutcomeDifference, frozen=True, kw_only=True):
     """One difference that the paper prints with touch (``paper_first``) and without, and the study's.
 
-    Attributes:
-        paper_sign: 1 where the first is more, -1 where it is less.
-        verdict: ``as printed`` and ``opposite`` where the interval is all on one side of 0.
+    ``paper_sign`` is 1 where the first is more, -1 where it is less. ``verdict`` is ``as printed`` or
+    ``opposite`` where the interval is all on one side of 0.
     """
 
     paper_first: str

@@ -258,10 +258,7 @@ def _toml(settings: StudySettings) -> str:
 
 
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
-    """Write a plan into a new folder, whole or not at all; its trials are signed again.
-
-    ``InvalidValueError`` if there is something already.
-    """
+    """Write a plan into a new folder, whole or not at all; its trials are signed again."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InvalidValueError(
             f"{folder}: is there already", "a plan is never overwritten; name a new folder"

@@ -93,8 +93,7 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
 def rank_sum_counts(doubled_ranks: Sequence[int], n: int) -> NDArray[np.float64]:
     """Count in how many ways ``n`` of the values have each sum; any whole numbers from 0 do.
 
-    The values are, for example, twice the mid-ranks. Place ``s`` of the result (float64) is for the sum
-    ``s``.
+    The values are, for example, twice the mid-ranks; float64, at place ``s`` the ways to the sum ``s``.
     """
     top = int(sum(sorted(doubled_ranks)[-n:])) if n else 0
     ways = np.zeros((n + 1, top + 1))

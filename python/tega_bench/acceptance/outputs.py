@@ -45,8 +45,7 @@ def least_vest_options(options: Any) -> Any | None:
 def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     """Accept an open vest: the steps rate, latency, limits, least and stop; those that vibrate need a yes.
 
-    ``vest`` has the options of :func:`least_vest_options`; ``percent`` is its limit; ``guide`` holds or wears
-    it.
+    ``vest`` is open with :func:`least_vest_options`; ``percent`` is its limit; ``guide`` holds or wears it.
     """
     dark = vest_frame([0] * 4, [0] * 4, layout=layout)
     motors = dark.motors.tolist()
@@ -82,8 +81,7 @@ def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide)
 def _pulse(vest: Any, dark: MotorLevels, motors: list[int]) -> tuple[int, int, list[tuple[float, float]]]:
     """Light two motors by turns.
 
-    Returns the largest strength sent, frames that were not shown, and of each that left when (s) and how late
-    (ms).
+    Returns the largest strength sent, frames not shown, and of each that left when (s) and how late (ms).
     """
     largest = n_zero = 0
     if isinstance(vest, StampingVest):

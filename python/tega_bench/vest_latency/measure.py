@@ -34,10 +34,7 @@ class OnsetFound(NamedTuple):
 
 
 def watched_vest(vest: VestSink) -> VestSink:
-    """Return a vest that reports when a frame leaves; ``DeviceUnavailableError`` if it does not.
-
-    Without that, no delay can be counted from there.
-    """
+    """Return a vest; ``DeviceUnavailableError`` unless it reports when a frame leaves, as delays need."""
     if not vest.info.live or not isinstance(vest, StampingVest):
         raise DeviceUnavailableError(
             f"{vest.info.driver}: does not report when a frame leaves, so no delay can be measured",

@@ -25,10 +25,7 @@ def list_microphones() -> list[str]:
 
 
 class Microphone:
-    """Records one channel while it is open.
-
-    ``device`` is a number or part of a name; ``None`` for the system's own choice.
-    """
+    """Records one channel while open; ``device`` is a number or part of a name, ``None`` the system's own."""
 
     def __init__(self, device: str | None = None) -> None:
         self._device = int(device) if device is not None and device.isdigit() else device
@@ -42,10 +39,7 @@ class Microphone:
         self.name = ""
 
     def __enter__(self) -> Self:
-        """Begin to record, and wait for the first block.
-
-        ``DeviceUnavailableError`` if there is no such microphone, or it gives nothing.
-        """
+        """Begin to record, and wait for the first block; ``DeviceUnavailableError`` if none comes."""
         sd = load_sounddevice()
         try:
             self.name = str(sd.query_devices(self._device, "input")["name"])

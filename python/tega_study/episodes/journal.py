@@ -38,10 +38,7 @@ class EpisodeLine(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknow
 
 
 def read_episodes(folder: Path) -> list[EpisodeLine]:
-    """Read a folder's journal; a last line that was cut off is passed over, a missing file holds none.
-
-    Any other line that is no episode is a ``RecordingError``.
-    """
+    """Read a folder's journal; a last line that was cut off is passed over, a missing file holds none."""
     return read_json_lines(folder / EPISODES, EpisodeLine, "episode")
 
 

@@ -87,8 +87,7 @@ class EpisodePedal:
 def pedal_names(pedals: str, seat: InputConfig | None, taken: frozenset[str]) -> tuple[str, ...]:
     """Return what pedals are called: the keys that they type, or the marker's buttons with commas between.
 
-    One to three different ones, none of them in ``taken``: keys that mean something already. Buttons need the
-    marker's ``seat``.
+    One to three different ones, none in ``taken`` (keys that mean something); buttons need a ``seat``.
     """
     names = tuple(name.strip() for name in pedals.split(",")) if "," in pedals else tuple(pedals)
     if len(set(names)) != len(names) or len(names) > 3 or set(names) & (taken | {""}):

@@ -125,10 +125,7 @@ class EpisodeTaker:
         self._folder = SessionFolder(folder)
 
     def take(self, *, most: int | None = None) -> list[EpisodeLine]:
-        """Take episodes, and return how each ended.
-
-        Ends after ``most`` were kept; ``None`` to end by ``q q`` alone.
-        """
+        """Take episodes until ``most`` were kept (``None``: until ``q q``), and return how each ended."""
         ended: list[EpisodeLine] = []
         with EpisodeJournal(self._folder) as journal, closing(self._pedal):
             again = False

@@ -19,9 +19,8 @@ IN_AIR_M: Final = 0.03
 class LiftCheck(NamedTuple):
     """State of the object at one reading.
 
-    Attributes:
-        height_m: Above the place where it was grasped; 0 if nothing is held.
-        dropped_s: When it left the hand in the air, at the reading that confirms it; else ``None``.
+    ``height_m`` is above the place where it was grasped, 0 if nothing is held. ``dropped_s`` is when it left
+    the hand in the air, at the reading that confirms it; else ``None``.
     """
 
     height_m: float

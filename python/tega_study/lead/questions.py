@@ -20,10 +20,7 @@ PASS: Final = "-"
 
 
 class Question(NamedTuple):
-    """Scale that a participant is asked about; ``left`` is what 0 means, ``right`` what 100 means.
-
-    ``item`` is its name in the events.
-    """
+    """Scale put to a participant, from ``left`` (0) to ``right`` (100); ``item`` names it in the events."""
 
     item: str
     title: str

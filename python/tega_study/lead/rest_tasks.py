@@ -54,10 +54,7 @@ class RestTaskEndedError(Exception):
 
 
 class RunningTask:
-    """A task that goes on, in a thread of its own.
-
-    ``prompt`` is the instruction for the person now; ``left_s`` is ``None`` if unknown.
-    """
+    """A task in a thread of its own: ``prompt`` for the person now, ``left_s`` or ``None`` if unknown."""
 
     def __init__(self, task: RestTask) -> None:
         self.task, self.prompt = task, "devices start"
@@ -67,10 +64,7 @@ class RunningTask:
         self._thread, self._raised = in_thread(lambda: self._made.append(task.run(self)))
 
     def show(self, prompt: str, _bars: Sequence[Bar], left_s: float | None) -> None:
-        """Take in what goes on; the task calls it again and again.
-
-        Raises ``RestTaskEndedError`` once the task is to end.
-        """
+        """Take in the task's progress, again and again; ``RestTaskEndedError`` once it is to end."""
         self.prompt, self.left_s = prompt, left_s
         if self._ended.is_set():
             raise RestTaskEndedError

@@ -48,10 +48,9 @@ _NO_FINGER: Final = "several"
 
 
 class Proposal(msgspec.Struct, frozen=True):
-    """Event that a rule or the detector proposes.
+    """Event that a rule or the detector proposes, ``t_s`` from the trial's start.
 
-    ``source`` is :data:`RULE` or ``detector``, ``t_s`` from the trial's start, ``confidence`` 0 to 1; 1 of
-    the rule.
+    ``source`` is :data:`RULE` or ``detector``; ``confidence`` is 0 to 1, and 1 of the rule.
     """
 
     source: str
@@ -61,10 +60,7 @@ class Proposal(msgspec.Struct, frozen=True):
 
 
 class RaterClip(msgspec.Struct, frozen=True):
-    """Clip and the attempt that it shows.
-
-    ``name`` is such as ``clip-001``; the number of each proposal is in its comment.
-    """
+    """Clip, such as ``clip-001``, and the attempt that it shows; a proposal's number is in its comment."""
 
     name: str
     participant: str
@@ -225,10 +221,7 @@ def decode_key(path: Path) -> ClipKey:
 
 
 def read_key(folder: Path, rater: str) -> ClipKey:
-    """Read the key of a rater's clips; ``InvalidValueError`` if the rater has none.
-
-    ``RecordingError`` if it is damaged, or of another plan.
-    """
+    """Read a rater's key; ``InvalidValueError`` without one, ``RecordingError`` if it is of another plan."""
     path = key_path(folder, rater)
     if not path.exists():
         raise InvalidValueError(f"{rater} has no clips in {folder}", "make them with tega-teleop study clips")
