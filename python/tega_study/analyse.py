@@ -41,13 +41,14 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
     """Counts of the people and trials that took part.
 
     Attributes:
-        planned_people: As planned; ``None`` where there is no plan.
-        withdrawn: Number of participants with deleted data.
+        planned_people: ``None`` without a plan, like ``planned_trials``.
+        withdrawn: People whose data were deleted.
         people: With at least one trial.
-        complete: With all their trials over.
-        planned_trials: Trials planned for participants who have not withdrawn.
-        status: Number of trials by how they ended; ``not run`` for the rest.
-        redone: Trials of which an attempt that had taken place does not count, with the experimenter's reason.
+        complete: People with all their trials over.
+        planned_trials: Of people who have not withdrawn.
+        status: Trials by how they ended; ``not run`` for the rest.
+        redone: The experimenter's reason, by id of a trial of which an attempt that took place does not
+            count.
     """
 
     planned_people: int | None
@@ -64,39 +65,27 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         source: ``study``, or the names of the files that it was made from.
-        simulated: Whether the people are simulated.
         interim: Whether the plan is not complete yet.
         blind: Whether results are withheld for that reason: no trial, mean, test, effect or course is in it.
         unblinded: When results were looked at before the plan was complete, and how far it was then.
         objects: In the order of the tables.
         conditions: The first is compared with the second.
         family: Tests that were corrected together.
-        alpha: Level.
-        plan_sha256: SHA-256 of the plan; empty without one.
-        flow: Counts of the people and trials that took part.
-        trials: One row a trial, with its events.
+        plan_sha256: Empty without a plan.
         cells: Table I.
-        tests: All tests.
-        couplings: Pose and touch, by trial.
-        arms: By condition.
-        contrasts: First condition against second.
-        pose_use: Dwell and transitions.
         planner: Sample sizes for the next study.
-        agreements: Agreement of raters, experimenter and, in simulation, the truth.
+        agreements: Of raters, experimenter and, in simulation, the truth.
         ratings: What participants answered after blocks.
         probes: The second task, where the plan has one.
         directions: The paper's differences and the study's, where its people are simulated.
-        assumptions: Assumptions of a study in silico.
-        parameters: Parameters of the simulated people, by section and name.
-        sensitivity: Which directions hold when that is changed.
+        assumptions: Of a study in silico.
+        parameters: Of the simulated people, by section and name.
+        sensitivity: Which directions hold when an assumption is changed.
         fingers: The contacts that Fig 3 shows.
         outcomes: Each outcome's difference between the first two conditions, over people.
         further: The same of each further condition, less the second.
-        object_facts: Known properties of the objects.
         rehearsed: In a plan for real participants, those with a session outside the lab.
-        counted_by: In how many of the trials that count who counted slips, deformations and drops.
-        format: Always ``tega-study-analysis``.
-        version: Format version.
+        counted_by: Number of trials that count, by who counted their slips, deformations and drops.
     """
 
     source: str
@@ -136,30 +125,18 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FigureMaterial(NamedTuple):
-    """Courses and pictures that the figures are drawn from, besides the numbers.
-
-    Attributes:
-        courses: Touch and pose, by trial id.
-        pictures: Fingertips, by trial id.
-    """
+    """Courses of touch and pose, and pictures of fingertips, by trial id; for the figures."""
 
     courses: Mapping[str, TouchCourse] = {}
     pictures: Mapping[str, FingerPicture] = {}
 
 
 def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, FigureMaterial]:
-    """Analyse a study's folder.
+    """Analyse a study's folder; nothing else is read.
 
-    Args:
-        folder: The study's folder; nothing else is read.
-        unblind: Compare conditions before the plan is complete, which is written into the study's journal. A test loses
-            its error rate if the study is stopped or changed after a look.
-
-    Returns:
-        The analysis, and the courses and pictures it used.
-
-    Raises:
-        RecordingError: The folder is damaged, or has no trial that counts.
+    ``unblind`` compares conditions before the plan is complete, and is written into the study's journal: a
+    test loses its error rate if the study is stopped or changed after a look. The courses and pictures are
+    those that the analysis used. Without a trial that counts there is a ``RecordingError``.
     """
     plan, trials = study_trials(folder)
     settings, stay = plan.settings, staying(folder, plan)
@@ -221,11 +198,7 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
 
 
 def analyse_bench(paths: Sequence[Path]) -> Analysis:
-    """Analyse results of ``tega-teleop sim trials``; they have no courses.
-
-    Raises:
-        RecordingError: A file is missing, holds something else, or has fewer than two conditions.
-    """
+    """Analyse results of ``tega-teleop sim trials``: at least two conditions, and no courses."""
     trials = bench_trials(paths)
     objects = tuple(dict.fromkeys(trial.object for trial in trials))
     conditions = tuple(dict.fromkeys(trial.condition for trial in trials))
@@ -270,17 +243,11 @@ def analyse(
     per_cell: int,
     crossed: bool = False,
 ) -> Analysis:
-    """Work out all numbers of a report.
+    """Work out all numbers of a report from its ``blind`` state, in which results are withheld.
 
-    Args:
-        blind: The analysis as it is while results are withheld.
-        trials: One row a trial.
-        courses: By trial id, of those that have one.
-        per_cell: Trials per person, object and condition, for the planner.
-        crossed: Whether each person had one condition before the other.
-
-    Raises:
-        RecordingError: No trial counts.
+    ``courses`` holds, by trial id, those that there are. ``per_cell`` is the trials per person, object and
+    condition, for the planner; ``crossed``: each person had one condition before the other. Raises
+    ``RecordingError`` if no trial counts.
     """
     _need_trials(trials)
     objects, conditions, family = blind.objects, blind.conditions, blind.family

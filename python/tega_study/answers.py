@@ -33,16 +33,11 @@ class TrialCoupling(msgspec.Struct, frozen=True, kw_only=True):
     """One trial's correlation of the pose with one signal.
 
     Attributes:
-        trial: Its id.
-        participant: Participant ID.
-        object: Name of the lifted object.
-        condition: Vest condition.
         signal: ``cci`` or ``eda``.
         samples: On the grid.
         n_eff: Independent samples that they are worth.
         r: Pearson, lag 0; ``None`` where a series does not change.
         low: Lower end of the 95 % interval with ``n_eff``.
-        high: Upper end.
         r_others: Mean with the touch of the person's other trials of this object and condition.
         p_others: Share of those pairings, and this one, that reach ``r``: one-sided, 1 / number at least.
         slope: Answer to touch, see :func:`tega_study.coupling.response_slope`.
@@ -67,19 +62,16 @@ class ArmCoupling(msgspec.Struct, frozen=True, kw_only=True):
     """One condition's correlations of the pose with one signal.
 
     Attributes:
-        condition: Vest condition.
         signal: ``cci`` or ``eda``.
-        trials: With a correlation.
-        people: Number of participants in these trials.
+        trials: With a correlation; ``people`` are those in them.
         r: Mean by Fisher's z over each person's trials, then over people.
         lowest: Lowest r of all trials.
         positive: Share of trials with r above 0.
         r_pooled: Over all samples of all trials in one; mixes differences between trials into it.
         r_others: As ``r``, with the touch of other trials: the part that the shared course alone explains.
         slope: Mean answer over people.
-        lags_s: Lags, seconds; above 0 touch follows the pose.
-        lag_r: Mean by Fisher's z over trials at each lag.
-        peak_lag_s: Where that is highest.
+        lags_s: Above 0 touch follows the pose.
+        lag_r: Mean by Fisher's z over trials at each lag, highest at ``peak_lag_s``.
     """
 
     condition: str
@@ -98,13 +90,12 @@ class ArmCoupling(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Contrast(msgspec.Struct, frozen=True, kw_only=True):
-    """First condition less the second, person by person.
+    """Mean over people of the first condition less the second.
 
     Attributes:
         signal: ``cci`` or ``eda``.
         what: ``r`` (in Fisher's z) or ``slope``.
         people: With both.
-        difference: Mean.
         p: Sign-flip; ``None`` below six people.
     """
 
@@ -116,17 +107,14 @@ class Contrast(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PoseUse(msgspec.Struct, frozen=True, kw_only=True):
-    """Use of the poses with one object under one condition.
+    """Use of the poses with one object under one vest condition; means over the trials that have a course.
 
     Attributes:
-        object: Its name.
-        condition: The vest's.
-        trials: With a course.
-        dwell: Mean share of time at each of the poses 0 to 4.
+        dwell: Share of time at each of the poses 0 to 4.
         intermediate: Share at 1 to 3.
-        transitions: Mean number of changes per trial.
-        transitions_intermediate: Mean number of changes per trial into or out of an intermediate pose.
-        silent: Mean share of the time with a closed hand after lift-off in which no finger is read as touching, so
+        transitions: Number of changes per trial.
+        transitions_intermediate: Of these, into or out of an intermediate pose.
+        silent: Share of the time with a closed hand after lift-off in which no finger is read as touching, so
             that the vest is still; ``None`` where nothing was lifted off.
     """
 
@@ -148,14 +136,9 @@ def answers(
 ) -> tuple[list[TrialCoupling], list[ArmCoupling], list[Contrast], list[PoseUse]]:
     """Correlate pose with touch in all trials, compare the conditions, and measure the use of the poses.
 
-    Args:
-        trials: All; those that do not count or have no course are passed over.
-        courses: By trial id.
-        objects: Names of the lifted objects.
-        conditions: The first is compared with the second.
-
-    Returns:
-        By trial and signal; by condition and signal; first condition against second; use of the poses.
+    Trials that do not count or have no course (by trial id) are passed over. Of ``conditions`` the first is
+    compared with the second. The results are by trial and signal, by condition and signal, first condition
+    against second, and the use of the poses.
     """
     use = [trial for trial in trials if trial.counts and trial.id in courses]
     even = {trial.id: on_grid(courses[trial.id]) for trial in use}

@@ -25,13 +25,11 @@ class TouchRow(NamedTuple):
     """A measured frame of a fingertip.
 
     Attributes:
-        t_s: Since the trial's start, seconds.
+        t_s: Since the trial's start.
         in_contact: 1 where something is touched.
         eda: Contact area, pixels (Eq 4).
-        mass: Sum of the pressure map.
-        peak: Its largest value.
-        x: Centroid, pixels.
-        y: Vertical position of the centroid, pixels.
+        mass: Sum of the pressure map; ``peak`` is its largest value.
+        x: Centroid, pixels; so is ``y``.
     """
 
     t_s: float
@@ -45,15 +43,14 @@ class TouchRow(NamedTuple):
 
 
 class HandRow(NamedTuple):
-    """State of hand and arm at one moment.
+    """State of hand and arm at one moment, ``t_s`` since the trial's start.
 
     Attributes:
-        t_s: Since the trial's start, seconds.
         level: Closure level asked for, 1 to 5; ``None`` before the first.
-        closure: Closure measured at the joints, levels with fractions; ``None`` where no hand is read.
-        height_m: Height of the arm's end, metres; ``None`` if no arm is measured.
-        tips_mm: Height of each fingertip over the palm by the joints, thumb first, millimetres; ``None`` where no hand
-            is read.
+        closure: Measured at the joints, levels with fractions; ``None`` where no hand is read.
+        height_m: Of the arm's end; ``None`` if no arm is measured.
+        tips_mm: Height of each fingertip over the palm by the joints, thumb first; ``None`` where no hand is
+            read.
     """
 
     t_s: float
@@ -98,11 +95,7 @@ def _cell(value: float | None, form: str) -> str:
 
 
 def read_touch(path: Path) -> list[TouchRow]:
-    """Read frames.
-
-    Raises:
-        RecordingError: The file is missing or damaged.
-    """
+    """Read frames; ``RecordingError`` where the file is missing or damaged."""
 
     def row_of(row: Mapping[str, str]) -> TouchRow:
         numbers = (float(row[name]) for name in TouchRow._fields[3:])
@@ -112,11 +105,7 @@ def read_touch(path: Path) -> list[TouchRow]:
 
 
 def read_hand(path: Path) -> list[HandRow]:
-    """Read rows of hand and arm; a file that is not there has none.
-
-    Raises:
-        RecordingError: The file is damaged.
-    """
+    """Read rows of hand and arm; a file that is not there has none, a damaged one is a ``RecordingError``."""
 
     def row_of(row: Mapping[str, str]) -> HandRow:
         level, closure, height_m = (row[name] for name in HandRow._fields[1:-1])

@@ -19,9 +19,8 @@ class BeepScore(NamedTuple):
 
     Attributes:
         beeps: Those that count: answered, or followed by the whole time in which they could have been.
-        answered: Number of these beeps that were answered.
         false_answers: Presses that answered no beep.
-        reaction_s: Median from beep to press, seconds; ``None`` where none was answered.
+        reaction_s: Median from beep to press; ``None`` where none was answered.
     """
 
     beeps: int

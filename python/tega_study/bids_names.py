@@ -25,9 +25,8 @@ _TRIAL = re.compile(r"-t(\d+)(?:-a(\d+))?")
 def bids_names(paths: Iterable[str], plan: StudyPlan) -> dict[str, str]:
     """Return a name for each file, no two alike where capitals do not count.
 
-    Args:
-        paths: Paths of a study's files, relative to its folder, with ``/`` as separator.
-        plan: The study's: it has the people, and the object of each trial.
+    ``paths`` are relative to the study's folder, with ``/`` as separator. The plan has the people, and the
+    object of each trial.
     """
     own = {person: own_name(person) for person in plan.participants}
     things = {trial.id: trial.object for trial in plan.trials}

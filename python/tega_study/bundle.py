@@ -53,8 +53,7 @@ class BundledFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
 
     Attributes:
         path: Below the study's folder, with ``/`` between its parts.
-        n_bytes: Its length.
-        sha256: SHA-256 of the content, hexadecimal.
+        sha256: Of the content, hexadecimal.
         name: In the ZIP file, where that is not the path.
     """
 
@@ -73,14 +72,11 @@ class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     """Manifest of a bundle, ``manifest.json``.
 
     Attributes:
-        participant: Anonymous id of the person.
-        plan_sha256: SHA-256 of the study's plan.
+        participant: Anonymous id.
         rehearsed: Whether the session, or a part of it, did not run in the lab.
         written_by: Versions of TEGA, Python and packages.
-        trials: The outcome of each trial when the bundle was written.
-        files: All other files.
-        format: Always ``tega-session-bundle``.
-        version: Format version.
+        trials: Their outcome when the bundle was written.
+        files: All but the manifest.
     """
 
     participant: str
@@ -94,11 +90,7 @@ class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
 
 class WrittenBundle(NamedTuple):
-    """A bundle that was written.
-
-    Attributes:
-        left_out: Files and links of the person that it does not hold: links, and names that no other computer takes.
-    """
+    """A written bundle; ``left_out``: the person's links, and files whose names no other computer takes."""
 
     manifest: BundleManifest
     left_out: list[Path]
@@ -107,8 +99,7 @@ class WrittenBundle(NamedTuple):
 class OpenedBundle(NamedTuple):
     """A bundle that was opened; each of its files had the right hash.
 
-    Attributes:
-        trials: Worked out from its events by this version of TEGA.
+    The trials are worked out from its events by this version of TEGA.
     """
 
     manifest: BundleManifest
@@ -121,18 +112,13 @@ class OpenedBundle(NamedTuple):
 
 
 def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = False) -> WrittenBundle:
-    """Write a person's session as one file. Muscle signals are in it, and can identify the person.
+    """Write a person's session as one file.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID of the session.
-        out: The file; new, and outside of the study's folder. Its place is noted, for a withdrawal.
-        bids: Name the files in it as BIDS does (:mod:`tega_study.bids_names`); opened, they have their own names again.
-
-    Raises:
-        InvalidValueError: The ID is not in the plan, or the file cannot be written there.
-        RecordingError: The person has no session or has withdrawn, or the study is damaged.
-        DeviceUnavailableError: The session is open in another program.
+    Muscle signals are in it, and can identify the person. ``out`` must be new and outside of the study's
+    folder; its place is noted, for a withdrawal. ``bids`` names the files in it as BIDS does
+    (:mod:`tega_study.bids_names`); opened, they have their own names again. A person without a session, or
+    who has withdrawn, is a ``RecordingError``; a session that is open in another program is a
+    ``DeviceUnavailableError``.
     """
     plan, trials = study_trials(folder)
     plan.of(participant)
@@ -245,14 +231,9 @@ def _pack(packed: zipfile.ZipFile, name: str, source: BinaryIO, *, named: str) -
 def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
     """Check a bundle and unpack it into a new folder, whole or not at all.
 
-    Args:
-        bundle: The file.
-        out: Must not exist, or be empty; becomes a study's folder with this one session.
-
-    Raises:
-        InvalidValueError: There is something already, or there is no room.
-        UnsafeNameError: A file's name could lie outside of the folder.
-        RecordingError: It is no bundle, or a file in it is missing, unlisted or not as it was written.
+    ``out`` must not exist, or be empty; it becomes a study's folder with this one session. Raises
+    ``UnsafeNameError`` if a file's name could lie outside of it, ``InvalidValueError`` if it holds something
+    or there is no room, and ``RecordingError`` if a file is missing, unlisted or not as it was written.
     """
     if os.path.lexists(out) and (not out.is_dir() or any(out.iterdir())):
         raise InvalidValueError(f"{out}: is there already", "name a new folder")

@@ -15,20 +15,12 @@ from tega_study.trials import Trial
 class Cell(msgspec.Struct, frozen=True, kw_only=True):
     """One object under one condition: what Table I prints, and from which trials.
 
+    Means and standard deviations are over trials, the latter ``None`` below two.
+
     Attributes:
-        object: Its name.
-        condition: The vest's.
-        people: How many took part.
         trials: Ids of the trials, which name their events.
-        duration_s: Mean, seconds; the others means as well.
-        duration_sd_s: Standard deviation over trials; ``None`` below two, as the others.
         duration_success_s: Mean over the trials that succeeded: a dropped object ends a trial early.
-        slips: Mean per trial.
-        slips_sd: As above.
         slips_dispersion: Variance over mean of the slips; 1 for Poisson.
-        deformations: Mean per trial.
-        deformations_sd: As above.
-        drops: Mean per trial.
         successes: Trials that succeeded.
         success_low: Lower end of the exact 95 % interval of the share.
         success_high: Upper end.

@@ -26,19 +26,14 @@ class Test(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
-        object: Name of the lifted object.
         level: Level of the claim that the row supports.
-        test: Name of the test, with how p was got.
-        people: How many took part.
+        test: Its name, with how p was got.
         n: Trials under the first and the second condition.
         statistic: As the test defines it.
         p: Two-sided; ``None`` where the data allow no test, or p-values are withheld.
         p_holm: Corrected over the family that the plan names.
         p_exact: Given the ties that are there.
-        effect_name: Name of the effect.
-        effect: First condition against the second.
-        low: Lower end of its 95 % interval.
-        high: Upper end.
+        effect: First condition against the second; ``low`` and ``high`` are its 95 % interval.
         note: Caveats for the reader.
     """
 
@@ -88,14 +83,10 @@ def compare(
     family: Sequence[str],
     crossed: bool = False,
 ) -> list[Test]:
-    """Make all tests of a study.
+    """Make all tests of a study, first condition against second, over the trials that count.
 
-    Args:
-        trials: All of it; those that do not count are passed over.
-        objects: Names of the lifted objects.
-        conditions: The first is compared with the second.
-        family: ``metric:object`` that Holm's method corrects together, within each level.
-        crossed: Whether each person had one condition before the other, so that the order can be taken out.
+    ``family`` lists each ``metric:object`` that Holm's method corrects together, within each level.
+    ``crossed``: each person had one condition before the other, so that the order can be taken out.
     """
     tests: list[Test] = []
     for metric in ("duration_s", "slips", "deformations", "success"):
@@ -176,15 +167,10 @@ def _tests(data: _Data, *, crossed: bool) -> list[Test]:
 
 
 def people_p(first: ArrayLike, second: ArrayLike, *, counted: bool) -> float | None:
-    """Return the two-sided p over people: sign-flips for counts and shares, a paired t for times.
+    """Return the two-sided p over people: sign-flips if ``counted`` (counts, shares), a paired t for times.
 
-    Args:
-        first: Each person's mean under the first condition; of times the mean logarithm.
-        second: Under the second.
-        counted: Whether they are counts or shares.
-
-    Returns:
-        ``None`` below :data:`SMALLEST_FOR_P` people, and if people are all alike.
+    ``first`` and ``second`` hold each person's mean under a condition, of times the mean logarithm. ``None``
+    below :data:`SMALLEST_FOR_P` people, and if people are all alike.
     """
     if np.size(first) < SMALLEST_FOR_P:
         return None

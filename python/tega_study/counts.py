@@ -20,8 +20,7 @@ class Shares(NamedTuple):
         fisher: Two-sided p of Fisher's exact test.
         boschloo: p of Boschloo's test, which is never less powerful.
         difference: First share less the second.
-        low: Lower end of Newcombe's 95 % interval of it.
-        high: Upper end.
+        low: Lower end of Newcombe's 95 % interval of it; ``high`` the upper.
     """
 
     fisher: float
@@ -58,12 +57,9 @@ def shares(k1: int, n1: int, k2: int, n2: int) -> Shares:
 
 
 def poisson_rates(k1: int, k2: int) -> tuple[float, float, float, float]:
-    """Compare two totals of events under equal exposure, given their sum.
+    """Compare two totals of events under equal exposure: two-sided p, ratio and its exact 95 % interval.
 
-    Too sure of itself where counts vary more than Poisson's; see :func:`dispersion`.
-
-    Returns:
-        Two-sided p, ratio and its exact 95 % interval.
+    Conditional on the sum. Too sure of itself where counts vary more than Poisson's; see :func:`dispersion`.
     """
     test = scipy_stats().binomtest(k1, k1 + k2, 0.5)
     ends = test.proportion_ci(method="exact")
@@ -92,22 +88,16 @@ def adjusted_ratio(
 ) -> Ratio | None:
     """Compare conditions by regression, with what drifts over the session taken out.
 
-    Generalised estimating equations (statsmodels), people as clusters, exchangeable trials within them; Poisson
-    for counts, a normal law for logarithms of times. Chosen because statsmodels has no frequentist mixed model
-    for counts, a mixed model for times either does not converge (random slopes, up to 12 people) or rejects too
-    often (random intercept only), and an estimating equation needs only the mean to be right: overdispersion,
-    as of a negative binomial, goes into the standard error. That is the bias-reduced one, with t on n - 1
-    degrees of freedom.
+    Generalised estimating equations (statsmodels), people as clusters, exchangeable trials within them;
+    Poisson for counts, a normal law for logarithms of times. Chosen because statsmodels has no frequentist
+    mixed model for counts, a mixed model for times either does not converge (random slopes, up to 12 people)
+    or rejects too often (random intercept only), and an estimating equation needs only the mean to be right:
+    overdispersion, as of a negative binomial, goes into the standard error. That is the bias-reduced one,
+    with t on n - 1 degrees of freedom.
 
-    Args:
-        values: One per trial: counts, or times in seconds.
-        haptic: Whether the trial is of the first condition.
-        place: Its place in the session; its logarithm is the covariate, since learning is fast at first.
-        person: The person's ID.
-        counts: Whether values are counts.
-
-    Returns:
-        ``None`` with fewer than three people, where a condition has no event, or where nothing converged.
+    Arrays are by trial. ``values`` are counts, or times in seconds; ``haptic`` marks the first condition.
+    ``place`` is the trial's place in the session; its logarithm is the covariate, since learning is fast at
+    first. ``None`` with fewer than three people, where a condition has no event, or where nothing converged.
     """
     y, first = np.asarray(values, float), np.asarray(haptic, bool)
     ids, cluster = np.unique(np.asarray(person), return_inverse=True)

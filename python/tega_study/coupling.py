@@ -29,13 +29,13 @@ POSES = 5
 
 
 class TouchCourse(NamedTuple):
-    """A trial's course.
+    """A trial's course; float64 (n,) each.
 
     Attributes:
-        t_s: Times from the trial's start, rising, seconds, float64 (n,).
-        cci: Normalised contact concentration, mean over the fingers in contact, 0 to 1 (reading A74), float64 (n,).
+        t_s: From the trial's start, rising.
+        cci: Normalised contact concentration, mean over fingers in contact, 0 to 1 (reading A74).
         eda: Normalised deformation area, likewise.
-        pose: Chosen pose, 0 to 4, float64 (n,).
+        pose: Chosen pose, 0 to 4.
     """
 
     t_s: NDArray[np.float64]
@@ -48,10 +48,9 @@ class Correlation(NamedTuple):
     """A Pearson correlation of two series that go on from one sample to the next.
 
     Attributes:
-        r: The correlation; NaN where a series does not change.
+        r: NaN where a series does not change.
         n_eff: Independent samples that they are worth (Bartlett).
         low: Lower end of the 95 % interval by Fisher's z with ``n_eff``; NaN below four.
-        high: Upper end.
         p: Two-sided, with ``n_eff``.
     """
 
@@ -64,11 +63,7 @@ class Correlation(NamedTuple):
 
 
 def read_course(path: Path) -> TouchCourse:
-    """Read ``t_s,cci,eda,pose``.
-
-    Raises:
-        RecordingError: It is missing, or something in it is no number of its range.
-    """
+    """Read ``t_s,cci,eda,pose``; gaps, or times that do not rise, are a ``RecordingError``."""
     try:
         rows = list(csv.reader(io.StringIO(read_words(path, most_mib=64), newline="")))
         table = np.array([[float(cell) for cell in row] for row in rows[1:]], dtype=np.float64).reshape(-1, 4)
@@ -114,12 +109,9 @@ def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
 
 
 def effective_n(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int) -> float:
-    """Return how many independent samples two series are worth (Bartlett; Pyper and Peterman 1998), 3 to their length.
+    """Return how many independent samples two series are worth (Bartlett; Pyper and Peterman 1998).
 
-    Args:
-        x: A series.
-        y: Another, as long.
-        lags: Up to which autocorrelations are summed.
+    From 3 to their length, which is the same; autocorrelations are summed up to ``lags``.
     """
     n = len(x)
 
@@ -162,7 +154,7 @@ def lag_sweep(pose: NDArray[np.float64], touch: NDArray[np.float64], *, most: in
 def other_trials(
     poses: Sequence[NDArray[np.float64]], touches: Sequence[NDArray[np.float64]]
 ) -> list[list[float]]:
-    """Correlate each trial's pose with the touch of every other trial, over the shorter one's length.
+    """Correlate each trial's pose with every other trial's touch, over the shorter one's length.
 
     This is the correlation without any response: the course that all these trials share.
     """
@@ -175,8 +167,7 @@ def other_trials(
 def response_slope(pose: NDArray[np.float64], touch: NDArray[np.float64]) -> float:
     """Return by how many levels the pose changes within 0.3 s for a unit of touch 0.4 s before.
 
-    Below 0: more touch leads to a looser grip, as in a response. The slope is noisy, and needs many trials. Samples
-    without touch are skipped.
+    Below 0, more touch leads to a looser grip. Noisy: needs many trials. Samples without touch are skipped.
     """
     ahead, ago = round(0.3 * GRID_HZ), round(0.4 * GRID_HZ)
     felt = touch[: len(touch) - ago - ahead]

@@ -32,15 +32,9 @@ NOT_OBSERVABLE = "not observable on this rig"
 
 
 class TrialEvents(msgspec.Struct, frozen=True):
-    """Events that the detector found in one attempt.
+    """Events that the detector found in one attempt, in order of time; seconds from the trial's start.
 
-    Attributes:
-        participant: Participant ID.
-        trial: Its number.
-        attempt: Its attempt.
-        object: Name of the lifted object.
-        events: Detected events in order of time; seconds from the trial's start.
-        missing: Signals that the attempt did not record: ``closure`` of the hand, ``height`` of the arm.
+    ``missing``: signals that the attempt did not record, ``closure`` of the hand or ``height`` of the arm.
     """
 
     participant: str
@@ -73,13 +67,7 @@ def events_of(
     *,
     live: bool = False,
 ) -> list[DetectedEvent]:
-    """Find the events of a trial.
-
-    Args:
-        touch: Frames of its fingertips.
-        hand: Looks at its hand and arm.
-        live: Say only what could have been said at the time, as the run does.
-    """
+    """Find the events of a trial; ``live``: only those that could be known at the time, as in the run."""
     detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
     found: list[DetectedEvent] = []
     items: list[tuple[float, int, TouchRow | HandRow]] = [
@@ -102,13 +90,9 @@ def events_of(
 
 
 def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool = False) -> list[TrialEvents]:
-    """Find the events of a study's attempts and write them beside each session's own.
+    """Find the events of a study's attempts and write them beside each session's, in place of earlier ones.
 
-    What an earlier call has written is replaced.
-
-    Raises:
-        InvalidValueError: Unknown participant ID.
-        RecordingError: The study is damaged, or no attempt has frames of its fingertips.
+    Raises ``RecordingError`` if no attempt has frames of its fingertips.
     """
     plan = read_plan(folder)
     stay = staying(folder, plan)

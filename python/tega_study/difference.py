@@ -18,14 +18,12 @@ class OutcomeDifference(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
-        object: Name of the lifted object.
         condition: The first condition.
-        people: Number of participants with both conditions.
+        people: With both conditions.
         first: Mean of people's means under the first condition; successes as a share.
         second: Under the second.
         difference: First less second.
         low: Lower end of its 95 % interval over people, by t; ``None`` where people are one, or all alike.
-        high: Upper end.
     """
 
     metric: str
@@ -47,7 +45,7 @@ class OutcomeDifference(msgspec.Struct, frozen=True, kw_only=True):
 def outcome(
     trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str, str]
 ) -> OutcomeDifference:
-    """Return the mean over people of each one's mean under the first condition less that under the second.
+    """Return the mean over people of each one's mean under the first condition less the second.
 
     All trials that count take part, also failed ones, as in the paper.
     """

@@ -15,13 +15,10 @@ Verdict = Literal["as printed", "opposite", "not distinguished", "no data"]
 
 
 class Direction(OutcomeDifference, frozen=True, kw_only=True):
-    """One difference that the paper prints, and the study's.
+    """One difference that the paper prints with touch (``paper_first``) and without, and the study's.
 
-    Attributes:
-        paper_first: The paper's printed value with touch.
-        paper_second: Without.
-        paper_sign: 1 where the first is more, -1 where it is less.
-        verdict: ``as printed`` and ``opposite`` where the interval is all on one side of 0.
+    ``paper_sign`` is 1 where the first is more, -1 where it is less. ``verdict`` is ``as printed`` or
+    ``opposite`` where the interval is all on one side of 0.
     """
 
     paper_first: str
@@ -33,9 +30,7 @@ class Direction(OutcomeDifference, frozen=True, kw_only=True):
 def directions(trials: Sequence[Trial], conditions: tuple[str, str]) -> tuple[Direction, ...]:
     """Compare a study's differences with the paper's, for every number of its Table I that differs.
 
-    Args:
-        trials: The study's.
-        conditions: The first is compared with the second; they stand for the paper's haptic and non-haptic.
+    The first condition stands for the paper's haptic, the second for its non-haptic.
     """
     printed, reference = PAPER_TABLE_1["haptic"], PAPER_TABLE_1["non-haptic"]
     found = []

@@ -38,11 +38,7 @@ def p_text(p: float | None) -> str:
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return an empty figure.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Return an empty figure; ``MissingExtraError`` without matplotlib."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -155,8 +151,7 @@ def _bracket(ax: Axes, values: Sequence[Sequence[float]], text: str) -> None:
 def figure_8_trials(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, list[str]]:
     """Choose Fig 8's trials: the first person with courses of all objects, the first three haptic ones each.
 
-    Returns:
-        Trial IDs by object; empty if there are none.
+    Trial IDs by object; empty if there are none.
     """
     condition = analysis.conditions[0]
     for person in dict.fromkeys(t.participant for t in analysis.trials):

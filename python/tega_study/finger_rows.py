@@ -14,17 +14,11 @@ class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
     """One fingertip's contact.
 
     Attributes:
-        trial: Id of the trial.
-        object: Name of the lifted object.
-        condition: Vest condition.
-        finger: Which.
         preset: Readings.
         cci: Contact concentration (Eq 6).
         eda: Contact area, pixels (Eq 4).
-        cci_norm: As a share of the calibrated press, at most 1; ``None`` where there is none.
-        eda_norm: Contact area as a share of the calibrated press, at most 1; ``None`` where there is none.
-        peak_x: Peak, pixels.
-        peak_y: Vertical position of the peak, pixels.
+        cci_norm: Share of the calibrated press, at most 1; ``None`` where there is none; ``eda_norm`` too.
+        peak_x: Peak, pixels; so is ``peak_y``.
     """
 
     trial: str

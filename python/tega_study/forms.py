@@ -16,13 +16,7 @@ FORMS: Final = ("consent.md", "data-protection.md")
 def write_forms(folder: Path, out: Path) -> list[Path]:
     """Write the forms. Values missing from the plan are left in brackets, for the lab to complete.
 
-    Args:
-        folder: The study's folder.
-        out: Folder for the forms; none of them may be there already.
-
-    Raises:
-        InvalidValueError: A form is there already, and may have been completed.
-        MissingExtraError: A package of the extra ``study`` is not installed.
+    None of them may be in ``out`` already: it may have been completed (``InvalidValueError``).
     """
     plan = read_plan(folder)
     settings, first = plan.settings, plan.of(plan.participants[0])

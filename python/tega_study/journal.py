@@ -47,20 +47,20 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
 
     Attributes:
         n: Its number in the file, from 1 without a gap.
-        t_ns: When, on the session's clock, nanoseconds.
-        kind: What.
-        trial: Trial number; 0 for events outside of trials.
-        attempt: Its attempt, from 1.
+        t_ns: When, on the session's clock.
+        trial: 0 for events outside of trials.
+        attempt: From 1.
         status: ``trial_end``: how it ended.
         success: ``trial_end``: as scored by rule. ``override``: as corrected by a person.
         undone: ``undo``: number of the event that does not count.
         source: ``auto``, or a rater's ID.
-        text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised copies.
+        text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised
+            copies.
         item: ``rating``: the question, such as ``tlx.effort``. ``muscles``: the channel, such as ``ch1``.
             ``behaviour``: its name in the plan.
-        value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over. ``muscles``: the channel's median
-            frequency in the trial, Hz. ``squeeze``: its amplitude, as a share of the calibrated maximum. Both are left
-            out of anonymised copies.
+        value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over. ``muscles``: the channel's
+            median frequency in the trial, Hz. ``squeeze``: its amplitude, as a share of the calibrated
+            maximum. Both are left out of anonymised copies.
     """
 
     n: Annotated[int, msgspec.Meta(ge=1)]
@@ -82,8 +82,7 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
 def read_events(path: Path) -> list[JournalEvent]:
     """Read a session's events; a last line that was cut off is passed over, a missing file holds none.
 
-    Raises:
-        RecordingError: Another line is no event, or lines are missing.
+    Another line that is no event, or missing lines, are a ``RecordingError``.
     """
     return read_json_lines(path, JournalEvent, "event")
 
@@ -111,9 +110,7 @@ def counting(events: Sequence[JournalEvent], trial: int, attempt: int) -> list[J
 class Journal(JsonLines[JournalEvent]):
     """A session's events, open to be added to; one program at a time.
 
-    Raises:
-        RecordingError: The file holds something else, or is a link.
-        DeviceUnavailableError: Another program has it open.
+    A second program gets a ``DeviceUnavailableError``; a link or a damaged file is a ``RecordingError``.
     """
 
     def __init__(self, path: Path) -> None:
@@ -138,11 +135,8 @@ class Journal(JsonLines[JournalEvent]):
     ) -> None:
         """Add another account of an attempt: its start, its events, its end.
 
-        Args:
-            ends: The session's own start and end of the attempt.
-            source: Source of the account.
-            events: Fields of each event; trial, attempt and source are those of the attempt.
-            outcome: Further fields of the end.
+        ``ends`` are the session's own. Each event gets the attempt's trial, attempt and ``source``;
+        ``outcome`` has further fields of the end.
         """
         start, end = ends
         common: dict[str, Any] = {"trial": start.trial, "attempt": start.attempt, "source": source}

@@ -11,8 +11,8 @@ class MaskingSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The sound that masks the vest's motors in a study: pink noise, the same in every condition.
 
     Attributes:
-        level_dbfs: Its level (RMS), decibels below the sound card's full scale; none plays nothing. Begin low: how loud
-            that is depends on card and headphones.
+        level_dbfs: Its level (RMS), decibels below the sound card's full scale; none plays nothing. Begin
+            low: how loud that is depends on card and headphones.
         output: Number or part of the name of the loudspeaker; empty for the system's own.
     """
 

@@ -38,10 +38,9 @@ _BEEP_RAMP_S = 0.005
 
 
 def pink_loop() -> NDArray[np.float32]:
-    """Make a loop of pink noise: power falls as 1/f within :data:`BAND_HZ`, phases are random, its end fits its start.
+    """Make a loop of pink noise: power falls as 1/f within :data:`BAND_HZ`, phases are random.
 
-    Returns:
-        float32 (524288,), root mean square 1.
+    Its end fits its start. float32 (524288,), root mean square 1.
     """
     hz = np.fft.rfftfreq(_LOOP, 1 / RATE_HZ)
     inside = (hz >= BAND_HZ[0]) & (hz <= BAND_HZ[1])
@@ -53,13 +52,9 @@ def pink_loop() -> NDArray[np.float32]:
 
 
 def beep_tone(level_dbfs: float) -> NDArray[np.float32]:
-    """Make a beep.
+    """Make a beep, float32 (4800,), -1 to 1.
 
-    Args:
-        level_dbfs: Its level at its height, decibels of full scale (RMS).
-
-    Returns:
-        float32 (4800,), -1 to 1.
+    ``level_dbfs`` is its level at its height, decibels of full scale (RMS).
     """
     at_s = np.arange(round(BEEP_S * RATE_HZ)) / RATE_HZ
     edge = np.clip(np.minimum(at_s, BEEP_S - at_s) / _BEEP_RAMP_S, 0, 1)
@@ -105,12 +100,7 @@ class MaskingSound(Opened):
         return self._stream is not None and bool(self._stream.active)
 
     def open(self) -> None:
-        """Begin to play.
-
-        Raises:
-            MissingExtraError: The package sounddevice is not installed.
-            DeviceUnavailableError: There is no such loudspeaker.
-        """
+        """Begin to play; ``DeviceUnavailableError`` if there is no such loudspeaker."""
         sd = load_sounddevice()
         try:
             self._stream = sd.OutputStream(
@@ -137,10 +127,9 @@ class MaskingSound(Opened):
         stream.close()
 
     def render(self, n: int) -> NDArray[np.float32]:
-        """Make the next samples: half a second from silence to the level, and back once it is being closed.
+        """Make the next samples, float32 (n, 2), -1 to 1.
 
-        Returns:
-            float32 (n, 2), -1 to 1.
+        Half a second from silence to the level, and back once it is being closed.
         """
         at = (self._at + np.arange(n)) % len(self._loop)
         self._at = int((self._at + n) % len(self._loop))

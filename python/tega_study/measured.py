@@ -26,11 +26,9 @@ def read_measured(folder: Path, participant: str) -> list[JournalEvent]:
 
 
 def camera_success(events: Sequence[JournalEvent], *, dropped: bool) -> bool:
-    """Return whether a trial succeeded as the camera measured it, with the drops as a person has corrected them.
+    """Return whether a trial succeeded by the camera's events, with the drops as a person has corrected them.
 
-    Args:
-        events: The camera's events of the trial.
-        dropped: Whether a drop counts.
+    ``dropped``: whether a drop counts.
     """
     end = next(event for event in events if event.kind == "trial_end")
     struck = not dropped and any(event.kind == "drop" for event in events)

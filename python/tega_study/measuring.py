@@ -42,13 +42,7 @@ CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop",
 class MeasuredTrial(msgspec.Struct, frozen=True):
     """Measurement of one attempt by a camera.
 
-    Attributes:
-        participant: Participant ID.
-        trial: Its number.
-        attempt: Its attempt.
-        object: Name of the lifted object.
-        outcome: Measured outcome, times from the trial's start; ``None`` where it could not be measured.
-        problem: Why it could not.
+    ``outcome`` has times from the trial's start; ``None`` where it could not be measured: ``problem`` is why.
     """
 
     participant: str
@@ -72,16 +66,11 @@ def measure_session(
 ) -> list[MeasuredTrial]:
     """Measure the trials of a session by a camera, and write them beside the session's events.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID of the session.
-        video: A video of the whole session; its time code is on the session's clock. ``None`` for the frames that a
-            camera of the settings recorded with each trial.
-        lens: Lens of the camera; ``None`` for those in the recordings, like the layout.
-        layout: Which tags are where.
-        camera: Which camera of the settings; ``None`` for the only one.
-        harm_m: Narrowing from which the object counts as deformed, metres.
-        mark_m: Second mark of a task of two places, as of :func:`tega_scene.outcomes.score_scene`.
+    ``video`` is of the whole session, its time code on the session's clock; ``None`` for the frames that a
+    ``camera`` of the settings (``None`` for the only one) recorded with each trial. ``lens`` and ``layout``
+    are those in the recordings if ``None``; ``layout`` is which tags are where. The object counts as deformed
+    from a narrowing of ``harm_m``. ``mark_m`` is the second mark of a task of two places, as of
+    :func:`tega_scene.outcomes.score_scene`.
 
     Raises:
         InvalidValueError: Unknown participant ID, or the mark is no place on the table.
@@ -202,22 +191,11 @@ def confirm_trial(
 ) -> list[JournalEvent]:
     """Take the camera's events of a trial over into a person's own account, as they are or corrected.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID of the session.
-        trial: Number of the trial.
-        rater: The confirming rater, a code such as ``r1``.
-        attempt: Number of the trial's attempt.
-        struck: Events that did not happen, by their number in the camera's file.
-        added: Events that the camera has missed: kind, seconds from the trial's start.
-
-    Returns:
-        The events that now count for that person.
-
-    Raises:
-        InvalidValueError: The camera has not measured the trial, a number is not one of its events, a kind cannot be
-            added, a time is outside the trial, or the person has confirmed it before.
-        RecordingError: A file is damaged.
+    ``rater`` is a code such as ``r1``; ``struck`` numbers, in the camera's file, the events that did not
+    happen; ``added`` has those that the camera missed: kind, seconds from the trial's start. Returns the
+    events that now count for that person. Raises ``InvalidValueError`` if the camera has not measured the
+    trial, a number is none of its events, a kind cannot be added, a time is outside the trial, or the person
+    has confirmed it before.
     """
     measured = read_measured(folder, participant)
     mine = counting(measured, trial, attempt)

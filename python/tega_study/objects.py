@@ -33,8 +33,8 @@ class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     """Properties of an object; ``None`` for those not measured.
 
     Attributes:
-        mass_g: Mass as it is lifted, grams.
-        stiffness_n_per_mm: Force over indentation where it is grasped, newtons per millimetre.
+        mass_g: As it is lifted.
+        stiffness_n_per_mm: Force over indentation where it is grasped.
         friction: Coefficient of static friction against the fingertips' gel.
         measured: How these were measured, in words.
         photo: Below the study's folder, such as ``objects/bag.jpg``.
@@ -50,9 +50,7 @@ class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 def read_objects(folder: Path) -> dict[str, ObjectFacts]:
     """Read the properties of a study's objects; nothing if none were recorded.
 
-    Raises:
-        RecordingError: The file holds something else.
-        UnsafeNameError: A photo's name could lie outside of the folder.
+    ``UnsafeNameError`` if a photo's name could lie outside of the folder.
     """
     path = folder / OBJECTS
     if not path.exists():
@@ -79,17 +77,10 @@ def objects_text(known: Mapping[str, ObjectFacts]) -> str:
 
 
 def note_object(folder: Path, name: str, *, photo: Path | None = None, **changes: Any) -> ObjectFacts:
-    """Record properties of an object; properties that are not given stay unchanged.
+    """Record properties of an object of the plan; properties that are not given stay unchanged.
 
-    Args:
-        folder: The study's folder.
-        name: One of the plan's objects.
-        photo: A JPEG or PNG file, which is copied.
-        changes: Other attributes of :class:`ObjectFacts`.
-
-    Raises:
-        InvalidValueError: The plan has no such object, a value is out of range, or the photo is none.
-        RecordingError: The study is damaged, or the photo is too large.
+    ``photo`` is a JPEG or PNG file, which is copied; ``changes`` are other attributes of
+    :class:`ObjectFacts`. ``RecordingError`` if the photo is too large.
     """
     objects = read_plan(folder).settings.objects
     if name not in objects:

@@ -19,9 +19,7 @@ _Item = TypeVar("_Item")
 class Slot(NamedTuple):
     """A trial's place in a session.
 
-    Attributes:
-        block: Number of its block, from 1: trials in a row with the same object and condition.
-        object: Name of the object to lift.
+    Blocks count from 1: trials in a row with the same object and condition.
     """
 
     block: int
@@ -32,10 +30,7 @@ class Slot(NamedTuple):
 def shuffled(items: Sequence[_Item], *, seed: int, purpose: str) -> list[_Item]:
     """Put items into an order that depends on the seed and the purpose alone.
 
-    Args:
-        items: Items to order; equal items are distinguished by their place.
-        seed: The study's seed.
-        purpose: Purpose of the order; each purpose has a different order.
+    Equal items are distinguished by their place; each purpose has a different order.
     """
 
     def key(place: int) -> str:
@@ -63,15 +58,10 @@ def allocate(
 ) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
     """Give every person an order of objects and an order of conditions.
 
-    People come in groups as large as there are condition orders. A group shares an order of objects and has each order
-    of conditions once; groups go through all orders of objects before one comes again. So conditions are balanced
-    after every group, and everything after every round of groups.
-
-    Args:
-        n_people: How many people.
-        objects: Up to three are taken in all orders, more in a Williams design.
-        conditions: Taken in a Williams design.
-        seed: The study's seed.
+    People come in groups as large as there are condition orders. A group shares an order of objects and has
+    each order of conditions once; groups go through all orders of objects before one comes again. So
+    conditions are balanced after every group, and everything after every round of groups. Up to three objects
+    are taken in all orders, more in a Williams design; conditions always in a Williams design.
     """
     n = len(objects)
     rows = list(itertools.permutations(range(n))) if n <= 3 else williams(n)
@@ -96,19 +86,12 @@ def lay_out(
     seed: int,
     person: str,
 ) -> list[Slot]:
-    """Return a person's trials in their order.
+    """Return a person's trials in their order; ``trials`` are per object and condition.
 
-    ``period``: one condition for all objects, then the next (few changes of the vest; learning and condition cannot
-    be separated within a person). ``abba``: per object the conditions there and back, which cancels linear growth.
-    ``pairs``: per object rounds of one trial per condition, each round in a different order.
-
-    Args:
-        objects: In the person's order.
-        conditions: In the person's order.
-        trials: Per object and condition.
-        layout: See above.
-        seed: The study's seed.
-        person: ID of the person; used by ``pairs``.
+    ``period``: one condition for all objects, then the next (few changes of the vest; learning and condition
+    cannot be separated within a person). ``abba``: per object the conditions there and back, which cancels
+    linear growth. ``pairs``: per object rounds of one trial per condition, each round in a different order,
+    which depends on ``person``. Objects and conditions are in the person's order.
     """
     runs: list[tuple[str, str, int]] = []
     if layout == "period":

@@ -41,11 +41,7 @@ _UNITS = {
 
 
 def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
-    """Return the page.
-
-    Raises:
-        MissingExtraError: Jinja2 is not installed.
-    """
+    """Return the page; ``MissingExtraError`` without Jinja2."""
     sizes = sorted({(row.people, row.trials) for row in analysis.sensitivity})
     return (
         report_templates()
@@ -84,11 +80,7 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
 
 
 def report_templates() -> Environment:
-    """Return the environment of the templates beside this file.
-
-    Raises:
-        MissingExtraError: Jinja2 is not installed.
-    """
+    """Return the environment of the templates beside this file; ``MissingExtraError`` without Jinja2."""
     try:
         from jinja2 import Environment, PackageLoader, StrictUndefined
     except ImportError as error:

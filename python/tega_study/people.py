@@ -28,7 +28,6 @@ class Ratio(NamedTuple):
     Attributes:
         ratio: Below 1 where the first condition has less.
         low: Lower end of the 95 % interval.
-        high: Upper end.
         t: t of the logarithm against 0.
         df: Degrees of freedom: people less one.
         p: Two-sided.
@@ -45,11 +44,8 @@ class Ratio(NamedTuple):
 class CrossOver(NamedTuple):
     """A comparison with the order of conditions taken out (Hills and Armitage 1979).
 
-    Attributes:
-        effect: First condition less the second.
-        period: First period less the second.
-        t: t of the effect.
-        p: Two-sided.
+    ``effect`` is the first condition less the second, ``period`` likewise; ``t`` and two-sided ``p`` are of
+    the effect.
     """
 
     effect: float
@@ -94,12 +90,10 @@ def _all_signs(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def ratio_of_means(first: ArrayLike, second: ArrayLike) -> Ratio | None:
     """Compare counts as a ratio of means, people as clusters.
 
-    In a balanced design this is what Poisson GEE with any working correlation gives, in closed form: the standard error
-    is the bias-reduced one (robust times n / (n - 1)), and t with n - 1 degrees of freedom replaces its z,
-    which rejects a true null four times too often with six people.
-
-    Returns:
-        ``None`` where a condition has no event at all, there are fewer than two people, or everybody is the same.
+    In a balanced design this is what Poisson GEE with any working correlation gives, in closed form: the
+    standard error is the bias-reduced one (robust times n / (n - 1)), and t with n - 1 degrees of freedom
+    replaces its z, which rejects a true null four times too often with six people. ``None`` where a condition
+    has no event at all, there are fewer than two people, or everybody is the same.
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     n = len(a)
@@ -115,11 +109,8 @@ def paired_log_ratio(first: ArrayLike, second: ArrayLike) -> Ratio | None:
 
     With people who differ in their effect, a mixed model with a random intercept rejects a true null in a
     quarter of all studies of this size, and one with a random slope does not converge; this keeps its level,
-    and has the same estimate where the design is balanced.
-
-    Args:
-        first: Each person's mean of the logarithm under the first condition.
-        second: Under the second.
+    and has the same estimate where the design is balanced. The arguments hold each person's mean logarithm
+    under a condition.
     """
     off = np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64)
     if len(off) < 2:
@@ -141,11 +132,9 @@ def ratio_by_t(log_ratio: float, se: float, df: int) -> Ratio | None:
 def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]]) -> float:
     """Return the two-sided p over all exchanges of conditions among each person's own trials.
 
-    Says something about these people's trials, not about other people, and takes trials as exchangeable: learning and
-    tiring are not allowed for. Exact for whole numbers, else 19,999 random exchanges and the one that is there.
-
-    Args:
-        groups: For each person the values under the first and under the second condition.
+    It is about these people's trials, not about other people, and takes trials as exchangeable: learning and
+    tiring are not allowed for. Exact for whole numbers, else 19,999 random exchanges and the one that is
+    there. ``groups`` has, for each person, the values under the first and under the second condition.
     """
     pooled = [np.concatenate([np.asarray(a, float), np.asarray(b, float)]) for a, b in groups]
     sizes = [np.size(a) for a, _ in groups]
@@ -170,8 +159,7 @@ def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]]) -> float:
 def cross_over(first: ArrayLike, second: ArrayLike, began_with_first: ArrayLike) -> CrossOver | None:
     """Compare two conditions with the effect of their order taken out.
 
-    Returns:
-        ``None`` unless at least two people began with each and they are not all the same.
+    ``None`` unless at least two people began with each and they are not all the same.
     """
     a, b = np.asarray(first, float), np.asarray(second, float)
     began = np.asarray(began_with_first, bool)

@@ -49,27 +49,25 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     """Decisions about a study, kept in ``study.toml``.
 
     Attributes:
-        participants: How many people are planned; looking at p-values before they are all there is a look too many.
-        objects: Names of the objects to lift.
+        participants: How many are planned; a look at p-values before all are there costs the tests their
+            level.
         conditions: Vest conditions; the first two are compared, the second is the reference.
         trials: Per person, object and condition.
         layout: How conditions follow one another, see :func:`tega_study.order.lay_out`.
-        rest_s: Between two trials, seconds (the paper's minute).
-        change_rest_s: Where the condition changes, seconds.
-        long_rest_s: After every ``long_rest_every`` trials, seconds.
-        long_rest_every: Trials between long rests.
-        window_s: Time in which the object has to be lifted, seconds.
+        rest_s: Between two trials (the paper's minute).
+        change_rest_s: Where the condition changes.
+        long_rest_s: After every ``long_rest_every`` trials.
+        window_s: Time in which the object has to be lifted.
         stable: Whether the stable second has to begin in the window, or to be complete in it; see
             :mod:`tega.stages.events.outcomes`.
-        scored_by: Source of the outcomes that count: the session and its raters, or the scene camera where it has
-            measured the trial.
+        scored_by: Source of the outcomes that count: the session and its raters, or the scene camera where it
+            has measured the trial.
         alpha: Two-sided level of the tests.
         family: The tests that are corrected together, ``metric:object``.
         probe: Whether a beep now and then is to be answered in every trial (dual task).
-        seed: Seed of all orders; absent in an anonymised copy.
-        simulated: Whether the people are simulated.
-        plan_sha256: SHA-256 of ``plan.csv``.
-        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
+        seed: Of all orders; absent in an anonymised copy.
+        plan_sha256: Of ``plan.csv``.
+        behaviours: What raters code besides lift-off, slip, deformation and drop.
     """
 
     participants: Annotated[int, msgspec.Meta(ge=1, le=999)]
@@ -98,12 +96,9 @@ class PlannedTrial(msgspec.Struct, frozen=True):
 
     Attributes:
         participant: Anonymous id, such as ``p01``.
-        trial: Number within the person, from 1.
-        block: Number of its block, from 1.
-        object: Name of the object to lift.
-        condition: Vest condition.
-        repeat: Its number among those of the same object and condition, from 1.
-        rest_s: Rest before it, seconds.
+        trial: Number within the person, from 1; so is ``block``.
+        repeat: Number among those of the same object and condition, from 1.
+        rest_s: Before it.
     """
 
     participant: str
@@ -121,22 +116,13 @@ class PlannedTrial(msgspec.Struct, frozen=True):
 
 
 class StudyPlan(msgspec.Struct, frozen=True):
-    """Settings and trials.
-
-    Attributes:
-        settings: The study's settings.
-        trials: All trials, person after person in their order.
-    """
+    """Settings and all trials, person after person in their order."""
 
     settings: StudySettings
     trials: tuple[PlannedTrial, ...]
 
     def of(self, participant: str) -> tuple[PlannedTrial, ...]:
-        """Return a person's trials in their order.
-
-        Raises:
-            InvalidValueError: The ID is not in the plan.
-        """
+        """Return a person's trials in their order; ``InvalidValueError`` if the ID is not in the plan."""
         mine = tuple(trial for trial in self.trials if trial.participant == participant)
         if not mine:
             known = list(dict.fromkeys(trial.participant for trial in self.trials))
@@ -192,14 +178,9 @@ def make_plan(
 ) -> StudyPlan:
     """Make a counterbalanced plan; equal arguments give equal plans.
 
-    Args:
-        participants: As in :class:`StudySettings`.
-        seed: Seed of all orders.
-        family: ``metric:object``; the paper's seven where ``None``.
-        settings: Other attributes of :class:`StudySettings`; the paper's protocol unless given.
-
-    Raises:
-        InvalidValueError: A value is out of range, or a name comes twice or cannot be used.
+    ``seed`` is of all orders; ``family`` holds ``metric:object``, the paper's seven where ``None``.
+    ``settings`` are other attributes of :class:`StudySettings`, the paper's protocol unless given. A name
+    must not come twice.
     """
     fields: dict[str, Any] = {**_DEFAULTS, **settings, "participants": participants, "seed": seed}
     own = (*CODED, *fields.get("behaviours", ()))
@@ -277,11 +258,7 @@ def _toml(settings: StudySettings) -> str:
 
 
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
-    """Write a plan into a new folder, whole or not at all; its trials are signed again.
-
-    Raises:
-        InvalidValueError: There is something already.
-    """
+    """Write a plan into a new folder, whole or not at all; its trials are signed again."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InvalidValueError(
             f"{folder}: is there already", "a plan is never overwritten; name a new folder"
@@ -312,11 +289,9 @@ def _umask() -> int:
 
 
 def read_plan(folder: Path) -> StudyPlan:
-    """Read a study's plan.
+    """Read a study's plan; ``RecordingError`` if there is none, or it is not as it was written.
 
-    Raises:
-        RecordingError: There is none, or it is not as it was written.
-        UnsafeNameError: A participant, an object or a condition has a name that cannot be a folder's.
+    ``UnsafeNameError`` if a participant, an object or a condition has a name that cannot be a folder's.
     """
     import tomllib
 

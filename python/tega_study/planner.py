@@ -18,13 +18,11 @@ class Planner(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         metric: ``slips`` or ``deformations``.
-        object: Name of the lifted object.
-        mean: Under the first condition.
-        reference: Under the second.
+        mean: Under the first condition; ``reference`` is under the second.
         spread: Name in :data:`tega_study.power.SPREADS`.
-        least: Fewest people with whom the test can be significant at all; ``None`` for more than are tried.
-        people: For 80 % power of the report's test over people, corrected over the plan's family; ``None`` for more
-            than :data:`tega_study.power.MOST_PEOPLE`.
+        least: Fewest people with whom the test can be significant; ``None`` for more than are tried.
+        people: For 80 % power of the report's test over people, corrected over the plan's family; ``None``
+            for more than :data:`tega_study.power.MOST_PEOPLE`.
         power_at_12: Power with twelve people, one full set of orders.
         error: Two standard errors of that, at most.
     """
@@ -48,14 +46,11 @@ def next_study(
     trials: int,
     alpha: float,
 ) -> tuple[Planner, ...]:
-    """Return sample sizes for the next study, a row for each count of the family that differs and each spread.
+    """Return sample sizes for the next study, a row for each differing count of the family and each spread.
 
-    Args:
-        cells: Means of this study, which the next is assumed to have.
-        family: The plan's tests, ``metric:object``.
-        conditions: The first is compared with the second.
-        trials: Per person, object and condition.
-        alpha: Two-sided level.
+    The next study is assumed to have the means of ``cells``. ``family`` holds ``metric:object``; of
+    ``conditions`` the first is compared with the second. ``trials`` are per person, object and condition;
+    ``alpha`` is two-sided.
     """
     of = {(cell.object, cell.condition): cell for cell in cells}
     tests = [_planned(test, of, conditions) for test in family]

@@ -25,7 +25,7 @@ class EffectSpread(NamedTuple):
     """Assumed differences between people and between trials.
 
     Attributes:
-        dispersion: Dispersion of the counts: variance = mean + dispersion * mean².
+        dispersion: Of the counts: variance = mean + dispersion * mean².
         sd_level: Standard deviation of people's log level.
         sd_effect: Standard deviation of people's log effect.
         time_sd_effect: Standard deviation of people's log effect on the time.
@@ -56,10 +56,8 @@ MOST_PEOPLE = 24
 class PlannedTest(NamedTuple):
     """One test of the plan's family, with the means that are assumed.
 
-    Attributes:
-        metric: ``duration_s``, or a count.
-        mean: Expected value of a trial under the first condition.
-        reference: Under the second.
+    ``metric`` is ``duration_s``, or a count. ``mean`` is a trial's under the first condition, ``reference``
+    under the second.
     """
 
     metric: str
@@ -68,12 +66,9 @@ class PlannedTest(NamedTuple):
 
 
 class Power(NamedTuple):
-    """Share of drawn studies in which a test is significant after the correction.
+    """Share of drawn studies in which a test is significant after the correction, ``people`` in each.
 
-    Attributes:
-        people: In each study.
-        found: That share.
-        error: Two standard errors of the simulation, at most.
+    ``error`` is two standard errors of the simulation, at most.
     """
 
     people: int
@@ -116,18 +111,9 @@ def power_of(
 ) -> Power:
     """Draw studies, and count those in which a test is significant by the report's own test and correction.
 
-    Args:
-        family: All tests that are corrected together.
-        target: Place of the test that counts.
-        people: In each study, 2 to 60.
-        trials: Per person, object and condition.
-        spread: See :data:`SPREADS`.
-        alpha: Two-sided level.
-        runs: Number of studies.
-        seed: Seed of the simulation.
-
-    Raises:
-        InvalidValueError: A value is out of range.
+    ``family`` has all tests that are corrected together, ``target`` is the place of the one that counts. Each
+    of the ``runs`` studies has 2 to 60 ``people``; ``trials`` are per person, object and condition. ``alpha``
+    is two-sided.
     """
     _check(family, people)
     random = np.random.default_rng([seed, people, trials])
@@ -151,15 +137,9 @@ def people_for(
     alpha: float = 0.05,
     runs: int = 1000,
 ) -> Power | None:
-    """Return the smallest study that finds the effect often enough; ``None`` if :data:`MOST_PEOPLE` are too few.
+    """Return the smallest study that finds the effect often enough; ``None`` above :data:`MOST_PEOPLE`.
 
-    Args:
-        family: As in :func:`power_of`, like the others.
-        target: Place of the test that counts.
-        trials: Per person, object and condition.
-        spread: See :data:`SPREADS`.
-        alpha: Two-sided level.
-        runs: Number of studies for each size.
+    The arguments are those of :func:`power_of`, ``runs`` for each size.
     """
     low = least_people(family[target].metric, tests=len(family), alpha=alpha) or MOST_PEOPLE + 1
     best, high = None, MOST_PEOPLE
@@ -174,12 +154,9 @@ def people_for(
 
 
 def too_few(family: Sequence[str], *, people: int, alpha: float) -> Mapping[str, int | None]:
-    """Return the metrics of a plan that cannot become significant with so few people, with the fewest that could.
+    """Return a plan's metrics that so few people cannot make significant, with the fewest that could.
 
-    Args:
-        family: The plan's tests, ``metric:object``.
-        people: How many are planned.
-        alpha: Two-sided level.
+    ``family`` has the plan's tests, ``metric:object``; ``alpha`` is two-sided.
     """
     metrics = dict.fromkeys(test.partition(":")[0] for test in family)
     least = {metric: least_people(metric, tests=len(family), alpha=alpha) for metric in metrics}

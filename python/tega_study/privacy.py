@@ -40,10 +40,10 @@ class Withdrawal(NamedTuple):
     """Files deleted, changed and left by a withdrawal.
 
     Attributes:
-        deleted: Deleted files, folders and links of the study's folder.
+        deleted: Files, folders and links of the study's folder.
         changed: BORIS projects that the person's observations were taken out of.
-        left: Paths to check by hand: targets of links, files that the program made of the person elsewhere, and other
-            people's files that bear the person's ID.
+        left: Paths to check by hand: targets of links, files that the program made of the person elsewhere,
+            and other people's files that bear the person's ID.
     """
 
     deleted: list[Path]
@@ -88,16 +88,10 @@ def _copies(notes: Path, seen: set[Path]) -> list[Path]:
 def withdraw(folder: Path, participant: str) -> Withdrawal:
     """Delete what there is of a person, and the reports that it went into. It cannot be undone.
 
-    The ID stays in the plan and in ``withdrawn.txt``, so that the study's flow can be reported. Links are deleted and
-    not followed. Copies made elsewhere, and the disk's own (journals, snapshots, worn flash cells), are not reached.
-    Call it again to finish an interrupted deletion.
-
-    Returns:
-        The deleted and the remaining files.
-
-    Raises:
-        InvalidValueError: The ID is not in the plan.
-        DeviceUnavailableError: The session is open in another program.
+    The ID stays in the plan and in ``withdrawn.txt``, so that the study's flow can be reported. Links are
+    deleted and not followed. Copies made elsewhere, and the disk's own (journals, snapshots, worn flash
+    cells), are not reached. Call it again to finish an interrupted deletion. A session that another program
+    has open is a ``DeviceUnavailableError``.
     """
     read_plan(folder).of(participant)
     if participant not in withdrawn_ids(folder):
@@ -115,11 +109,7 @@ def own_name(participant: str) -> re.Pattern[str]:
 
 
 def check_not_led(folder: Path, participant: str) -> None:
-    """Refuse while a program has the person's events, or a rater's of that person, open.
-
-    Raises:
-        DeviceUnavailableError: One has.
-    """
+    """Raise ``DeviceUnavailableError`` while a program has the events of the person or a rater open."""
     own = [events_path(folder, participant)]
     raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
     for path in (*own, *raters):
@@ -175,21 +165,11 @@ def forget_person(path: Path, participant: str) -> bool:
 def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     """Write an anonymised copy of a study, fit to be published and to make the report from.
 
-    The copy has the plan, the objects' properties, events and courses of touch and level under new IDs in a new
-    order; no muscle signals, frames, photos, texts or raters' names. Times count from each session's first event. The
-    seed is left out, because the old IDs could be computed from it.
-
-    Args:
-        folder: The study's folder.
-        out: Must not exist, or be empty.
-        key: Decides the new ids; keep it secret or throw it away.
-
-    Returns:
-        The new id of each old one; not written anywhere.
-
-    Raises:
-        InvalidValueError: ``out`` is there already, or ``key`` is empty.
-        RecordingError: The study is damaged.
+    The copy has the plan, the objects' properties, events and courses of touch and level under new IDs in a
+    new order; no muscle signals, frames, photos, texts or raters' names. Times count from each session's
+    first event. The seed is left out, because the old IDs could be computed from it. ``out`` must not exist,
+    or be empty. ``key`` decides the new ids, and must not be empty; keep it secret or throw it away. Returns
+    the new id of each old one, which is not written anywhere.
     """
     from tega_study.silico.assumptions import PARAMETERS, SIMULATION
 

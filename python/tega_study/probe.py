@@ -51,12 +51,11 @@ class ProbeUse(msgspec.Struct, frozen=True, kw_only=True):
     """Answers to the beeps under a condition, a mean for each person first.
 
     Attributes:
-        condition: Vest condition.
-        people: Number of people with at least one beep.
+        people: With at least one beep.
         beeps: How many counted.
         answered: Share of them that was answered, mean over people.
         answered_low: Smallest of a person.
-        reaction_s: Median over people of each one's mean reaction time, seconds; ``None`` without any answer.
+        reaction_s: Median over people of each one's mean reaction time; ``None`` without any answer.
         false_answers: Presses that answered nothing.
     """
 

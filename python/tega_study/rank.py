@@ -28,13 +28,13 @@ class MannWhitney(NamedTuple):
     Attributes:
         u: U of the first group: pairs in which it is larger, ties as halves.
         p: Two-sided; by ``method``.
-        method: ``exact`` where no two values are equal, else ``asymptotic`` (corrected for ties and continuity).
-        p_asymptotic: The approximation in any case: SciPy's default from 9 against 9 on, which the paper's numbers fit.
-        p_conditional: Exact given the ties that are there; ``None`` for large groups. Equals ``p`` without ties.
+        method: ``exact`` where no two values are equal, else ``asymptotic`` (corrected for ties and
+            continuity).
+        p_asymptotic: In any case: SciPy's default from 9 against 9 on, which the paper's numbers fit.
+        p_conditional: Exact given the ties; ``None`` for large groups. Equals ``p`` without ties.
         a: Share of pairs in which the first group is larger, ties as halves (Vargha and Delaney's A).
         rank_biserial: ``2 a - 1``; positive where the first group is larger.
         low: Lower end of its confidence interval.
-        high: Upper end.
     """
 
     u: float
@@ -54,8 +54,7 @@ class Shift(NamedTuple):
     Attributes:
         estimate: In the unit of the values.
         low: Lower end of its confidence interval; minus infinity where the groups are too small for one.
-        high: Upper end.
-        coverage: True confidence of the interval where no two values are equal; at least that for whole numbers.
+        coverage: True confidence where no two values are equal; at least that for whole numbers.
     """
 
     estimate: float
@@ -94,12 +93,7 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
 def rank_sum_counts(doubled_ranks: Sequence[int], n: int) -> NDArray[np.float64]:
     """Count in how many ways ``n`` of the values have each sum; any whole numbers from 0 do.
 
-    Args:
-        doubled_ranks: The values, such as twice the mid-ranks.
-        n: How many are drawn.
-
-    Returns:
-        float64, at place ``s`` the number of ways to reach the sum ``s``.
+    The values are, for example, twice the mid-ranks; float64, at place ``s`` the ways to the sum ``s``.
     """
     top = int(sum(sorted(doubled_ranks)[-n:])) if n else 0
     ways = np.zeros((n + 1, top + 1))
@@ -145,12 +139,9 @@ def rank_biserial_interval(a: float, n: int, m: int) -> tuple[float, float]:
 
 
 def shift(x: ArrayLike, y: ArrayLike) -> Shift:
-    """Estimate how far the first group lies over the second.
+    """Estimate how far the first group lies over the second; neither may be empty.
 
     The interval runs between the k-th differences from both ends, k from the exact distribution of U.
-
-    Raises:
-        ShapeError: A group is empty.
     """
     first, second = _group(x, "first"), _group(y, "second")
     n, m = len(first), len(second)

@@ -20,12 +20,9 @@ class RatingUse(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         item: The question; :data:`RAW_TLX` for the mean of the six scales, of blocks that have all of them.
-        condition: Vest condition.
-        people: Number of people who answered.
-        answers: How many.
+        people: Who answered.
         median: Over people, 0 to 100.
-        low: Smallest of a person.
-        high: Largest.
+        low: Smallest of a person; ``high`` is the largest.
     """
 
     item: str
@@ -38,11 +35,7 @@ class RatingUse(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def ratings(folder: Path) -> tuple[RatingUse, ...]:
-    """Return all answers of a study by question and condition.
-
-    Raises:
-        RecordingError: The study is damaged.
-    """
+    """Return all answers of a study by question and condition."""
     plan = read_plan(folder)
     scores: dict[tuple[str, str], dict[str, list[float]]] = {}
     for person in staying(folder, plan):

@@ -60,12 +60,7 @@ FIGURES = ("fig3", "fig7", "fig8", "lags", "poses")
 
 
 class Report(NamedTuple):
-    """Paths of a written report, and its analysis.
-
-    Attributes:
-        page: The HTML file.
-        tables: The folder of CSV files, figures and ``analysis.json``.
-    """
+    """A written report; ``tables`` is the folder of CSV files, figures and ``analysis.json``."""
 
     page: Path
     tables: Path
@@ -75,15 +70,9 @@ class Report(NamedTuple):
 def write_report(source: Path, out: Path | None = None, *, unblind: bool = False) -> Report:
     """Analyse a study's folder, or a file of the bench's results, and write the report.
 
-    Args:
-        source: The folder, or the file.
-        out: Folder for ``report.html`` and ``report/``; the study's own where ``None``, for a file the one it is in.
-        unblind: Compare conditions before the plan is complete; written into the study's journal.
-
-    Raises:
-        RecordingError: The source is damaged or has too little.
-        InvalidValueError: There is a folder ``report`` already that is no report.
-        MissingExtraError: A package of the extra ``study`` is not installed.
+    ``out`` is the folder for ``report.html`` and ``report/``; the study's own where ``None``, for a file the
+    one it is in. A folder ``report`` that is no report is an ``InvalidValueError``. ``unblind`` compares
+    conditions before the plan is complete; this is written into the study's journal.
     """
     material = FigureMaterial()
     if source.is_dir():

@@ -24,11 +24,10 @@ class Site(NamedTuple):
 
     Attributes:
         name: Its number in the order of the bundles, such as ``site 1``.
-        plan_sha256: SHA-256 of its plan.
         planned: People in the plan.
         complete: People whose session is here and has no trial left.
         rehearsed: Whether these are no data of persons.
-        trials: The trials, with ids that differ between sites.
+        trials: With ids that differ between sites.
     """
 
     name: str
@@ -42,8 +41,7 @@ class Site(NamedTuple):
 class SitesTable(NamedTuple):
     """Table I over sites.
 
-    Attributes:
-        rows: A head, then a line for each site, condition and metric; those of ``all`` last, if there are several.
+    Rows: a head, then each site, condition and metric; those of ``all`` last, if there are several.
     """
 
     sites: tuple[Site, ...]
@@ -64,14 +62,9 @@ class _Session(NamedTuple):
 def sites_table(bundles: Sequence[Path], *, unblind: bool = False) -> SitesTable:
     """Check every hash of the bundles, work their trials out again, and average them.
 
-    Args:
-        bundles: Files of ``study bundle``; those of one plan are one site.
-        unblind: Compare conditions although the plan of a site is not complete.
-
-    Raises:
-        InvalidValueError: A session is given twice, sites differ in objects or conditions, or rehearsals are mixed with
-            sessions of persons.
-        RecordingError: A bundle is damaged, or a plan is not complete and ``unblind`` is not set.
+    Bundles of one plan are one site. ``unblind`` compares conditions although the plan of a site is not
+    complete, otherwise a ``RecordingError``. ``InvalidValueError`` if a session is given twice, sites differ
+    in objects or conditions, or rehearsals are mixed with sessions of persons.
     """
     by_plan: dict[str, dict[str, _Session]] = {}
     for bundle in bundles:

@@ -20,14 +20,12 @@ TrialStatus = Literal["planned", "running", "redo"] | Status
 
 
 class SessionState(msgspec.Struct, frozen=True):
-    """State of a session's trials.
+    """State of a session's trials; ``status`` and ``attempts`` (how often each was begun) are by number.
 
     Attributes:
-        status: Status of each trial by its number.
         running: Number and attempt of the trial that is going on, or was when everything stopped.
         next: Number and attempt of the trial to do next; ``None`` when all are over.
         n_over: How many trials need nothing more.
-        attempts: How often each trial was begun.
     """
 
     status: dict[int, TrialStatus]
@@ -59,13 +57,11 @@ class SessionState(msgspec.Struct, frozen=True):
 
 
 def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> SessionState:
-    """Work out how a session stands.
+    """Work out how a session stands; ``RecordingError`` if the events don't fit the plan or one another.
 
-    A trial that was broken off for technical reasons is repeated after the others of its block until it has data, is
-    stopped for safety, or is given up (``skipped``). One that the experimenter wants again (``redo``) is repeated, too.
-
-    Raises:
-        RecordingError: The events don't fit the plan or one another.
+    A trial that was broken off for technical reasons is repeated after the others of its block until it has
+    data, is stopped for safety, or is given up (``skipped``). One that the experimenter wants again
+    (``redo``) is repeated, too.
     """
     status: dict[int, TrialStatus] = {trial.trial: "planned" for trial in trials}
     attempts = dict.fromkeys(status, 0)
@@ -126,17 +122,12 @@ def _next(
 def resume(
     folder: Path, plan: StudyPlan, participant: str, *, t_ns: int, where: Where = "lab"
 ) -> tuple[Journal, SessionState]:
-    """Open a person's session, new or after a stop at any moment.
+    """Open a person's session, new or after a stop at any moment, and work out how it stands.
 
-    A trial that was going on when everything stopped is closed as broken off for technical reasons.
-
-    Returns:
-        The journal to go on with, and how the session stands.
-
-    Raises:
-        InvalidValueError: The ID is not in the plan, or the plan is not for sessions that run there.
-        RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
-        DeviceUnavailableError: Another program has the session open.
+    A trial that was going on when everything stopped is closed as broken off for technical reasons. The
+    journal is the one to go on with. Raises ``InvalidValueError`` if the plan is not for sessions that run
+    there, ``RecordingError`` if the events belong to another plan or the person has withdrawn,
+    ``DeviceUnavailableError`` if another program has the session open.
     """
     trials = plan.of(participant)
     check_stays(folder, participant)
@@ -165,11 +156,7 @@ def resume(
 
 
 def check_where(plan: StudyPlan, where: Where) -> None:
-    """Refuse a rehearsal in a plan of people, and people in a plan of rehearsals, to keep the two apart.
-
-    Raises:
-        InvalidValueError: The plan is not for it.
-    """
+    """Refuse a rehearsal in a plan of people, and people in a plan of rehearsals, to keep the two apart."""
     if where != "lab" and not plan.settings.simulated:
         raise InvalidValueError(
             f"{where} sessions do not belong into a plan of people: they would pass for data",

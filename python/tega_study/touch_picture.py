@@ -113,11 +113,7 @@ def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset:
 
 
 def read_touch_picture(path: Path) -> FingerPicture:
-    """Read a picture.
-
-    Raises:
-        RecordingError: The file is missing or damaged.
-    """
+    """Read a picture; ``RecordingError`` if the file is missing or damaged."""
     try:
         with np.load(io.BytesIO(read_foreign(path, most_mib=64)), allow_pickle=False) as file:
             finger, preset = str(file["finger"]), str(file["preset"])
@@ -141,15 +137,8 @@ def read_touch_picture(path: Path) -> FingerPicture:
 def recorded_picture(folder: Path) -> FingerPicture | None:
     """Find the firmest contact in a trial's recording: the largest sum of the touch map.
 
-    Args:
-        folder: Folder of the attempt: ``recordings/p01/p01-t07-a1``.
-
-    Returns:
-        ``None`` where no finger touched anything, or nothing is recorded.
-
-    Raises:
-        RecordingError: The recording is damaged.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    ``folder`` is the attempt's, ``recordings/p01/p01-t07-a1``. ``None`` where no finger touched anything, or
+    nothing is recorded.
     """
     from tega.recording.mcap_reader import McapReader
     from tega.recording.replay.head import read_head
@@ -206,14 +195,9 @@ def pictures_of(
 ) -> dict[str, FingerPicture]:
     """Choose Fig 3's frames: the first person with any, the first trial of each object with a contact.
 
-    Args:
-        folder: The study's folder.
-        trials: Its trials.
-        objects: In the order of the figure.
-        condition: Preferred, the first of the study; touch is measured in the others as well.
-
-    Returns:
-        By trial id; empty where nothing was kept or recorded, or the extra ``record`` is not installed.
+    Objects in the order of the figure. ``condition`` is preferred, the first of the study; touch is measured
+    in the others as well. By trial id; empty where nothing was kept or recorded, or the extra ``record`` is
+    not installed.
     """
     for person in dict.fromkeys(trial.participant for trial in trials):
         found = {}

@@ -23,11 +23,10 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     """Outcome of one trial.
 
     Attributes:
-        id: Its name, such as ``p01-t07``, or file and line of a bench's results.
-        participant: Anonymous id of the person.
+        id: Such as ``p01-t07``, or file and line of a bench's results.
+        participant: Anonymous id.
         trial: Number within the person.
         repeat: Its number among those of the same person, object and condition.
-        object: Name of the lifted object.
         condition: Vest condition.
         status: ``done`` and ``failed_task`` are data; the others are reported in the flow and left out of the
             statistics.
@@ -36,18 +35,18 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         slips_before: Before lift-off.
         deformations: In the whole trial (reading A69).
         drops: In the whole trial.
-        duration_s: From the start to the end of the trial, seconds; ``None`` where it did not run to its end.
-        lift_off_s: From the start, seconds.
-        rater: The rater who counted slips, deformations and drops at a separate console; empty if the session's own
-            events are counted.
+        duration_s: From the start to the end of the trial; ``None`` where it did not run to its end.
+        lift_off_s: From the start.
+        rater: The rater who counted slips, deformations and drops at a separate console; empty if the
+            session's own events are counted.
         counted_by: Source of the counts, in words: that rater, else the sources of the session's own events.
-        redone: Why an attempt that had taken place does not count, as the experimenter said; ``""`` where none.
-        beeps: Beeps of the second task that count.
-        beeps_answered: Number of these beeps answered in time.
+        redone: Why an attempt that had taken place does not count, as the experimenter reported; ``""`` where
+            none.
+        beeps: Of the second task, those that count; ``beeps_answered`` of them were answered in time.
         false_answers: Presses that answered no beep.
-        reaction_s: Median from beep to press, seconds; ``None`` where none was answered.
-        squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first; ``None``
-            where there was none.
+        reaction_s: Median from beep to press; ``None`` where none was answered.
+        squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first;
+            ``None`` where there was none.
         first: Whether the condition was the person's first with this object.
         events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
     """
@@ -89,11 +88,7 @@ def course_path(folder: Path, trial: Trial | PlannedTrial) -> Path:
 
 
 def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
-    """Read a study's trials from its sessions' events, in the order of the plan; those not run are left out.
-
-    Raises:
-        RecordingError: Plan or events are damaged.
-    """
+    """Read a study's trials from its sessions' events, in the plan's order; those not run are left out."""
     plan = read_plan(folder)
     trials: list[Trial] = []
     for person in staying(folder, plan):
@@ -120,20 +115,15 @@ def trials_of_events(
 ) -> list[Trial]:
     """Work out a person's trials.
 
-    Slips, deformations and drops are those of the first rater, in the order of the names, who saw the trial from
-    start to end; without one, those among the session's own events. If the camera's outcome counts, it replaces them
-    and the success wherever it has measured the trial, as confirmed or corrected by a person if one has.
+    Slips, deformations and drops are those of the first rater, in the order of the names, who saw the trial
+    from start to end; without one, those among the session's own events. If the camera's outcome counts, it
+    replaces them and the success wherever it has measured the trial, as confirmed or corrected by a person if
+    one has.
 
-    Args:
-        planned: The person's, in their order.
-        events: The session's.
-        where: Name of the file that the events are from.
-        observers: Events of the raters' own files, by rater.
-        measured: Events of the scene camera, if its outcome counts.
-        simulated: Whether the plan is one of simulated and emulated sessions.
-
-    Raises:
-        RecordingError: An event undoes one that is not there, or that cannot be undone.
+    ``planned`` are the person's, in their order; ``where`` is the name of the events' file. ``observers`` are
+    events of the raters' own files, by rater; ``measured`` those of the scene camera, if its outcome counts.
+    ``simulated`` if the plan is one of simulated and emulated sessions. Raises ``RecordingError`` if an event
+    undoes one that is not there, or that cannot be undone.
     """
     undone = set()
     for event in events:
@@ -283,11 +273,7 @@ def _counted_by(events: Sequence[JournalEvent], *, by_bench: bool) -> str:
 
 
 def bench_trials(paths: Iterable[Path]) -> list[Trial]:
-    """Read the results that ``tega-teleop sim trials`` writes; a seed there is a person here.
-
-    Raises:
-        RecordingError: A file is missing, or holds something else.
-    """
+    """Read the results that ``tega-teleop sim trials`` writes; a seed there is a person here."""
     from tega_sim.trials import read_results
 
     trials: list[Trial] = []

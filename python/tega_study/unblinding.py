@@ -13,12 +13,7 @@ JOURNAL = "journal.jsonl"
 
 
 def note_unblinding(folder: Path, text: str) -> None:
-    """Write into the study's journal that its conditions are compared now.
-
-    Raises:
-        RecordingError: The journal is damaged.
-        DeviceUnavailableError: Another program has it open.
-    """
+    """Write into the study's journal that its conditions are compared now."""
     with Journal(folder / JOURNAL) as journal:
         journal.add("unblind", t_ns=time.time_ns(), source="auto", text=text)
 
@@ -26,11 +21,7 @@ def note_unblinding(folder: Path, text: str) -> None:
 def unblindings(folder: Path) -> tuple[str, ...]:
     """Return when the study was unblinded before its plan was complete, and how far it was, one text each.
 
-    Args:
-        folder: The study's folder; an anonymised copy has no dates.
-
-    Raises:
-        RecordingError: The journal is damaged.
+    An anonymised copy has no dates.
     """
     found = []
     for event in read_events(folder / JOURNAL):

@@ -35,11 +35,7 @@ def withdrawn_ids(folder: Path) -> set[str]:
 
 
 def check_stays(folder: Path, participant: str) -> None:
-    """Refuse a participant who has withdrawn.
-
-    Raises:
-        RecordingError: The participant has withdrawn.
-    """
+    """Raise ``RecordingError`` for a participant who has withdrawn."""
     if participant in withdrawn_ids(folder):
         raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
 
@@ -51,11 +47,7 @@ def staying(folder: Path, plan: StudyPlan) -> list[str]:
 
 
 def lines_of(path: Path) -> list[str]:
-    """Return the lines of a list.
-
-    Raises:
-        RecordingError: It is no text.
-    """
+    """Return the lines of a list; ``RecordingError`` if it is no text."""
     try:
         return read_words(path).splitlines()
     except UnicodeDecodeError as error:

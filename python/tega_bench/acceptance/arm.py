@@ -50,14 +50,10 @@ class _EchoedOnce:
 
 
 def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept the arm of the settings.
+    """Accept the arm of the settings: the steps rate, latency, limits, least and stop.
 
-    Yields:
-        The steps rate, latency, limits, least and stop; all are skipped without a yes, and nothing is opened.
-
-    Raises:
-        ConfigError: There is no dead-man switch, or 2 cm up is outside of the workspace.
-        DeviceUnavailableError: A device is missing, went away or is at fault.
+    All are skipped without a yes, and nothing is opened. ``ConfigError`` without a dead-man switch, or if 2
+    cm up is outside of the workspace.
     """
     question = (
         f"Is everybody out of the arm's reach, and one of you at its emergency stop? It may go up by "

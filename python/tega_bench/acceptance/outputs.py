@@ -43,16 +43,9 @@ def least_vest_options(options: Any) -> Any | None:
 
 
 def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open vest.
+    """Accept an open vest: the steps rate, latency, limits, least and stop; those that vibrate need a yes.
 
-    Args:
-        vest: The open driver, with the options of :func:`least_vest_options`.
-        layout: Which motors it has.
-        percent: Their limit.
-        guide: The person who holds or wears it.
-
-    Yields:
-        The steps rate, latency, limits, least and stop; those that vibrate are skipped without a yes.
+    ``vest`` is open with :func:`least_vest_options`; ``percent`` is its limit; ``guide`` holds or wears it.
     """
     dark = vest_frame([0] * 4, [0] * 4, layout=layout)
     motors = dark.motors.tolist()
@@ -88,8 +81,7 @@ def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide)
 def _pulse(vest: Any, dark: MotorLevels, motors: list[int]) -> tuple[int, int, list[tuple[float, float]]]:
     """Light two motors by turns.
 
-    Returns:
-        The largest strength sent, frames that were not shown, and of each that left when (s) and how late (ms).
+    Returns the largest strength sent, frames not shown, and of each that left when (s) and how late (ms).
     """
     largest = n_zero = 0
     if isinstance(vest, StampingVest):
@@ -186,14 +178,8 @@ def accept_hand(
 ) -> Iterator[AcceptanceStep]:
     """Accept a hand that was read with its motors off; after a yes, with the least torque.
 
-    Args:
-        make: The driver's class.
-        options: Its options.
-        guide: The person at the hand's switch.
-        measured: What ``doctor`` measured with its motors off.
-
-    Yields:
-        The steps rate, latency, limits, least and stop.
+    The steps are rate, latency, limits, least and stop. ``make`` is the driver's class, ``guide`` the person
+    at the hand's switch; ``measured`` is what ``doctor`` measured with the motors off.
     """
     yield _reported_rate(make(options).info.rate_hz or 0.0, measured)
     least = least_hand_options(options)

@@ -43,11 +43,10 @@ class AcceptanceStep(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: One of :data:`STEPS`.
-        status: How it went.
         said: Finding, one or two sentences.
         todo: What to do about it; ``""`` for nothing.
-        measured: Numbers that were measured, by a name that ends with the unit.
-        answers: Questions to the person, and the answers.
+        measured: Numbers, by a name that ends with the unit.
+        answers: The person's, by question.
     """
 
     name: str
@@ -62,18 +61,13 @@ class AcceptanceReport(msgspec.Struct, frozen=True, kw_only=True):
     """Report of a device's acceptance.
 
     Attributes:
-        format: ``tega-acceptance``.
-        version: Format version.
         made: When it began, UTC.
         tega: Version of this program.
         system: Operating system, processor and Python.
         check: Part of the settings, such as ``vest``.
-        kind: Kind of device.
-        driver: Its driver.
-        device: Name of the device; a serial number if it has one.
+        device: Its name; a serial number if it has one.
         options: The driver's options of the settings that are numbers or yes and no; no path, name or key.
         answered: Whether a person answered; otherwise nothing was seen or felt.
-        steps: All steps, in order.
         send_back: What to send to the project.
     """
 
@@ -150,11 +144,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def write_report(report: AcceptanceReport, folder: Path) -> tuple[Path, Path]:
-    """Write a report's two files into a folder, which is made if need be.
-
-    Returns:
-        The JSON file and the text file.
-    """
+    """Write a report into a folder, which is made if need be; return the JSON file and the text file."""
     name = f"{report.check.replace('.', '-')}-{report.made:%Y%m%d-%H%M%S}"
     data, text = folder / f"{name}.json", folder / f"{name}.txt"
     encoded = msgspec.json.format(

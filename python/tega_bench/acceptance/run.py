@@ -29,14 +29,9 @@ _POLL_S: Final = 30.0
 
 
 def acceptance_case(config: SessionConfig, name: str) -> DriverCase:
-    """Return the device of the settings that is meant.
+    """Return the device of the settings that is meant; ``ConfigError`` unless there is exactly one.
 
-    Args:
-        config: The settings.
-        name: Its part of the settings, such as ``vest`` or ``tactile.thumb``; the last word alone will do.
-
-    Raises:
-        ConfigError: The settings name no such device, or more than one.
+    ``name`` is its part of the settings, such as ``vest`` or ``tactile.thumb``; the last word alone will do.
     """
     cases = cases_of(config)
     meant = [case for case in cases if case.check == name] or [

@@ -27,13 +27,10 @@ _FEWEST_CLICKS = 3
 
 
 class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
-    """Time of each sample: sample n was recorded at ``began_s + n / rate_hz``.
+    """Time of each sample: sample n was recorded at ``began_s + n / rate_hz``, by that clock.
 
-    Attributes:
-        began_s: Time of the first sample.
-        rate_hz: Samples per second, by that clock.
-        uncertainty_ms: How far it may be off.
-        how: ``clicks``; in logs of before version 0.3 also ``stamps`` or ``arrival``.
+    ``uncertainty_ms`` is how far it may be off; ``how`` is ``clicks``, in logs of before version 0.3 also
+    ``stamps`` or ``arrival``.
     """
 
     began_s: float
@@ -54,21 +51,11 @@ def _line(index: NDArray[np.float64], at_s: NDArray[np.float64], rate_hz: float)
 
 
 def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.float64]:
-    """Return the times of short, hard sounds, seconds from the first sample.
+    """Return the times of short, hard sounds in ``samples``, seconds from the first, float64 (n_clicks,).
 
-    A click is a peak of the signal above 2 kHz, ten times the middle level and a fifth of the loudest; its time is
-    the rise through half of its peak.
-
-    Args:
-        samples: float64 (n,), the sound.
-        rate_hz: Samples per second.
-
-    Returns:
-        float64 (n_clicks,).
-
-    Raises:
-        InvalidValueError: The rate is too low to separate a click from a motor.
-        MissingExtraError: scipy is not installed.
+    A click is a peak of the signal above 2 kHz, ten times the middle level and a fifth of the loudest; its
+    time is the rise through half of its peak. ``samples`` is float64 (n,). The rate must be high enough to
+    separate a click from a motor.
     """
     from tega_bench.vest_latency.detect import load_signal
 
@@ -96,14 +83,9 @@ def by_clicks(
 ) -> ClockMap:
     """Map by clicks with known times, in a recording that began at any time.
 
-    Args:
-        samples: float64 (n,), the recording.
-        rate_hz: Samples per second, as it says.
-        clicks_s: When there was a click; three or more, not evenly spaced.
-        source: What made them: a key of :data:`CLICKS_MS`.
-
-    Raises:
-        InvalidValueError: The clicks are too few, or not found in the recording.
+    ``samples`` is float64 (n,), ``rate_hz`` as the recording has it. ``clicks_s`` is when there were clicks:
+    three or more, not evenly spaced; ``source`` is what made them: a key of :data:`CLICKS_MS`.
+    ``InvalidValueError`` if they are too few, or not found in the recording.
     """
     known = np.sort(np.asarray(clicks_s, np.float64))
     if len(known) < _FEWEST_CLICKS:

@@ -58,12 +58,10 @@ class BurstOnset(NamedTuple):
 
 
 class Onsets(NamedTuple):
-    """Onsets in a recording.
+    """Onsets in a recording, its bursts in order.
 
-    Attributes:
-        spin_hz: The motor's frequency; NaN where none stands out.
-        bursts: Each burst, in order.
-        problem: Why there is no result; ``""`` where there is one.
+    ``spin_hz`` is the motor's frequency; NaN where none stands out. ``problem`` is why there is no result;
+    ``""`` where there is one.
     """
 
     spin_hz: float
@@ -91,15 +89,8 @@ def find_onsets(
 ) -> Onsets:
     """Find when the motor began to vibrate in each burst.
 
-    Args:
-        samples: float64 (n,), the sound, -1 to 1.
-        rate_hz: Samples per second, 2000 or more.
-        commands_s: When each burst was commanded, seconds from the first sample.
-        on_s: How long each lasted, 0.5 s or more; half a second or more of silence between them.
-
-    Raises:
-        InvalidValueError: The rate is too low for a motor's sound, or the bursts are too short.
-        MissingExtraError: scipy is not installed.
+    ``samples`` is float64 (n,), -1 to 1; ``rate_hz`` must be 2000 or more. ``commands_s`` are from the first
+    sample; each burst lasts ``on_s``, 0.5 s or more, with half a second or more of silence between them.
     """
     if rate_hz < 2000:
         raise InvalidValueError(f"sound: {rate_hz:g} samples/s; a motor needs 2000 or more")
@@ -269,11 +260,7 @@ def _nothing(commands_s: Sequence[float], problem: str, hint: str) -> Onsets:
 
 
 def load_signal() -> Any:
-    """Import :mod:`scipy.signal`.
-
-    Raises:
-        MissingExtraError: SciPy is not installed.
-    """
+    """Import :mod:`scipy.signal`; ``MissingExtraError`` without SciPy."""
     try:
         from scipy import signal
     except ImportError as error:

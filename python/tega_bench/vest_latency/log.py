@@ -27,20 +27,15 @@ class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", ta
     """The bursts of one motor; times in seconds from any moment, all from the same.
 
     Attributes:
-        version: Format version.
         made: When, UTC.
-        driver: The vest's driver.
-        device: Name of the vest.
         layout: Which motors it has.
-        motor: The motor.
         percent: How hard.
         on_s: How long each burst lasted.
-        bursts_s: When each burst's first frame was handed to the transport.
-        unsent: Bursts that were not.
+        bursts_s: When each burst's first frame was handed to the transport; ``unsent`` were not.
         clicks_s: When there was a click to go by.
         clicks: What made it; ``""`` for none.
         clock: In logs of before version 0.3 that have no clicks: how the recording lies in time.
-        notes: Notes of the vest's driver.
+        notes: Of the vest's driver.
     """
 
     version: Literal[1] = 1
@@ -65,11 +60,7 @@ def write_log(log: OnsetLog, path: Path) -> None:
 
 
 def read_log(path: Path) -> OnsetLog:
-    """Read a log.
-
-    Raises:
-        RecordingError: It is missing, or is no such log.
-    """
+    """Read a log; ``RecordingError`` if it is missing, or is no such log."""
     try:
         return parse_json(read_foreign(path, most_mib=64), OnsetLog)
     except OSError as error:
@@ -82,14 +73,9 @@ def read_log(path: Path) -> OnsetLog:
 
 
 def read_wav(path: Path) -> tuple[NDArray[np.float64], float]:
-    """Read a recording; of several channels, the loudest.
+    """Read a recording, float64 (n,), -1 to 1, and its samples per second; of several channels, the loudest.
 
-    Returns:
-        float64 (n,), -1 to 1, and samples per second.
-
-    Raises:
-        RecordingError: It is missing, or no WAV file.
-        MissingExtraError: scipy is not installed.
+    ``RecordingError`` if it is missing, or no WAV file.
     """
     try:
         from scipy.io import wavfile

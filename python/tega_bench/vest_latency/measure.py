@@ -27,22 +27,14 @@ _BEFORE_S: Final = 0.8
 
 
 class OnsetFound(NamedTuple):
-    """Onsets found in a recording, and its clock.
-
-    Attributes:
-        clock: How it lies in time.
-    """
+    """Onsets found in a recording, and how it lies in time."""
 
     clock: ClockMap
     onsets: Onsets
 
 
 def watched_vest(vest: VestSink) -> VestSink:
-    """Return a vest, if it reports when a frame leaves.
-
-    Raises:
-        DeviceUnavailableError: It cannot, so that no delay can be counted from there.
-    """
+    """Return a vest; ``DeviceUnavailableError`` unless it reports when a frame leaves, as delays need."""
     if not vest.info.live or not isinstance(vest, StampingVest):
         raise DeviceUnavailableError(
             f"{vest.info.driver}: does not report when a frame leaves, so no delay can be measured",
@@ -64,24 +56,11 @@ def play_bursts(
 ) -> tuple[list[float], int]:
     """Drive one motor again and again, with rests; the vest is silent afterwards whatever happens.
 
-    Every frame passes the vest's own limits. A burst that they lower is not counted.
-
-    Args:
-        vest: An open vest that reports when a frame leaves.
-        motor: Which.
-        layout: Which motors it has.
-        percent: How hard.
-        bursts: How often.
-        clock: Time.
-        stop: Asked all the time whether to end early, which raises KeyboardInterrupt.
-        reported: Called with the number of finished bursts and the total.
-
-    Returns:
-        When the first frame of each burst left, seconds on the monotonic clock; and how many did not leave as wanted.
-
-    Raises:
-        InvalidValueError: The layout has no such motor.
-        DeviceUnavailableError: The vest was not reached all the time.
+    The vest is open, and reports when a frame leaves; every frame passes its own limits, and a burst that
+    they lower is not counted. ``stop`` is asked all the time whether to end early, which raises
+    ``KeyboardInterrupt``; ``reported`` gets the number of finished bursts and the total. Returns when the
+    first frame of each burst left, seconds on the monotonic clock, and how many did not leave as wanted.
+    ``DeviceUnavailableError`` if the vest was not reached all the time.
     """
     rests, left_s, unsent = random.Random(0), list[float](), 0
     leaving: Any = watched_vest(vest)
@@ -122,17 +101,10 @@ def _first_handed_over_s(handed: Sequence[tuple[int, int, int]]) -> float | None
 
 
 def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> OnsetFound:
-    """Find the onsets of a log's bursts in a recording.
+    """Find the onsets of a log's bursts in a recording; ``samples`` is float64 (n,), -1 to 1.
 
-    Args:
-        samples: float64 (n,), -1 to 1.
-        rate_hz: Samples per second.
-        log: Log of the commands.
-
-    Raises:
-        CalibrationError: Nothing says how log and recording lie in time.
-        InvalidValueError: The clicks are not in the recording, or its rate is too low.
-        MissingExtraError: scipy is not installed.
+    ``CalibrationError`` if nothing shows how log and recording lie in time; ``InvalidValueError`` if the
+    clicks are not in the recording, or its rate is too low.
     """
     if log.clicks_s:
         clock = by_clicks(samples, rate_hz, log.clicks_s, source=log.clicks)
@@ -148,11 +120,7 @@ def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> Ons
 
 
 def record_of(found: OnsetFound, log: OnsetLog) -> OnsetRecord:
-    """Make the record of a measurement.
-
-    Raises:
-        CalibrationError: It gave no result; the message says why.
-    """
+    """Make the record of a measurement; a ``CalibrationError`` without a result, which gives the reason."""
     onsets = found.onsets
     if onsets.problem:
         raise CalibrationError(f"motor {log.motor}: no result: {onsets.problem}", onsets.hint)
@@ -183,17 +151,11 @@ def record_of(found: OnsetFound, log: OnsetLog) -> OnsetRecord:
 def log_of(
     info: DeviceInfo, bursts_s: list[float], clicks_s: list[float], *, unsent: int, **facts: Any
 ) -> OnsetLog:
-    """Make the log of some bursts, times counted from the first.
+    """Make the log of some bursts, times counted from the first; ``DeviceUnavailableError`` if no burst left.
 
-    Args:
-        info: The vest.
-        bursts_s: When each burst left, seconds on the monotonic clock.
-        clicks_s: When there was a click, likewise.
-        unsent: Bursts that did not leave as wanted.
-        facts: Other attributes of :class:`tega_bench.vest_latency.log.OnsetLog`.
-
-    Raises:
-        DeviceUnavailableError: No burst left.
+    ``bursts_s`` is when each left, seconds on the monotonic clock, ``clicks_s`` likewise; ``unsent`` counts
+    bursts that did not leave as wanted. ``facts`` are other attributes of
+    :class:`tega_bench.vest_latency.log.OnsetLog`.
     """
     if not bursts_s:
         raise DeviceUnavailableError(

@@ -25,11 +25,7 @@ def list_microphones() -> list[str]:
 
 
 class Microphone:
-    """Records while it is open; one channel.
-
-    Args:
-        device: Number or part of a name; ``None`` for the system's own choice.
-    """
+    """Records one channel while open; ``device`` is a number or part of a name, ``None`` the system's own."""
 
     def __init__(self, device: str | None = None) -> None:
         self._device = int(device) if device is not None and device.isdigit() else device
@@ -43,12 +39,7 @@ class Microphone:
         self.name = ""
 
     def __enter__(self) -> Self:
-        """Begin to record, and wait for the first block.
-
-        Raises:
-            DeviceUnavailableError: There is no such microphone, or it gives nothing.
-            MissingExtraError: sounddevice is not installed.
-        """
+        """Begin to record, and wait for the first block; ``DeviceUnavailableError`` if none comes."""
         sd = load_sounddevice()
         try:
             self.name = str(sd.query_devices(self._device, "input")["name"])
@@ -87,8 +78,7 @@ class Microphone:
     def received(self) -> NDArray[np.float64]:
         """Return the recorded sound, float64 (n,), -1 to 1.
 
-        Raises:
-            DeviceUnavailableError: The microphone was unplugged meanwhile, or the system has lost samples.
+        ``DeviceUnavailableError`` if the microphone was unplugged meanwhile, or the system has lost samples.
         """
         with self._lock:
             parts, came_s, lost = list(self._parts), self._came_s, self._lost
@@ -123,12 +113,7 @@ class Speaker:
         self._latency_s = 0.0
 
     def __enter__(self) -> Self:
-        """Open it.
-
-        Raises:
-            DeviceUnavailableError: There is none.
-            MissingExtraError: sounddevice is not installed.
-        """
+        """Open it; ``DeviceUnavailableError`` if there is none."""
         sd = load_sounddevice()
         try:
             self._stream = sd.OutputStream(
@@ -150,8 +135,7 @@ class Speaker:
     def click(self) -> float:
         """Click once and return when it leaves the converter, seconds on the monotonic clock.
 
-        Raises:
-            DeviceUnavailableError: The loudspeaker takes nothing any more.
+        ``DeviceUnavailableError`` if the loudspeaker takes nothing any more.
         """
         self._done.clear()
         self._wanted.set()

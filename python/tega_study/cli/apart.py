@@ -13,12 +13,10 @@ from tega.runtime.child_process import python_command, python_environment
 
 
 def report_apart(folder: Path) -> Path:
-    """Write a study's report and return its page.
+    """Write a study's report in another process, and return its page.
 
-    The writing process prints errors on this process's standard error.
-
-    Raises:
-        SystemExit: That process failed; with its exit code.
+    That process prints its errors on this one's standard error; if it fails, this one exits with its exit
+    code.
     """
     done = subprocess.run(
         python_command(__name__, str(folder)),

@@ -47,9 +47,7 @@ def trials_option(default: int) -> Callable[[_Function], _Function]:
 def design_options(*, seed: str, conditions: str = "") -> Callable[[_Function], _Function]:
     """Return the options of a study's design: seed, objects, conditions, trials.
 
-    Args:
-        seed: What the seed is for.
-        conditions: Further help for the conditions.
+    ``seed`` is what the seed is for, ``conditions`` further help for the conditions.
     """
     what = f"Conditions: the first is compared with the second{conditions}."
     both = "haptic,non-haptic"

@@ -40,13 +40,7 @@ person's consent.
 
 
 class BidsExport(NamedTuple):
-    """Result of an export.
-
-    Attributes:
-        people: Labels of the people with signals.
-        runs: EDF files.
-        left_out: Trials without signals, with the reason.
-    """
+    """Labels of the people with signals, their EDF files, and the trials without signals, with the reason."""
 
     people: tuple[str, ...]
     runs: tuple[Path, ...]
@@ -56,10 +50,7 @@ class BidsExport(NamedTuple):
 def export_bids(folder: Path, out: Path) -> BidsExport:
     """Write the muscle signals of all people who have not withdrawn.
 
-    Raises:
-        RecordingError: The study is damaged, a recording cannot be read, or there are no signals at all.
-        ConfigError: ``out`` holds something.
-        MissingExtraError: edfio is not installed.
+    Raises ``RecordingError`` if there are no signals at all, ``ConfigError`` if ``out`` holds something.
     """
     plan = read_plan(folder)
     new_session(out)

@@ -32,12 +32,9 @@ class _Source(msgspec.Struct):
 
 
 class Gap(NamedTuple):
-    """Samples that are not measured.
+    """Samples that are not measured; the onset is since the first sample.
 
-    Attributes:
-        onset_s: Since the first sample.
-        duration_s: Length.
-        kind: ``lost``: they never came; ``padding``: the file's last record is filled up.
+    ``kind`` is ``lost`` (they never came) or ``padding`` (the file's last record is filled up).
     """
 
     onset_s: float
@@ -50,7 +47,6 @@ class Muscles(NamedTuple):
 
     Attributes:
         samples: float64 (samples, channels), in ``unit``; 0 where they were lost.
-        rate_hz: Samples a second.
         unit: Such as ``uV``; ``n/a`` where the amplifier does not state it.
         device: The amplifier in words.
         begin_ns: Time of the first sample, since the start of the session.
@@ -69,8 +65,7 @@ class Muscles(NamedTuple):
 def read_muscles(path: Path) -> Muscles | None:
     """Return the muscle signals of a recording; ``None`` where it has none.
 
-    Raises:
-        RecordingError: The recording cannot be read, its rate is not known, or its samples contradict each other.
+    An unknown rate, or samples that contradict each other, are a ``RecordingError``.
     """
     reader = McapReader(path)
     chunks = [
@@ -120,12 +115,8 @@ def read_muscles(path: Path) -> Muscles | None:
 def write_edf(path: Path, muscles: Muscles) -> tuple[Gap, ...]:
     """Write signals as EDF+ of 16 bits over the range of each channel, without date or name.
 
-    Returns:
-        Samples of the file that were not measured: lost ones, and the padding of the last record.
-
-    Raises:
-        RecordingError: A sample is no number.
-        MissingExtraError: edfio is not installed.
+    Returns the samples of the file that were not measured: lost ones, and the padding of the last record. A
+    sample that is no number is a ``RecordingError``.
     """
     edfio: Any = require("edfio", driver="study export --bids", extra="formats")
     if not np.isfinite(muscles.samples).all():

@@ -21,11 +21,10 @@ class EpisodeLine(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknow
 
     Attributes:
         episode: Its number in the folder, from 1; one that was discarded keeps its own.
-        step: ``begun``; how it ended; ``cut`` where the program ended before it did, and what there is was kept.
-        at_s: When, seconds since 1970.
+        step: ``begun``; how it ended; ``cut`` where the program ended before it did, and what there is was
+            kept.
+        at_s: When, since 1970.
         file: The recording; a discarded one's name goes to a later episode.
-        task: Description of the task.
-        duration_s: How long it was.
         why: Why it was discarded, where that was no person.
     """
 
@@ -39,20 +38,14 @@ class EpisodeLine(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknow
 
 
 def read_episodes(folder: Path) -> list[EpisodeLine]:
-    """Read a folder's journal; a last line that was cut off is passed over, a missing file holds none.
-
-    Raises:
-        RecordingError: Another line is none.
-    """
+    """Read a folder's journal; a last line that was cut off is passed over, a missing file holds none."""
     return read_json_lines(folder / EPISODES, EpisodeLine, "episode")
 
 
 class EpisodeJournal(JsonLines[EpisodeLine]):
     """The episodes of a session's folder, open to be added to; one program at a time.
 
-    Raises:
-        RecordingError: The journal holds something else, or is a link.
-        DeviceUnavailableError: Another program takes episodes there.
+    Raises ``RecordingError`` if the journal holds something else or is a link.
     """
 
     def __init__(self, folder: SessionFolder) -> None:

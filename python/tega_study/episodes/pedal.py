@@ -20,13 +20,9 @@ _MOST: Final = 64
 
 
 class EpisodePedal:
-    """Return presses of the marker seat's device, opened here or by a run.
+    """Presses of the marker seat's device, opened here or by a run; without a seat there are none.
 
-    Args:
-        seat: Its settings; ``None`` for none, which is never pressed.
-
-    Attributes:
-        problem: Reason why the pedal cannot be read between episodes; ``""`` if it can.
+    ``problem`` is why the pedal cannot be read between episodes; ``""`` if it can.
     """
 
     def __init__(self, seat: InputConfig | None) -> None:
@@ -91,13 +87,7 @@ class EpisodePedal:
 def pedal_names(pedals: str, seat: InputConfig | None, taken: frozenset[str]) -> tuple[str, ...]:
     """Return what pedals are called: the keys that they type, or the marker's buttons with commas between.
 
-    Args:
-        pedals: As it was given.
-        seat: The marker's settings; ``None`` without one.
-        taken: Keys that mean something already.
-
-    Raises:
-        InvalidValueError: The pedals are not one to three different ones, or no such device is configured.
+    One to three different ones, none in ``taken`` (keys that mean something); buttons need a ``seat``.
     """
     names = tuple(name.strip() for name in pedals.split(",")) if "," in pedals else tuple(pedals)
     if len(set(names)) != len(names) or len(names) > 3 or set(names) & (taken | {""}):

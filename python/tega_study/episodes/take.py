@@ -93,20 +93,11 @@ class _Running:
 class EpisodeTaker:
     """Records episodes in a session's folder until the operator ends it.
 
-    Args:
-        config: The devices' settings; their recording folder and output folder are ignored.
-        folder: The session's folder: new, or one that holds recordings already.
-        desk: The operator's screen and keys.
-        pedals: Keys typed by a foot switch, or buttons of ``input.marker``, separated by commas: continue, discard,
-            repeat. One to three of them.
-        stop: Asked all the time whether to end.
-        settings: How the settings' file is named in what an error suggests.
-
-    Raises:
-        InvalidValueError: The pedals mean something else.
-        ConfigError: The folder holds something else.
-        RecordingError: Its journal is damaged.
-        DeviceUnavailableError: Another program takes episodes there.
+    The recording folder and output folder of ``config`` are ignored. ``folder`` is new, or holds recordings
+    already. ``pedals`` are one to three keys typed by a foot switch, or buttons of ``input.marker``,
+    separated by commas; they mean continue, discard, repeat. ``stop`` is asked all the time whether to end.
+    ``settings`` is how the settings' file is named in what an error suggests. Another program that takes
+    episodes there is a ``DeviceUnavailableError``, pedals that mean something else an ``InvalidValueError``.
     """
 
     def __init__(
@@ -134,14 +125,7 @@ class EpisodeTaker:
         self._folder = SessionFolder(folder)
 
     def take(self, *, most: int | None = None) -> list[EpisodeLine]:
-        """Take episodes.
-
-        Args:
-            most: End after so many were kept; ``None`` to end by ``q q`` alone.
-
-        Returns:
-            How each ended.
-        """
+        """Take episodes until ``most`` were kept (``None``: until ``q q``), and return how each ended."""
         ended: list[EpisodeLine] = []
         with EpisodeJournal(self._folder) as journal, closing(self._pedal):
             again = False

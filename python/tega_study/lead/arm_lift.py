@@ -17,11 +17,10 @@ IN_AIR_M: Final = 0.03
 
 
 class LiftCheck(NamedTuple):
-    """State of the object at one look.
+    """State of the object at one reading.
 
-    Attributes:
-        height_m: Height above the place where it was grasped, metres; 0 if nothing is held.
-        dropped_s: When it left the hand in the air, at the look that confirms it; else ``None``.
+    ``height_m`` is above the place where it was grasped, 0 if nothing is held. ``dropped_s`` is when it left
+    the hand in the air, at the reading that confirms it; else ``None``.
     """
 
     height_m: float
@@ -48,14 +47,11 @@ class ArmLift:
         level: float | None = None,
         closure: float | None = None,
     ) -> LiftCheck:
-        """Take in one look at hand and arm.
+        """Take in one reading of hand and arm; ``t_s`` is never less than before.
 
-        Args:
-            t_s: Time, seconds; never less than before.
-            arm_m: Height of the arm's end, metres.
-            touching: Whether any fingertip is in contact; ``None`` if no fingertip delivers frames now.
-            level: Commanded closure level; ``None`` before the first.
-            closure: Measured closure, levels; ``None`` without a measured hand.
+        ``arm_m`` is the height of the arm's end. ``touching``: whether any fingertip is in contact, ``None``
+        if none delivers frames now. ``level`` is the commanded closure level, ``None`` before the first;
+        ``closure`` the measured one, ``None`` without a measured hand.
         """
         lag = 0.0 if level is None or closure is None or level <= 1 else level - closure
         unknown = touching is None and self._base_m is not None

@@ -17,18 +17,11 @@ _IN_A_LINE: Final = 7
 
 
 class BlockQuestions:
-    """Questions after one block.
+    """Questions after one block; an answer is an event of the session, and so is its undoing.
 
-    Args:
-        journal: The session's events; an answer is one, and so is its undoing.
-        clock: The session's.
-        trial: Number of the block's last trial.
-        heading: Where in the session this is.
-
-    Enter comes first: a slip that is keyed a moment late, once the trial is over, answers nothing.
-
-    Attributes:
-        over: Whether all are answered and kept.
+    Enter comes first: a slip that is keyed a moment late, once the trial is over, answers nothing. ``trial``
+    is the number of the block's last trial, ``heading`` where in the session this is. ``over`` once all are
+    answered and kept.
     """
 
     def __init__(self, journal: Journal, clock: Clock, trial: int, heading: str) -> None:

@@ -10,11 +10,7 @@ from tega_study.masking_sound import MaskingSound
 
 
 def check_answer_key(key: str, pedals: str) -> None:
-    """Refuse a key that means something else in a trial.
-
-    Raises:
-        InvalidValueError: It is not one key, or has a meaning already.
-    """
+    """Raise ``InvalidValueError`` unless the key is one printable key without another meaning in a trial."""
     taken = {one for one, _ in keys_of(sees_height=False)} | {" ", "\n", *pedals}
     if len(key) != 1 or not key.isprintable() or key in taken:
         raise InvalidValueError(
@@ -34,11 +30,9 @@ class Beeps:
         self._sound.sounded_ns()
 
     def check(self, t_s: float, note: Callable[[int], None]) -> None:
-        """Play the beeps that are due, and report those that have sounded.
+        """Play the beeps that are due ``t_s`` after the trial's start, and report those that have sounded.
 
-        Args:
-            t_s: Since the trial's start, seconds.
-            note: Called with the time at which a beep left the loudspeaker, nanoseconds.
+        ``note`` is called with the time at which a beep left the loudspeaker, nanoseconds.
         """
         while self._left_s and self._left_s[0] <= t_s:
             self._left_s.pop(0)

@@ -49,8 +49,8 @@ class TrialBench(Protocol):
     """Place of a trial: the lab's devices, or the simulated bench.
 
     Attributes:
-        sees_height: Whether it knows how high the object is; otherwise that is measured, or a person marks it.
-        measures_height: Whether the arm's height is measured, so that lift and drop are measured with the fingertips.
+        sees_height: Whether it knows the object's height; else that is measured, or a person marks it.
+        measures_height: Whether arm and fingertips measure lift and drop.
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: Kind of the devices, as recorded in the session's events.
@@ -68,8 +68,7 @@ class TrialBench(Protocol):
     def felt(self, condition: str) -> bool:
         """Return whether the vest shows touch in a condition.
 
-        Raises:
-            InvalidValueError: The condition cannot be applied here.
+        ``InvalidValueError`` if the condition cannot be applied here.
         """
         ...
 
@@ -81,16 +80,10 @@ class TrialBench(Protocol):
 class LabBench:
     """The devices of settings: opened for each trial, closed after it, recorded meanwhile.
 
-    The vest is open in every condition. Without touch to be felt it is sent zeros (reading A36).
-
-    Args:
-        config: The settings; their duration, pace, output and recording folder are ignored.
-        settings: How their file is named in what an error suggests.
-        where: ``emulated`` where the devices are emulators.
-
-    Raises:
-        InvalidValueError: The settings have no muscles or no fingertip: there is nothing to study.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    The vest is open in every condition. Without touch to be felt it is sent zeros (reading A36). Of
+    ``config``, duration, pace, output and recording folder are ignored; muscles and at least one fingertip
+    are required. ``settings`` is how its file is named in what an error suggests; ``where`` is ``emulated``
+    where the devices are emulators.
     """
 
     sees_height = False
@@ -163,13 +156,9 @@ class LabBench:
 class SimulatedBench:
     """The simulated bench with a simulated participant: for rehearsals. All of its data are simulated.
 
-    Args:
-        plan: The study's plan; its seed and the person's id decide who the participant is.
-        participant: Participant ID of the session.
-        real_time: Keep to the machine's clock; otherwise as fast as it goes.
-        preset: Readings of the loop.
-        settings: Settings of the loop, as ``key=value``; they are written beside each trial's tables, in
-            ``loop.toml``.
+    The plan's seed and the person's id decide who the participant is. ``real_time`` keeps to the machine's
+    clock; otherwise it is as fast as it goes. ``preset`` chooses readings of the loop, ``settings`` are
+    ``key=value`` of the loop; they are written beside each trial's tables, in ``loop.toml``.
     """
 
     where: Where = "simulated"

@@ -17,8 +17,7 @@ GIVE_UP = "k"
 class TrialBefore:
     """Corrections and notes of the trial that ended last.
 
-    Attributes:
-        following: Number and attempt of the trial that comes next; ``None`` after the last.
+    ``following`` is number and attempt of the trial that comes next; ``None`` after the last.
     """
 
     def __init__(self, journal: Journal, desk: Desk, clock: Clock) -> None:
@@ -34,8 +33,7 @@ class TrialBefore:
     def ended_ns(self, now_ns: int) -> int | None:
         """Return when that trial ended, by the session's clock; ``None`` before the first trial.
 
-        Args:
-            now_ns: The time now, which it is where that cannot be known.
+        ``now_ns`` is the time now, and the answer where the end cannot be known.
         """
         ended = (event for event in reversed(self._journal.events) if event.kind == "trial_end")
         ended_ns = next((event.t_ns for event in ended if event.status != "skipped"), None)

@@ -31,7 +31,6 @@ class Screen(NamedTuple):
         phase: In a word.
         heading: Where in the session this is.
         big: The large line: a clock, or what to do.
-        lines: What else there is to know.
         keys: Keys and their descriptions.
         wrong: Problems of the devices.
     """
@@ -74,8 +73,7 @@ def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | Ter
 class LineDesk:
     """One line at a time on stderr; keys are letters in lines of stdin, an empty line is Enter.
 
-    Raises:
-        KeyboardInterrupt: From :meth:`keys` and :meth:`line`: stdin has ended, so the experimenter has gone.
+    :meth:`keys` and :meth:`line` raise ``KeyboardInterrupt`` at stdin's end: the experimenter has gone.
     """
 
     def __init__(self, stop: Callable[[], bool] = lambda: False, *, alone: bool = False) -> None:

@@ -23,8 +23,7 @@ _MOST: Final = 3
 def trial_medians(seen: Sequence[MuscleCondition]) -> dict[str, float]:
     """Return each channel's median frequency over a trial's seconds of effort, Hz, by ``ch1`` and so on.
 
-    Args:
-        seen: The condition at each second of effort; a channel that did not work has NaN.
+    ``seen`` has one condition a second; a channel that did not work has NaN.
     """
     n_channels = max((len(one.median_hz) for one in seen), default=0)
     found = {}
@@ -40,8 +39,7 @@ def trial_medians(seen: Sequence[MuscleCondition]) -> dict[str, float]:
 def muscle_sentence(events: Sequence[JournalEvent]) -> list[str]:
     """Return how the muscles' median frequencies have changed since the first trials, to be shown in a rest.
 
-    Returns:
-        A line; a second one where a muscle has fallen by 15 % or more. Nothing before the second trial with EMG.
+    A second line where a muscle has fallen by 15 % or more; nothing before the second trial with EMG.
     """
     by_channel: dict[str, list[float]] = {}
     for event in events:

@@ -35,13 +35,9 @@ def keys_of(*, sees_height: bool, measures_height: bool = False) -> list[tuple[s
 def pedal_keys(pedals: str, tasks: Iterable[RestTask]) -> dict[str, tuple[str, ...]]:
     """Return which keys of the session each pedal presses.
 
-    Args:
-        pedals: One to five keys that pedals type: to go on and mark the height, to end the trial, for a slip, for a
-            deformation, to do the trial again; empty for none.
-        tasks: Tasks that the bench offers in a rest.
-
-    Raises:
-        InvalidValueError: Two are the same, or one means something else.
+    ``pedals`` are one to five different keys that mean nothing else, also in ``tasks``, which the bench
+    offers in a rest: to go on and mark the height, to end the trial, for a slip, for a deformation, to do the
+    trial again; empty for none.
     """
     for task in tasks:
         if task.key in pedals:

@@ -20,13 +20,7 @@ PASS: Final = "-"
 
 
 class Question(NamedTuple):
-    """Scale that a participant is asked about.
-
-    Attributes:
-        item: Its name in the events.
-        left: What 0 means.
-        right: What 100 means.
-    """
+    """Scale put to a participant, from ``left`` (0) to ``right`` (100); ``item`` names it in the events."""
 
     item: str
     title: str

@@ -25,12 +25,7 @@ _POLL_S = 0.02
 
 
 class RestTaskEnd(NamedTuple):
-    """Result of a task, for the session's events.
-
-    Attributes:
-        text: What there is to say of it.
-        value: Its number; ``None`` where it has none.
-    """
+    """Result of a task, in words, for the session's events; ``value`` is ``None`` where it has no number."""
 
     text: str = ""
     value: float | None = None
@@ -40,7 +35,6 @@ class RestTask(NamedTuple):
     """Task that a bench offers in a rest.
 
     Attributes:
-        key: Which key begins it.
         words: Description for the screen, a few words.
         kind: Kind of event that its end is recorded as.
         run: Called with the running task, on which it shows its progress. The task ends it by raising
@@ -60,13 +54,7 @@ class RestTaskEndedError(Exception):
 
 
 class RunningTask:
-    """A task that goes on, in a thread of its own.
-
-    Attributes:
-        task: Which.
-        prompt: Instruction for the person now.
-        left_s: Remaining time, seconds; ``None`` if unknown.
-    """
+    """A task in a thread of its own: ``prompt`` for the person now, ``left_s`` or ``None`` if unknown."""
 
     def __init__(self, task: RestTask) -> None:
         self.task, self.prompt = task, "devices start"
@@ -76,11 +64,7 @@ class RunningTask:
         self._thread, self._raised = in_thread(lambda: self._made.append(task.run(self)))
 
     def show(self, prompt: str, _bars: Sequence[Bar], left_s: float | None) -> None:
-        """Take in what goes on; called by the task again and again.
-
-        Raises:
-            RestTaskEndedError: It is to end.
-        """
+        """Take in the task's progress, again and again; ``RestTaskEndedError`` once it is to end."""
         self.prompt, self.left_s = prompt, left_s
         if self._ended.is_set():
             raise RestTaskEndedError
@@ -145,14 +129,10 @@ def squeeze_task(config: SessionConfig, *, settings: str) -> RestTask:
 def measure_squeeze(config: SessionConfig, shows: Shows, *, settings: str) -> RestTaskEnd:
     """Have the person squeeze once.
 
-    Returns:
-        The mean over the channels of the amplitude as a share of the calibrated maximum, and the signal's problems.
-        It is the muscles' electrical amplitude, not a force.
-
-    Raises:
-        ConfigError: The settings have no EMG.
-        CalibrationError: There is no calibration for it, or too few samples came.
-        DeviceUnavailableError: The amplifier is missing or went away.
+    Returns the mean over the channels of the amplitude as a share of the calibrated maximum, and the signal's
+    problems. It is the muscles' electrical amplitude, not a force. ``ConfigError`` if the settings have no
+    EMG; ``CalibrationError`` without a calibration for it, or with too few samples;
+    ``DeviceUnavailableError`` if the amplifier is missing or went away.
     """
     if config.emg is None:
         raise ConfigError("a squeeze needs muscles: the settings have no [emg]", "set [emg]")

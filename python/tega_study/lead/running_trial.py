@@ -23,11 +23,10 @@ SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
 
 
 class TrialSeen(NamedTuple):
-    """Height, slip or other event that the bench has seen in the trial.
+    """Height, slip or other event that the bench has seen in the trial, at ``t_s`` since its start.
 
     Attributes:
         kind: ``height``, ``drop``, ``slip``, ``deformation`` or ``mark`` (a pedal).
-        t_s: Since the trial's start, seconds.
         value: Height, metres; for ``height`` only.
         source: ``auto`` if the bench knows it, ``arm`` if it was measured by arm and fingertips.
     """
@@ -41,18 +40,16 @@ class TrialSeen(NamedTuple):
 class Going:
     """Passes signals and data of one trial between bench and lead. The bench's methods return at once.
 
-    Args:
-        feel: Whether the vest shows touch in this trial.
-        own_time: Whether time is the bench's own (simulated), not the clock's.
-        closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
-        measure_lift: Whether to measure lift and drop by arm and fingertips.
+    ``feel``: whether the vest shows touch in this trial; ``own_time``: whether time is the bench's own
+    (simulated), not the clock's; ``closure``: reads how closed the hand is off its joints, ``None`` where
+    they are not measured; ``measure_lift``: whether to measure lift and drop by arm and fingertips.
 
     Attributes:
-        state: State of the bench: a description of the preparation, then ``armed``, then ``active``.
+        state: A description of the preparation, then ``armed``, then ``active``.
         reason: Why, for the experimenter.
         alerts: Present problems, one sentence each.
         started_ns: When the trial began, on the session's clock; ``None`` before.
-        zero_ns: On the session's clock, when the bench's own count of time began; ``None`` before.
+        zero_ns: When the bench's own count of time began, on the session's clock; ``None`` before.
     """
 
     def __init__(

@@ -16,14 +16,10 @@ from tega_study.lead.trial import LedTrial
 def waiting(
     heading: str, thing: str, left_s: float, before: Sequence[str], keys: Sequence[tuple[str, str]]
 ) -> Screen:
-    """Return the screen of a rest, and of being asked to begin once it is over.
+    """Return the screen of a rest, and of being asked to begin once it is over (``left_s`` of 0).
 
-    Args:
-        heading: Where in the session this is.
-        thing: What will be lifted; ``""`` after the last trial.
-        left_s: Remaining time of the rest, seconds; it is over at 0.
-        before: How the trial before went.
-        keys: What can be said of it.
+    ``thing`` is what will be lifted, ``""`` after the last trial; ``before`` how the trial before went,
+    ``keys`` what can be noted about it.
     """
     stop = ("q q", "stop here")
     if left_s > 0:

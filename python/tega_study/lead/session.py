@@ -47,9 +47,10 @@ class LeadOptions(NamedTuple):
         time_scale: Scale of all waits; below 1 for rehearsals, as noted in the events.
         answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
         auto: Go on by the clock and pass over the questions.
-        masking: Sounds already, and goes on from the first trial to the last whatever the condition; the events say so.
-            It plays the beeps of a second task too.
-        stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical reasons.
+        masking: Sounds already, and goes on from the first trial to the last whatever the condition; the
+            events record so. It plays the beeps of a second task too.
+        stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical
+            reasons.
     """
 
     task: Task = "lift"
@@ -73,23 +74,17 @@ def lead_session(
 ) -> SessionState:
     """Lead a session, new or after a stop at any moment.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID of the session.
-        bench: What trials run on.
-        desk: The experimenter's screen and keys.
-        clock: The session's; the machine's monotonic one when ``None``.
-        pedals: Keys that foot pedals type, see :func:`tega_study.lead.keys.pedal_keys`.
-        trials: Stop after so many; ``None`` for all.
-        options: Attributes of :class:`LeadOptions`.
+    Without ``clock`` it goes by the machine's monotonic one. ``pedals`` are the keys that foot pedals type,
+    see :func:`tega_study.lead.keys.pedal_keys`. It stops after so many ``trials``; ``None`` for all.
+    ``options`` are those of :class:`LeadOptions`.
 
     Raises:
-        InvalidValueError: Unknown participant ID, answer key or pedal already in use, a condition cannot be run on
-            this bench, or the plan is not for sessions on it.
+        InvalidValueError: Unknown participant ID, answer key or pedal already in use, a condition cannot be
+            run on this bench, or the plan is not for sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
-        DeviceUnavailableError: Another program has the session open, no device can play the plan's beeps, the masking
-            sound has stopped, or a trial cannot begin and no experimenter is there.
-        KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
+        DeviceUnavailableError: Another program has the session open, no device can play the plan's beeps, the
+            masking sound has stopped, or a trial cannot begin and no experimenter is there.
+        KeyboardInterrupt: ``stop`` returned true, or the desk's person has gone.
     """
     plan, chosen = read_plan(folder), LeadOptions(**options)
     for condition in plan.settings.conditions:
@@ -198,10 +193,9 @@ class _Lead:
         raise DeviceUnavailableError(message, "plug it in again; the same command goes on")
 
     def _wait(self, trial: PlannedTrial | None, attempt: int) -> bool:
-        """Rest, then wait until everybody is ready, or after the last trial until there is no more to be said of it.
+        """Rest, then wait until everybody is ready, or after the last trial until there is no more to note.
 
-        Returns:
-            False to quit; if another trial is next now, either.
+        Returns False to quit, and also if another trial is next now.
         """
         next_before = self._state.next
         rest_s = 0.0 if trial is None else trial.rest_s

@@ -20,23 +20,20 @@ _BOARD_S = 0.5
 
 
 class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
-    """State of a session, for the observers' consoles.
+    """State of a session, for the observers' consoles; all times are on the session's clock.
 
     Attributes:
-        t_ns: When it was written, on the session's clock, as all times.
+        t_ns: When it was written.
         phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``task``, ``questions`` or
             ``over``.
         trial: Number of the trial that goes on or comes next; 0 for none.
-        attempt: Its attempt.
-        object: Name of the object to lift.
         n_over: Trials that need nothing more.
-        n_trials: All trials.
         started_ns: When the running trial began; ``None`` where none runs.
         until_ns: When the rest or the window is over; ``None`` where nothing ends by itself.
-        window_s: Time in which the object has to be lifted, seconds.
+        window_s: Time in which the object has to be lifted.
         says: Description of the preparation or of the wait.
         n_told: How many commands of other programs were taken.
-        health: Problems of the devices, one sentence each; empty without any.
+        health: Problems of the devices, one sentence each.
     """
 
     t_ns: int

@@ -43,11 +43,7 @@ _POLL_S: Final = 0.02
 
 
 class CommandLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A line of ``told.jsonl``.
-
-    Attributes:
-        do: What to do.
-    """
+    """A line of ``told.jsonl``."""
 
     do: Command
 
@@ -60,11 +56,9 @@ def commands_path(folder: Path, participant: str) -> Path:
 class CommandFile:
     """Takes commands of other programs; earlier ones are skipped.
 
-    Commands that came while none was taken for :data:`FRESH_S`, as during a typed answer, are skipped too. Their
-    sender was informed that they were not taken, so they must not begin or end a trial now.
-
-    Attributes:
-        n_taken: How many lines were taken, understood or not.
+    Commands that came while none was taken for :data:`FRESH_S`, as during a typed answer, are skipped too.
+    Their sender was informed that they were not taken, so they must not begin or end a trial now. ``n_taken``
+    counts lines, understood or not.
     """
 
     def __init__(self, path: Path, clock: Clock) -> None:
@@ -110,21 +104,11 @@ class CommandFile:
 def notify(
     folder: Path, participant: str, command: Command, *, clock: Clock, timeout_s: float = 3.0
 ) -> SessionBoard:
-    """Give a running session a command, and wait until it has taken it.
+    """Give a running session a command, and wait until it has taken it; return how the session stood then.
 
-    Args:
-        folder: The study's folder.
-        participant: Participant ID of the session.
-        command: What to do; it does what its key would do now, which may be nothing.
-        clock: The machine's monotonic one, which the session's board goes by.
-        timeout_s: For the session to take it, seconds.
-
-    Returns:
-        How the session stood then.
-
-    Raises:
-        DeviceUnavailableError: The session is not led on this machine, or it did not take the command.
-        RecordingError: The path for commands is a link, or not a file.
+    A command does what its key would do now, which may be nothing. ``clock`` is the machine's monotonic one,
+    which the session's board goes by. ``DeviceUnavailableError`` if the session is not led on this machine or
+    takes longer than ``timeout_s``; ``RecordingError`` if the path for commands is a link, or not a file.
     """
     board = _fresh(folder, participant, clock)
     line = msgspec.json.encode(CommandLine(command)) + b"\n"

@@ -53,21 +53,16 @@ class _TrialEnd(NamedTuple):
 
 
 class LedTrial:
-    """A trial from the moment the bench starts to make ready. Ask :meth:`step` until it says that it is over.
+    """A trial from the moment the bench starts to make ready; :meth:`step` is called until it is over.
 
-    Args:
-        folder: The study's.
-        journal: The session's events.
-        clock: The session's.
-        task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
-        window_s: Time in which it has to be lifted, seconds.
-        stable: Reading of "stably raised" (:data:`tega.stages.events.outcomes.StableReading`).
-        beeps: The second task; ``None`` where there is none.
+    ``task``: ``lift`` is over when the object has been held up, ``place`` when it has been put down as well.
+    The object has to be lifted within ``window_s``. ``stable`` is the reading of "stably raised"
+    (:data:`tega.stages.events.outcomes.StableReading`). ``beeps`` is the second task; ``None`` where there is
+    none.
 
     Attributes:
         phase: ``preparing``, ``countdown``, ``trial`` or ``over``.
-        left_s: Remaining time of the countdown, seconds.
-        beeps: The second task; ``None`` where there is none.
+        left_s: Remaining time of the countdown.
         broke: What made it end before it had begun; ``""`` otherwise.
     """
 
@@ -117,10 +112,9 @@ class LedTrial:
         return self._observed.lift_off_s if self._keyed.lift_off_s is None else self._keyed.lift_off_s
 
     def step(self, keys: list[str]) -> bool:
-        """Process keys and the bench's observations; write the resulting events into the journal.
+        """Process keys and the bench's observations, write the events that follow into the journal.
 
-        Returns:
-            Whether the trial is over; its end is then on the disk, unless it had not begun.
+        Returns whether the trial is over; its end is then on the disk, unless it had not begun.
         """
         going = self.going
         if going.started_ns is None:

@@ -38,11 +38,7 @@ _QUIT = "q once more to quit; your scores are on the disk"
 
 
 class Console(App[None]):
-    """Shows a session to a rater and takes the rater's keys.
-
-    Raises:
-        TegaError: As :class:`tega_study.observe.Observing`.
-    """
+    """Shows a session to a rater and takes the rater's keys; raises as :class:`Observing` does."""
 
     ENABLE_COMMAND_PALETTE = False
     AUTO_FOCUS = None  # else the line for notes would take the keys

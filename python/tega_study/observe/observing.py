@@ -26,11 +26,7 @@ _RATER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,39}")
 
 
 def checked_rater(rater: str) -> str:
-    """Return a rater's code.
-
-    Raises:
-        InvalidValueError: It cannot be a file's name.
-    """
+    """Return a rater's code; ``InvalidValueError`` if it cannot be a file's name."""
     if not _RATER.fullmatch(rater):
         raise InvalidValueError(f"rater {rater!r}: cannot be a file's name", "use a code such as r1")
     return rater
@@ -57,12 +53,10 @@ class Now(NamedTuple):
 
 
 class Observing:
-    """A rater's file, open.
+    """A rater's file, open; ``DeviceUnavailableError`` if it is open in another console.
 
-    Raises:
-        InvalidValueError: Unknown participant ID, ``rater`` cannot be a file's name, or has scored recordings.
-        RecordingError: The file is damaged, belongs to another plan, or the person has withdrawn.
-        DeviceUnavailableError: The rater's file is open in another console.
+    Raises ``InvalidValueError`` if ``rater`` cannot be a file's name, or has scored recordings;
+    ``RecordingError`` if the file belongs to another plan or the person has withdrawn.
     """
 
     def __init__(self, folder: Path, participant: str, rater: str, *, t_ns: int) -> None:
@@ -104,11 +98,7 @@ class Observing:
         return Now(board, led, running, (trial, attempt), tuple(mine), following)
 
     def press(self, kind: Kind, t_ns: int) -> str:
-        """Add an event.
-
-        Returns:
-            Why it was refused; ``""`` when it is on the disk.
-        """
+        """Add an event, and return why it was refused; ``""`` when it is on the disk."""
         now = self.check(t_ns)
         if now.newest is None:
             return "no trial has begun yet"

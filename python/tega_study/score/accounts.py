@@ -35,9 +35,8 @@ class Scored(NamedTuple):
 
     Attributes:
         key: Person, trial, attempt.
-        length_s: From its start to its end, seconds.
-        times_s: Times of its events by kind or by the name in the plan, rising, seconds from its start; none before the
-            start or after the end.
+        times_s: Times of its events by kind or by the name in the plan, rising, from its start; none before
+            the start or after the end.
         unobservable: Kinds that the account cannot have in this trial.
     """
 
@@ -51,9 +50,6 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
     """Return the trials that count, as each account has them; trials it did not see whole are missing.
 
     The truth is that of a simulated bench, where the session's own rule saw the object's height.
-
-    Raises:
-        RecordingError: The study is damaged.
     """
     plan = read_plan(folder)
     accounts: dict[str, list[Scored]] = {}
@@ -118,9 +114,6 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
     """Compare every two accounts over the trials that both have, for each kind of event that either has.
 
     A rater who was shown proposals is compared with other people alone.
-
-    Raises:
-        RecordingError: The study is damaged.
     """
     accounts = scored_trials(folder)
     displayed, own = _displayed_proposals(folder), read_plan(folder).settings.behaviours

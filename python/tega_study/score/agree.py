@@ -31,22 +31,18 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
     """Agreement of two accounts of the same trials, for one kind of event.
 
     Attributes:
-        kind: Kind of the events.
         a: Source of the first account, the reference of the delay.
         b: Source of the second account.
         trials: That both have.
-        n_a: Events of the first.
-        n_b: Events of the second.
+        n_a: Events of the first; ``n_b`` are of the second.
         matched: Pairs within the tolerance, one to one.
         f1: ``2 matched / (n_a + n_b)``; ``None`` without any event.
         chance_f1: Mean of that when the second's events are turned round within each trial.
-        tolerance_s: Seconds.
-        delay_s: Mean of second less first over the pairs, seconds.
+        delay_s: Mean of second less first over the pairs.
         delay_sd_s: Standard deviation of that; ``None`` below two pairs.
         kappa: Cohen's, in bins of a second, all trials together; ``None`` where it is not defined.
         icc: ICC(A,1) of the counts by trial.
-        icc_low: Lower end of its 95 % interval.
-        icc_high: Upper end of its 95 % interval.
+        icc_low: Lower end of its 95 % interval; ``icc_high`` is the upper.
         note: Why no event is matched, if none is.
     """
 
@@ -98,14 +94,8 @@ def kappa(
 ) -> float | None:
     """Return Cohen's kappa of bins with an event against bins without, all trials together.
 
-    Args:
-        a: Times of each trial.
-        b: Events of the other account.
-        lengths_s: Length of each trial, seconds.
-        bin_s: Width of a bin; an event belongs to bin ``floor(t / bin_s)``.
-
-    Returns:
-        ``None`` where both agree by chance alone, as when nothing happens.
+    ``a`` and ``b`` have each account's times in each trial; an event belongs to bin ``floor(t / bin_s)``.
+    ``None`` where both agree by chance alone, as when nothing happens.
     """
     table = np.zeros((2, 2))
     for first, second, length_s in zip(a, b, lengths_s, strict=True):
@@ -123,8 +113,7 @@ def kappa(
 def icc(counts: Sequence[Sequence[float]]) -> Icc:
     """Return ICC(A,1), absolute agreement of single raters, two-way (McGraw and Wong 1996).
 
-    Args:
-        counts: One row a trial, one column a rater.
+    ``counts`` has one row a trial, one column a rater.
     """
     table = np.asarray(counts, dtype=np.float64)
     nothing = Icc(math.nan, math.nan, math.nan)
@@ -163,16 +152,10 @@ def agreement(
     tolerance_s: float,
     turns: int = _TURNS,
 ) -> Agreement:
-    """Compare two accounts.
+    """Compare two accounts of the same trials.
 
-    Args:
-        kind: Kind of the events.
-        names: Sources of the two accounts.
-        a: Times of each trial, seconds from its start.
-        b: Events of the other account, the same trials.
-        lengths_s: Lengths of the trials.
-        tolerance_s: For a pair.
-        turns: For the chance level: by so many even parts of a trial the second's events are turned round.
+    ``a`` and ``b`` have the times of each trial from its start; a pair is at most ``tolerance_s`` apart. For
+    the chance level, the second's events are turned round by so many even parts (``turns``) of a trial.
     """
 
     def pairs(shift: float) -> list[float]:

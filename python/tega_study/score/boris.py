@@ -28,11 +28,7 @@ _ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_(.+))?")
 def export_boris(folder: Path, path: Path) -> int:
     """Write a project: an observation for each trial and rater, and an empty one for each unscored trial.
 
-    Returns:
-        How many observations.
-
-    Raises:
-        InvalidValueError: The file is there already.
+    Returns how many observations; ``path`` must not exist.
     """
     if path.exists():
         raise InvalidValueError(f"{path}: is there already", "name a new file")
@@ -60,15 +56,7 @@ def export_boris(folder: Path, path: Path) -> int:
 def export_elan(folder: Path, out: Path) -> int:
     """Write an ELAN file for each trial, ``p01_t07_a1.eaf``, with a tier for each rater and behaviour.
 
-    Args:
-        folder: The study's folder.
-        out: A new or empty folder.
-
-    Returns:
-        How many files.
-
-    Raises:
-        InvalidValueError: The folder holds something already.
+    ``out`` must be new or empty. Returns how many files.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InvalidValueError(f"{out}: is there already", "name a new folder")
@@ -139,23 +127,14 @@ def _behaviours(plan: StudyPlan) -> dict[str, str]:
 
 
 def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
-    """Take in events coded in BORIS or ELAN as those of a new rater.
+    """Take in events coded in BORIS or ELAN as those of a new rater; return the number of trials by person.
 
-    Args:
-        folder: The study's folder.
-        path: A BORIS project (``.boris``, ``.boris.gz``), a tabular or aggregated export as TSV or CSV, or an ELAN file
-            (``.eaf``) or a folder of them, named by their trials. Observations are named as :func:`export_boris` names
-            them. Of several of a trial the one that ends in the rater's code is taken, else the one that ends in none,
-            and the detector's only where there is no other.
-        rater: A new code, without events in these sessions.
-
-    Returns:
-        Number of trials taken in, by person.
-
-    Raises:
-        RecordingError: The file cannot be read, an observation or behaviour is not one of the study's, or an event is
-            outside of its trial.
-        InvalidValueError: The rater has a file already.
+    ``path`` is a BORIS project (``.boris``, ``.boris.gz``), a tabular or aggregated export as TSV or CSV, or
+    an ELAN file (``.eaf``) or a folder of them, named by their trials. Observations are named as
+    :func:`export_boris` names them. Of several of a trial the one that ends in the rater's code is taken,
+    else the one that ends in none, and the detector's only where there is no other. ``rater`` is a new code,
+    without events in these sessions (``InvalidValueError``). Observations and behaviours must be the study's,
+    and events inside of their trial (``RecordingError``).
     """
     plan = read_plan(folder)
     signed, known = plan.settings.plan_sha256, list(_behaviours(plan))
@@ -216,12 +195,7 @@ def _named(path: Path, events: Sequence[CodedEvent], known: Sequence[str]) -> li
 
 
 class CodedTrial(NamedTuple):
-    """Trial as a rater coded it.
-
-    Attributes:
-        events: Events, with behaviours of :data:`CODES` or of the plan.
-        whole: Whether all of it was coded.
-    """
+    """Trial as a rater coded it, ``whole`` or in part; its behaviours are of :data:`CODES` or of the plan."""
 
     start: JournalEvent
     end: JournalEvent

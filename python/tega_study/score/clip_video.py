@@ -28,15 +28,7 @@ _LIGHT = (230, 230, 230)
 
 
 def write_clip(trial: RecordedTrial, path: Path, scene: SceneReel | None = None) -> float:
-    """Write a trial as Motion JPEG in an AVI file.
-
-    Returns:
-        Its length, seconds; that of the trial to a picture.
-
-    Raises:
-        RecordingError: The recording is damaged, or the video cannot be written.
-        MissingExtraError: OpenCV is not installed.
-    """
+    """Write a trial as Motion JPEG in an AVI file; return its length in seconds, the trial's to a picture."""
     cv2 = require("cv2", driver="a clip", extra="record")
     reel = read_reel(trial)
     n_pictures = max(1, round(trial.length_ns * 1e-9 * RATE_HZ))

@@ -48,13 +48,9 @@ _NO_FINGER: Final = "several"
 
 
 class Proposal(msgspec.Struct, frozen=True):
-    """Event that a rule or the detector proposes.
+    """Event that a rule or the detector proposes, ``t_s`` from the trial's start.
 
-    Attributes:
-        source: :data:`RULE` or ``detector``.
-        kind: Kind of the event.
-        t_s: Seconds from the trial's start.
-        confidence: 0 to 1; 1 of the rule.
+    ``source`` is :data:`RULE` or ``detector``; ``confidence`` is 0 to 1, and 1 of the rule.
     """
 
     source: str
@@ -64,16 +60,7 @@ class Proposal(msgspec.Struct, frozen=True):
 
 
 class RaterClip(msgspec.Struct, frozen=True):
-    """Clip and the attempt that it shows.
-
-    Attributes:
-        name: Such as ``clip-001``.
-        participant: Participant ID of the trial.
-        trial: Its number in the plan.
-        attempt: Its attempt.
-        length_s: How long it is.
-        proposals: Proposed events; the number of each is in its comment.
-    """
+    """Clip, such as ``clip-001``, and the attempt that it shows; a proposal's number is in its comment."""
 
     name: str
     participant: str
@@ -87,10 +74,7 @@ class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
     """Key of a rater's clips.
 
     Attributes:
-        format: ``tega-clips``.
-        version: Format version.
         plan: Fingerprint of the study's plan.
-        rater: Code of the clips' rater.
         proposed: Whether the rater is shown proposals.
         clips: All of them, in the rater's order.
         left_out: Trials without a recording that can be shown, and why.
@@ -120,25 +104,12 @@ def make_clips(
     scenes: Sequence[Path] = (),
     reported: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> ClipKey:
-    """Write clips and a project for a rater.
+    """Write clips and a project for a new rater; return their key, which is kept in the study's folder.
 
-    Args:
-        folder: The study's folder.
-        out: Where to; must not exist, or be empty.
-        rater: Code of the rater who will code; a new one.
-        proposals: Put what rule and detector say into the project.
-        scenes: Scene recordings of the sessions, made on their machine; none to use the films in the trials'
-            recordings.
-        reported: Called with the number of finished clips and the total.
-
-    Returns:
-        The key, which is kept in the study's folder.
-
-    Raises:
-        InvalidValueError: The rater has clips already, or the folder is not empty.
-        DeviceUnavailableError: No trial can be shown.
-        RecordingError: The study or a scene recording is damaged.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    ``out`` must not exist, or be empty. ``proposals`` puts what rule and detector found into the project.
+    ``scenes`` are scene recordings of the sessions, made on their machine; none to use the films in the
+    trials' recordings. ``reported`` gets the number of finished clips and the total. If no trial can be shown
+    there is a ``DeviceUnavailableError``.
     """
     plan, key = read_plan(folder), key_path(folder, rater)
     if key.exists():
@@ -242,11 +213,7 @@ def _proposed(n: int, one: Proposal, subject: str) -> CodedEvent:
 
 
 def decode_key(path: Path) -> ClipKey:
-    """Read a key's file.
-
-    Raises:
-        RecordingError: It is damaged.
-    """
+    """Read a key's file; ``RecordingError`` if it is damaged."""
     try:
         return parse_json(read_foreign(path, most_mib=64), ClipKey)
     except (OSError, msgspec.DecodeError) as error:
@@ -254,12 +221,7 @@ def decode_key(path: Path) -> ClipKey:
 
 
 def read_key(folder: Path, rater: str) -> ClipKey:
-    """Read the key of a rater's clips.
-
-    Raises:
-        InvalidValueError: The rater has none.
-        RecordingError: It is damaged, or of another plan.
-    """
+    """Read a rater's key; ``InvalidValueError`` without one, ``RecordingError`` if it is of another plan."""
     path = key_path(folder, rater)
     if not path.exists():
         raise InvalidValueError(f"{rater} has no clips in {folder}", "make them with tega-teleop study clips")

@@ -40,12 +40,9 @@ class TakenClips(msgspec.Struct, frozen=True, kw_only=True):
 def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
     """Import a rater's coding of their clips, as that rater's file of each session.
 
-    A rejected proposal is no event, a confirmed or moved one is, where the rater left it; a deleted one is rejected. A
-    clip with a proposal that is still open was not coded whole.
-
-    Raises:
-        InvalidValueError: The rater has no clips, or was taken in already.
-        RecordingError: The file is no project, lacks a clip, or holds an unknown one.
+    A rejected proposal is no event, a confirmed or moved one is, where the rater left it; a deleted one is
+    rejected. A clip with a proposal that is still open was not coded whole. Raises ``InvalidValueError`` if
+    the rater was taken in already, ``RecordingError`` if the project lacks a clip or holds an unknown one.
     """
     key, observed = read_key(folder, rater), read_boris(path)
     gone = withdrawn_ids(folder)

@@ -20,9 +20,7 @@ class RecordedTrial(NamedTuple):
     Attributes:
         id: Such as ``p01-t07``.
         trial: Its number in the plan, which is hidden from raters.
-        object: Name of the lifted object.
-        start_ns: Start of the trial, on the session's clock.
-        length_ns: From its start to its end.
+        start_ns: On the session's clock.
         zero_ns: The trial's start, counted from the recording's.
     """
 
@@ -48,12 +46,7 @@ class _Facts(msgspec.Struct):
 def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial], list[str]]:
     """Return a person's recorded trials that count, in the plan's order.
 
-    Returns:
-        The trials, and the reasons why others have no usable recording, as far as known without reading it.
-
-    Raises:
-        InvalidValueError: Unknown participant ID.
-        RecordingError: The study is damaged.
+    Also the reasons why others have no usable recording, as far as known without reading it.
     """
     events = read_events(events_path(folder, participant))
     ended = {start.trial: (start, end) for start, end in attempts(events, with_data=True)}

@@ -39,15 +39,8 @@ class _FilmFile:
 class SceneReel:
     """Pictures of scene recordings at moments of one trial after another.
 
-    Args:
-        paths: Files that ``scene record`` wrote on the machine of the sessions, or recordings that hold scene video.
-
-    Attributes:
-        cameras: Their names, sorted.
-
-    Raises:
-        RecordingError: One is no scene recording, or damaged.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    ``paths`` are files that ``scene record`` wrote on the machine of the sessions, or recordings that hold
+    scene video. ``cameras`` has their names, sorted.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -57,11 +50,9 @@ class SceneReel:
         self._n_trials = self._start_ns = 0
 
     def begin(self, start_ns: int, boot_ns: int) -> None:
-        """Go to a trial.
+        """Go to a trial that began at ``start_ns`` of the machine's clock.
 
-        Args:
-            start_ns: The machine's clock at its start.
-            boot_ns: Time of day at which that clock was 0, by the trial's recording.
+        ``boot_ns`` is the time of day at which that clock was 0, by the trial's recording.
         """
         self._n_trials += 1
         self._start_ns = start_ns
@@ -72,8 +63,7 @@ class SceneReel:
     def pictures(self, at_ns: int) -> dict[str, NDArray[np.uint8]]:
         """Return each camera's newest picture, uint8 (H, W, 3), BGR; without those that have none.
 
-        Args:
-            at_ns: Time since the trial's start, which rises from call to call.
+        ``at_ns`` is since the trial's start, and rises from call to call.
         """
         found: dict[str, NDArray[np.uint8]] = {}
         for film in self._mine:

@@ -52,14 +52,9 @@ class ReelTruth(NamedTuple):
 class Reel:
     """A recording, ready to be looked at. Times count from the trial's start, nanoseconds.
 
-    Args:
-        strips: Pictures by finger.
-        truth_t_ns: Times of the object's truth, rising; none outside the simulated bench.
-        boot_ns: Time of day at which the machine's clock was 0; ``None`` on the simulated bench.
-
-    Attributes:
-        fingers: Those with a picture, thumb first.
-        boot_ns: As given.
+    ``strips`` are pictures by finger. ``truth_t_ns`` rises, and is empty outside the simulated bench.
+    ``boot_ns`` is the time of day at which the machine's clock was 0; ``None`` on the simulated bench.
+    ``fingers`` has those with a picture, thumb first.
     """
 
     def __init__(
@@ -102,12 +97,7 @@ class Reel:
 
 
 def read_reel(trial: RecordedTrial) -> Reel:
-    """Read a trial's recording.
-
-    Raises:
-        RecordingError: It is damaged, unfinished, or not of this trial.
-        MissingExtraError: A package of the extra ``record`` is not installed.
-    """
+    """Read a trial's recording; ``RecordingError`` if it is damaged, unfinished, or not of this trial."""
     files = sorted(trial.folder.glob("*.mcap"))
     if len(files) > 1:
         raise RecordingError(f"{len(files)} recordings in one folder: {', '.join(f.name for f in files)}")

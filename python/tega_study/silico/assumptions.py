@@ -35,21 +35,22 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     """Assumptions that decide the outcome of a study in silico, besides its plan.
 
     Attributes:
-        version: Version of the program that ran it.
-        parameters_sha256: SHA-256 of ``parameters.toml``.
+        version: Of the program that ran it.
+        parameters_sha256: Of ``parameters.toml``.
         frozen: Whether that is the file that was frozen before the first run; else it is a changed one.
-        everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the population's.
+        everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the
+            population's.
         preset: Readings of the loop.
-        settings: Settings of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
+        settings: Of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
         rules: Version of the rules that the people followed.
-        people_sha256: SHA-256 of the people's parameters and, from version 2, the version of their rules; empty in
+        people_sha256: Of the people's parameters and, from version 2, the version of their rules; empty in
             older studies.
-        objects: The lifted objects, attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
+        objects: Attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega_sim.operator.VIEWS`.
-        fresh: Whether each person meets each condition as if there were no other: knowing nothing yet, rested, and with
-            the same chance in the n-th trial under each. Then outcomes are kept, and no course of touch and no picture,
-            which the arms that need no pictures would have to render.
-        code_sha256: SHA-256 of the program's files: people's rules, world, gel and readings; empty in older studies.
+        fresh: Whether each person meets each condition as if there were no other: knowing nothing yet,
+            rested, and with the same chance in the n-th trial under each. Then outcomes are kept, and no
+            course of touch and no picture, which the arms that need no pictures would have to render.
+        code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
     """
 
     version: str
@@ -71,11 +72,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         return hashlib.sha256(tree_text(msgspec.to_builtins(self)).encode()).hexdigest()
 
     def spec(self, name: str) -> ObjectSpec:
-        """Return an object as it was lifted.
-
-        Raises:
-            RecordingError: The statement has no such object, or one that cannot be.
-        """
+        """Return an object as it was lifted; ``RecordingError`` if there is none, or it cannot be."""
         try:
             return msgspec.convert(without_removed(self.objects[name], REMOVED_FIELDS), ObjectSpec)
         except (KeyError, ConfigError, msgspec.ValidationError) as error:
@@ -95,12 +92,9 @@ def assume(
     view: ViewName = "direct",
     fresh: bool = False,
 ) -> tuple[Assumptions, bytes]:
-    """Return a study's assumptions.
+    """Return a study's assumptions, and the content of its parameter file.
 
-    Raises:
-        ConfigError: The file is not valid, ``everyone`` has an unknown or out-of-range parameter, or a setting is not
-            one of the loop's.
-        RecordingError: The file cannot be read.
+    ``ConfigError`` if ``everyone`` has an unknown or out-of-range parameter, or a setting is not the loop's.
     """
     from tega._native import __version__
 
@@ -147,8 +141,7 @@ def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]
 def read_assumptions(folder: Path) -> Assumptions | None:
     """Read a study's assumptions; ``None`` if it has none, as with real people.
 
-    Raises:
-        RecordingError: ``simulation.toml`` is damaged, or ``parameters.toml`` is not the file it names.
+    ``RecordingError`` if ``parameters.toml`` is not the file that ``simulation.toml`` names.
     """
     path = folder / SIMULATION
     if not path.exists():
@@ -169,11 +162,7 @@ def read_assumptions(folder: Path) -> Assumptions | None:
 
 
 def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
-    """Read a study's parameters by section and name, also those of an older version; none where it has none.
-
-    Raises:
-        RecordingError: The file is damaged.
-    """
+    """Read a study's parameters by section and name, also an older version's; none where it has none."""
     path = folder / PARAMETERS
     if not path.exists():
         return {}

@@ -55,8 +55,6 @@ class SensitivityRow(msgspec.Struct, frozen=True, kw_only=True):
         what: ``base``, a parameter's ``section.name``, ``arm`` or ``reading``.
         setting: Its value as text.
         end: Where the value lies: ``low`` or ``high`` for a parameter, else empty.
-        people: Number of people who took part.
-        trials: In all.
         directions: Each of the paper's.
     """
 
@@ -86,10 +84,10 @@ def run_sensitivity(
     dask: str = "",
     progress: Progress = lambda _subject, _done, _total: None,
 ) -> list[str]:
-    """Run the small studies that are not finished.
+    """Run the small studies that are not finished; return the names of the changes left to other shards.
 
     Args:
-        folder: A study in silico; its seed, objects and parameter file are used.
+        folder: A study in silico, not changed itself; its seed, objects and parameter file are used.
         operators: People in each small study.
         trials: Per person, object and condition.
         varied: Parameters, ``section.name``; the arms and the printed readings come always, and first.
@@ -98,11 +96,7 @@ def run_sensitivity(
         dask: Address of a dask scheduler.
         progress: Called with the number of finished trials.
 
-    Returns:
-        Names of the changes that are not done, because they are other shards'.
-
     Raises:
-        RecordingError: The folder is no study in silico.
         ConfigError: A parameter is not known.
         InvalidValueError: A change was begun before with other people or trials.
     """
@@ -146,11 +140,7 @@ def run_sensitivity(
 
 
 def read_sensitivity(folder: Path) -> tuple[SensitivityRow, ...]:
-    """Work out the rows of the changes that are done; none where there are no changes.
-
-    Raises:
-        RecordingError: A change's folder is damaged.
-    """
+    """Work out the rows of the changes that are done; none where there are no changes."""
     rows = []
     for where in sorted((folder / SENSITIVITY).glob("*/study.toml")):
         small = where.parent

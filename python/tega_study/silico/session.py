@@ -43,11 +43,8 @@ RUNNING = ".running"
 class SessionJob(NamedTuple):
     """Inputs of one simulated session, to be sent to other processes and machines.
 
-    Attributes:
-        folder: The study's folder, on the machine that asks.
-        trials: The person's, in their order.
-        parameters: The population that the person is drawn from.
-        pictures: Whether to keep a picture of a fingertip of each object's first felt lift.
+    ``folder`` is on the machine that asks; ``parameters`` is the population that the person is drawn from.
+    With ``pictures`` one of a fingertip of each object's first felt lift is kept.
     """
 
     folder: Path

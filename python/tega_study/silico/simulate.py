@@ -25,17 +25,10 @@ from tega_study.state import derive
 
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
-    """Write a simulated study's plan, or find the same one there.
+    """Write a simulated study's plan, or find the same one there; ``InvalidValueError`` if there is another.
 
-    Several machines may do this at once on one file system; one of them writes.
-
-    Args:
-        plan: The plan.
-        folder: The study's folder.
-        files: What else belongs to it, by name; has to be the same as well.
-
-    Raises:
-        InvalidValueError: There is something else.
+    Several machines may do this at once on one file system; one of them writes. ``files`` is what else
+    belongs to it, by name; has to be the same as well.
     """
     if not (folder / "study.toml").exists():
         try:
@@ -69,20 +62,11 @@ def simulate(
 ) -> StudyPlan:
     """Run a whole study with simulated people, or the sessions that are not finished.
 
-    Args:
-        folder: The study's folder, new or of the same study.
-        operators: How many people.
-        jobs: Worker processes; 0 for as many as there are cores.
-        shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
-        dask: Address of a dask scheduler; its workers are used instead of this machine's cores.
-        progress: Called with the number of finished trials.
-        requested: Other arguments of :func:`made_study`.
-
-    Raises:
-        InvalidValueError: A name is unknown, or the folder has another study.
-        ConfigError: The parameter file is not valid, or a setting is not one of the loop's.
-        MissingExtraError: A package of the extra ``sim`` or ``dask`` is not installed.
-        DeviceUnavailableError: No dask scheduler answers at the address.
+    ``folder`` is new, or of the same study; ``jobs`` of 0 takes as many processes as there are cores.
+    ``shard`` is ``(i, n)``: only the i-th of n parts of the people, from 1. ``dask`` is the address of a
+    scheduler, whose workers are used instead of this machine's cores; ``DeviceUnavailableError`` if none
+    answers there. ``progress`` gets the number of finished trials. ``requested`` are other arguments of
+    :func:`made_study`.
     """
     part, parts = shard
     if not 1 <= part <= parts:
@@ -107,21 +91,13 @@ def made_study(
     trials: int = 10,
     **assumed: Any,
 ) -> tuple[StudyPlan, Assumptions]:
-    """Plan a study in silico and write plan and assumptions, or find the same ones.
+    """Plan a study in silico and write plan and assumptions, or find the same ones in ``folder``.
 
-    Args:
-        folder: The study's folder, new or of the same study.
-        operators: How many people.
-        seed: Seed of all random draws.
-        objects: Names in :data:`tega_sim.world.OBJECTS`, or other objects by name, such as those of
-            :func:`tega_sim.world.crossed`.
-        conditions: Names in :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
-        trials: Per person, object and condition.
-        assumed: Other arguments of :func:`tega_study.silico.assumptions.assume`.
-
-    Raises:
-        InvalidValueError: A name is unknown, or the folder has another study.
-        ConfigError: As of :func:`tega_study.silico.assumptions.assume`.
+    ``objects`` are names in :data:`tega_sim.world.OBJECTS`, or other objects by name, such as those of
+    :func:`tega_sim.world.crossed`. ``conditions`` are names in
+    :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second. ``trials`` are per
+    person, object and condition. ``assumed`` are other arguments of
+    :func:`tega_study.silico.assumptions.assume`.
     """
     for subject, names, known in (
         ("objects", objects, [*OBJECTS, *(objects if isinstance(objects, Mapping) else ())]),

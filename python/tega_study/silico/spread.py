@@ -30,16 +30,11 @@ def run_sessions(
 ) -> None:
     """Run sessions and put each into its study's folder as soon as it is over.
 
-    Args:
-        jobs: Which.
-        workers: Processes on this machine; 0 for as many as there are cores. One runs in this process.
-        dask: Address of a dask scheduler; then its workers run them, and need not share a disk with this machine.
-        progress: Called with the number of finished trials; with ``dask`` after each session.
-
-    Raises:
-        MissingExtraError: joblib or dask.distributed is not installed.
-        DeviceUnavailableError: No scheduler answers there, or it has no worker.
-        WrongDeviceError: A worker has another version of the program.
+    ``workers`` are processes on this machine, 0 for as many as there are cores; with 1 all run in this
+    process. With ``dask``, the address of a scheduler, its workers run them, and need not share a disk with
+    this machine; ``WrongDeviceError`` if one has another version of the program, ``DeviceUnavailableError``
+    if no scheduler answers or it has no worker. ``progress`` gets the number of finished trials, with
+    ``dask`` after each session.
     """
     total = sum(len(job.trials) for job in jobs)
     if not jobs:
