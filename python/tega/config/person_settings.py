@@ -20,7 +20,7 @@ _MOTORS = 40
 
 
 def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
-    """Fill what the settings leave open with a person's baselines and thresholds, and where each comes from.
+    """Put a person's baselines and thresholds, with their origins, where the settings leave them open.
 
     A value that is set explicitly takes precedence. Nothing is opened: devices are identified by their names
     while closed.

@@ -44,8 +44,8 @@ _PATIENCE = 4.0
 class TakenBaseline(NamedTuple):
     """A baseline that was accepted, uint8 (H, W, 3).
 
-    ``notes`` are the problems with which it was, and changes of the gel. ``cell_noise`` is counts; ``None``
-    where unknown.
+    ``notes`` are the problems with which it was accepted, and changes of the gel. ``cell_noise`` is the noise
+    of the sensor's cells, counts; ``None`` where unknown.
     """
 
     picture: NDArray[np.uint8]

@@ -128,7 +128,7 @@ class DriverProbe(NamedTuple):
     """Result of looking for one driver's devices.
 
     ``could_not`` is why looking was not possible, ``""`` if it was, and ``hint`` the step that makes it so.
-    ``lacks_package``: it is a package that is not installed.
+    ``lacks_package`` is whether the reason is a package that is not installed.
     """
 
     kind: str

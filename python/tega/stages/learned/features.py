@@ -54,7 +54,7 @@ def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
 class FeatureBlock(NamedTuple):
     """Samples of one block, ``(tau, channels)``, without offset where the kind is raw, and its bad channels.
 
-    ``end`` is the number of its last sample among those of the call that completed it; negative never.
+    ``end`` is the number of its last sample among those of the call that completed it, never negative.
     """
 
     samples: NDArray[np.float64]

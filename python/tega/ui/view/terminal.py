@@ -193,7 +193,7 @@ def render(
     width: int = 80,
     height: int = 24,
 ) -> RenderableType:
-    """Draw one moment of the loop; the display reports that it is old, by ``age_s``, unless it is the last.
+    """Draw one moment of the loop; one that is old by ``age_s`` is marked, unless it is the last.
 
     ``rates_hz`` are measured, by name; ``rows`` are further texts by name, one line in all. ``labels`` names
     the contacts with hysteresis. ``address`` is the page's, shown in the frame. Up to 120 columns of the

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Controls:
-    """Requests of the page's user; thread-safe. What is ``None``, false or empty is not offered.
+    """Requests of the page's user; thread-safe; what is ``None``, false or empty is not offered.
 
     A real hand has no pause. With ``can_go`` the run waits, armed, for the Go button. ``try_motor`` has a
     motor of the vest vibrate, by its place in the frame. ``undo`` undoes the online adaptation of EMG, or

@@ -165,7 +165,7 @@ class SessionFeed(Part):
 class _Pictures:
     """The pictures of a finger: put in by the thread that measures, shown by the one that paints.
 
-    ``measured``: they are measured in this run.
+    ``measured`` is whether they are measured in this run.
     """
 
     def __init__(self, *, live: bool, measured: bool) -> None:
