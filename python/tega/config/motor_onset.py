@@ -47,7 +47,7 @@ class MotorOnset(NamedTuple):
 
 
 def motor_onset(config: SessionConfig) -> MotorOnset | None:
-    """Return the onset measured of the settings' vest, from ``calibration.folder``; ``None`` for none."""
+    """Return the measured onset of the settings' vest, from ``calibration.folder``; ``None`` for none."""
     vest, folder = config.vest, config.calibration.folder
     if vest.driver is None or folder is None:
         return None

@@ -178,8 +178,7 @@ class CalibrationFolder:
     def keep_hand(self, person: str, hand: OwnHand) -> Path:
         """Keep the hand of a person, which is set once.
 
-        Raises ``CalibrationError`` if the other hand is stored already: existing calibrations were made with
-        it.
+        Raises ``CalibrationError`` if the other hand is stored: existing calibrations were made with it.
         """
         path, kept = self.person(person) / _FACTS, self.hand(person)
         if kept not in {None, hand}:

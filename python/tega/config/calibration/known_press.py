@@ -17,7 +17,7 @@ GEL_RADII_MM = (21.0, 100.0)
 
 
 class Ball(NamedTuple):
-    """A ball pressed with a known force, such as by a kitchen scale under the hand: a kilogram is 9.81 N."""
+    """A ball pressed with a force known, for example, from a kitchen scale; a kilogram is 9.81 N."""
 
     diameter_mm: float
     force_n: float

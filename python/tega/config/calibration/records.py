@@ -22,8 +22,7 @@ from tega.runtime.files.whole_file import write_whole
 class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Fields that every record begins with.
 
-    ``device`` is its serial number or a substitute; ``notes`` are facts that a reader has to know, a sentence
-    each.
+    ``device`` is a serial number or a substitute; ``notes`` are facts a reader has to know, a sentence each.
     """
 
     comments: ClassVar[dict[str, str]] = {}
