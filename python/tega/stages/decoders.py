@@ -85,8 +85,7 @@ class RulesOptions(StageOptions, frozen=True):
 class RulesDecoder(Decoder):
     """Low-pass, block mean, a level a channel, vote: :class:`tega.emg.GraspIntent`.
 
-    Raises ``InvalidValueError`` if rate or number of channels do not fit, ``CalibrationError`` if a maximum
-    cannot be used.
+    Raises ``InvalidValueError`` if rate or channels do not fit, ``CalibrationError`` for unusable maxima.
     """
 
     summary: ClassVar[str] = "levels by the paper's rules (Eq 10 to 13)"

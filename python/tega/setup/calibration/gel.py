@@ -60,8 +60,7 @@ class Rest(NamedTuple):
 def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
     """Average pictures of an untouched gel and judge whether they agree.
 
-    Needed are two or more, uint8 (H, W, 3), of one size, in the order they came; else ``CalibrationError`` is
-    raised.
+    They must be two or more, uint8 (H, W, 3), of one size, in the order they came.
     """
     if len(pictures) < 2 or len({p.shape for p in pictures}) > 1:
         sizes = sorted({f"{p.shape[1]}×{p.shape[0]}" for p in pictures})

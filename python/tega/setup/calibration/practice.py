@@ -49,8 +49,7 @@ class Score(NamedTuple):
     """Score of a followed curve.
 
     ``in_target`` is the share of the time on the level asked for (the nearest one, during a ramp).
-    ``delay_s`` is the shift at which the levels fit the curve best, 0 to 1 s; ``None`` where the level never
-    changed.
+    ``delay_s`` is the shift at which the level fits the curve best, 0 to 1 s; ``None`` if it never changed.
     """
 
     in_target: float

@@ -156,8 +156,7 @@ class VestSteps:
     def show(self, felt: FeltMap) -> None:
         """Show five touches from light to full, in the equal steps of sensation that ``equal-steps`` makes.
 
-        ``felt`` was just measured; with a threshold at the ceiling there is no room for steps, and none is
-        shown.
+        With a threshold of ``felt``, just measured, at the ceiling there is no room for steps.
         """
         pulses, guide = self._pulses, self._guide
         full_percent = float(LEVEL_PERCENT[pulses.ceiling])

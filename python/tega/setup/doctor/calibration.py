@@ -33,8 +33,7 @@ from tega.setup.doctor.findings import Finding, Status
 class CalibrationCheck(NamedTuple):
     """State of one part of a person's calibration: a finger, ``EMG``, ``vest``; no ``problem`` is ``""``.
 
-    ``status`` is ``missing``: there is none; ``error``: it is not to be used; ``warning``: it is, but old or
-    with a note.
+    ``missing``: there is none; ``error``: it is not to be used; ``warning``: it is, but old or with a note.
     """
 
     what: str

@@ -57,8 +57,7 @@ fingertips in contact sink against the palm, millimetres a second,
 class Rule(NamedTuple):
     """A logistic rule: an event where its share reaches ``enter`` for ``least_s``.
 
-    ``weights`` has one for each feature; ``products`` are places of two features and the weight of their
-    product.
+    ``weights`` has one for each feature, ``products`` two features' places and their product's weight.
     """
 
     bias: float

@@ -56,8 +56,7 @@ class Log(NamedTuple):
 class DecoderReport(NamedTuple):
     """Closures and levels that a decoder returned for a log; every array is ``(k,)``.
 
-    ``confidence`` is NaN where the decoder gives none; ``target`` is the closure meant, by the training
-    part's full.
+    ``confidence`` is NaN where the decoder gives none; ``target`` is by the training part's full.
     """
 
     decoder: str

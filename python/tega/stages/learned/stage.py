@@ -130,8 +130,7 @@ class _BlockStage(Decoder):
 class LearnedStage(_BlockStage):
     """A learned model: :class:`tega.decoders.LearnedDecoder`.
 
-    Raises ``ConfigError`` if no model is named, ``CalibrationError`` if its file is missing, damaged or made
-    for other muscles.
+    Raises ``ConfigError`` without a model, ``CalibrationError`` for one missing, damaged or of other muscles.
     """
 
     summary: ClassVar[str] = "closure by a model learned from this person's tracking (emg fit)"

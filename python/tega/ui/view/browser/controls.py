@@ -21,8 +21,7 @@ class Controls:
     motor of the vest vibrate, by its place in the frame. ``undo`` undoes the online adaptation of EMG, or
     starts it again. ``rezero`` has every finger take a new baseline; there is none where no live finger is
     measured. ``playhead`` is that of the recording that is played; ``reflex`` is the reflex's authority at
-    the start. ``annotate`` codes an event by a key at the moment that is played, and returns the effect in
-    words.
+    the start. ``annotate`` codes an event by a key at the moment played, and returns the effect in words.
     """
 
     def __init__(

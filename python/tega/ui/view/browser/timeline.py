@@ -55,8 +55,7 @@ class Timeline:
     def keep(self, state: ViewState, sheet: str | None, cameras: str | None = None) -> None:
         """Keep a moment; one of an earlier time is of another run, and the first of it.
 
-        ``sheet`` is the fingertips as they are painted, ``cameras`` the scene cameras, both HTML; ``None``
-        for none.
+        ``sheet`` is the fingertips as painted, ``cameras`` the scene cameras, both HTML; ``None`` for none.
         """
         if self._kept:
             newest = self._kept[-1].state
