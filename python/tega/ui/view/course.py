@@ -96,7 +96,7 @@ class RunCourse:
         return VestCourse(np.array(self._vest_t_ns) / 1e9, frames[:, order], names)
 
     def words(self, *, pose_base: int = 1) -> list[str]:
-        """Describe the run in sentences: fingers, level, vest; ``pose_base`` numbers the most open level."""
+        """Describe the run: fingers, level, vest; ``pose_base`` is the most open level's number, 0 or 1."""
         lines = [f"{finger}: {_finger_words(course)}" for finger, course in self.fingers.items()]
         return [*lines, *_level_words(*self.levels, pose_base), *_vest_words(self.vest)]
 

@@ -44,7 +44,7 @@ class TouchImage(NamedTuple):
 class EmgTail(NamedTuple):
     """The newest few seconds of the muscle signal, (n, channels), the newest last.
 
-    ``maxima`` are the block means of each channel at full effort, (channels,); an unknown unit is empty.
+    ``maxima`` are each channel's block means at full effort, (channels,), in ``unit``; empty if unknown.
     """
 
     samples: NDArray[np.float64]
