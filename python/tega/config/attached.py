@@ -21,14 +21,10 @@ _MOST_MIB = 64
 
 
 def attached_files(stages: StagesSection) -> dict[str, bytes]:
-    """Return the content of every file that the options of metric, decoder, mapping, reflex or one beside name.
+    """Return the content of all files that options of metric, decoder, mapping, reflex or one beside name.
 
-    Returns:
-        By a name of its own: ``stage-decoder-model.json``; ``stage-beside0-model.json``.
-
-    Raises:
-        OSError: One cannot be read.
-        RecordingError: One is no file, or larger than 64 MiB.
+    The keys are names such as ``stage-decoder-model.json`` and ``stage-beside0-model.json``. What is no file,
+    or is larger than 64 MiB, raises ``RecordingError``.
     """
     return {name: read_foreign(path, most_mib=_MOST_MIB) for name, _, path in _named(stages)}
 

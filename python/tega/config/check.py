@@ -41,11 +41,7 @@ MOST: Final = 1e15
 
 
 def check_magnitudes(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
-    """Check every number of the settings.
-
-    Raises:
-        ConfigError: One is not 0 and smaller than :data:`LEAST`, or larger than :data:`MOST`.
-    """
+    """Refuse a number of the settings that is neither 0 nor :data:`LEAST` to :data:`MOST` in size."""
     for key, value in _numbers(tree, ""):
         if value != 0 and not LEAST <= abs(value) <= MOST:
             size = "small" if abs(value) < LEAST else "large"
@@ -177,10 +173,9 @@ def _values_of(config: SessionConfig, origins: Mapping[str, str], mounted: str) 
 
 
 def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tuple[SessionConfig, str]:
-    """Set the arm's robot hand to the mounted side, unless the settings set it.
+    """Set the arm's robot hand to the mounted side; settings that name the other one are refused.
 
-    Returns:
-        The settings, and the side that was taken; ``""`` where the settings say it or no driver knows it.
+    Return the side, too; ``""`` where the settings name it or no driver knows it.
     """
     side = getattr(config.hand.options, "side", None)
     if config.arm is None or side is None:

@@ -39,8 +39,7 @@ StageKind = Literal["metric", "decoder", "mapping", "reflex"]
 class Chosen:
     """A stage of the settings: its class and its options.
 
-    Raises:
-        ConfigError: No installed package brings it, or its options do not fit.
+    Raises ``ConfigError`` if no installed package brings it, or its options do not fit.
     """
 
     def __init__(self, group: StageKind, section: StageConfig, preset: Preset) -> None:
@@ -50,11 +49,7 @@ class Chosen:
         self.options: Any = _typed(section.options, self.kind.options_type, f"stages.{group}.options")
 
     def make(self, setup: Any) -> Any:
-        """Make the stage.
-
-        Raises:
-            TegaError: The stage refuses its arguments; the message names the stage.
-        """
+        """Make the stage; if it refuses its arguments, the message names it."""
         try:
             return self.kind(setup, self.options)
         except ConfigError:

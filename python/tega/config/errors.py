@@ -47,14 +47,10 @@ class Overridden(str):
 def explain(
     error: msgspec.ValidationError, tree: Any, wanted: Any, *, prefix: str, origins: Mapping[str, str]
 ) -> ConfigError:
-    """Explain a validation error to the author of the settings.
+    """Explain a validation error of msgspec to the author of the settings.
 
-    Args:
-        error: Error raised by msgspec.
-        tree: The settings it looked at.
-        wanted: The type it looked for.
-        prefix: Dotted key at which the tree stands, or ``""``.
-        origins: Where each dotted key came from.
+    ``tree`` stands at the dotted key ``prefix``, or ``""``; ``wanted`` is the type it was checked for.
+    ``origins`` holds where each dotted key came from.
     """
     subject, steps = _parts(error)
     value, kind, key = tree, wanted, prefix

@@ -13,11 +13,9 @@ from tega.runtime.features import Feature, features, load_target
 class TableContext(NamedTuple):
     """Context of the check of a feature's table.
 
-    Attributes:
-        base: Folder to which relative paths refer.
-        config: The other settings of the session, checked.
-        with_options: Returns a table that names a driver with its options typed; called with the table, the driver's
-            kind, such as ``"tracker"``, and the table's dotted key.
+    Relative paths refer to ``base``; ``config`` holds the other settings of the session, checked.
+    ``with_options`` is called with a table that names a driver, the driver's kind, such as ``"tracker"``, and
+    the table's dotted key; it returns the table with the driver's options typed.
     """
 
     base: Path
@@ -35,12 +33,7 @@ def guest_tables() -> dict[str, tuple[Feature, str]]:
 def read_guest_tables(
     given: Mapping[str, Any], context: TableContext, convert: Callable[[Any, Any, str], Any]
 ) -> dict[str, Any]:
-    """Return the tables that were given, each as its feature's type and checked by its feature.
-
-    Raises:
-        ConfigError: A table does not fit its type, or its feature refuses it.
-        MissingExtraError: A feature needs a package that is not installed.
-    """
+    """Return the tables that were given, each as its feature's type and checked by its feature."""
     known = guest_tables()
     found: dict[str, Any] = {}
     for key, tree in given.items():

@@ -17,9 +17,8 @@ STAGE: Final = "motor onset"
 class MotorOnset(NamedTuple):
     """Measured time from the hand-over of a frame to a vest's first vibration.
 
-    Attributes:
-        made: Day of the oldest of these measurements, such as ``2026-11-21``.
-        uncertainty_ms: How far it may be off, by the clock of the recordings.
+    ``made`` is the day of the oldest of these measurements, such as ``2026-11-21``; ``uncertainty_ms`` is how
+    far it may be off, by the clock of the recordings.
     """
 
     ms: float
@@ -48,11 +47,7 @@ class MotorOnset(NamedTuple):
 
 
 def motor_onset(config: SessionConfig) -> MotorOnset | None:
-    """Return the measured onset of the vest of some settings; ``None`` where there is no measurement.
-
-    Args:
-        config: The settings; ``calibration.folder`` is where it is kept.
-    """
+    """Return the measured onset of the settings' vest, from ``calibration.folder``; ``None`` for none."""
     vest, folder = config.vest, config.calibration.folder
     if vest.driver is None or folder is None:
         return None

@@ -24,11 +24,9 @@ _NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels"
 
 
 class Personal(NamedTuple):
-    """Calibration of a run from a person's records, with warnings.
+    """Calibration of a run from a person's records; ``name`` is that of the maxima's origin.
 
-    Attributes:
-        name: Name of the maxima's origin.
-        warnings: Records that are old, missing or were stored in spite of a problem; one sentence each.
+    ``warnings`` name records that are old, missing or were stored in spite of a problem, one sentence each.
     """
 
     calibration: Calibration
@@ -51,19 +49,12 @@ def person_calibration(
     settings: str,
     now: datetime,
 ) -> Personal:
-    """Take a person's maxima for the devices of a run.
+    """Take a person's maxima for the devices of a run; the settings must name person and folder.
 
-    Args:
-        config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
-        sources: The open tactile sources, by finger.
-        emg: The open EMG source, if any.
-        conditions: Conditions that its calibration depends on.
-        settings: How the settings file is named in the commands that are suggested.
-        now: Current time, to compute ages.
-
-    Raises:
-        CalibrationError: A record is missing, or was made for another person, device or way of measuring; the
-            hint is the command to run.
+    The sources, by finger, and ``emg`` are open. ``conditions`` are those that the EMG's calibration depends
+    on; ``settings`` is how the settings file is named in the commands that are suggested; ``now`` is for
+    ages. Raises ``CalibrationError`` if a record is missing, or was made for another person, device or way of
+    measuring; the hint is the command to run.
     """
     person, folder = whose(config.calibration)
     warnings: list[str] = []
@@ -97,11 +88,7 @@ def person_calibration(
 
 
 def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
-    """Return person and folder of some settings.
-
-    Raises:
-        CalibrationError: The settings name no person or folder.
-    """
+    """Return person and folder of some settings; ``CalibrationError`` if they do not name both."""
     if config.person is None or config.folder is None:
         raise CalibrationError("no person is named", "set calibration.person, or run with --person")
     return config.person, CalibrationFolder(config.folder)

@@ -20,13 +20,9 @@ _MOTORS = 40
 
 
 def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
-    """Put a person's baselines and thresholds where the settings leave them open, and say where each value comes from.
+    """Put a person's baselines and thresholds, with their origins, where the settings leave them open.
 
-    A value that is set explicitly takes precedence. Nothing is opened: devices are identified by their names while
-    closed.
-
-    Raises:
-        InvalidValueError: The person's code cannot be one.
+    A value that is set explicitly takes precedence. Nothing is opened: devices have names while closed.
     """
     config, values = loaded.config, dict(loaded.values)
     person, folder = whose(config.calibration)

@@ -34,11 +34,7 @@ CONSTANTS: Final[Mapping[str, float]] = {
 
 
 def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
-    """Refuse a setting that an earlier version had.
-
-    Raises:
-        ConfigError: A key or a value of :data:`REMOVED` is set.
-    """
+    """Refuse a setting that an earlier version had: a key or a value of :data:`REMOVED`."""
     for name, gone in REMOVED.items():
         key, _, wanted = name.partition(" = ")
         found: Any = tree
@@ -53,10 +49,8 @@ def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
 def without_constants(tree: Any, prefix: str, known: Collection[str]) -> Any:
     """Return a table of settings without the :data:`CONSTANTS` in it that have their value.
 
-    Args:
-        tree: The table; anything else is returned as it is.
-        prefix: Dotted key at which it stands, or ``""``.
-        known: Keys that it may have: a driver or stage of another package may have an option of that name.
+    Anything but a table is returned as it is. ``prefix`` is the dotted key at which it stands, or ``""``.
+    Keys that are ``known`` stay: a driver or stage of another package may have an option of that name.
     """
     ours = {
         key.rpartition(".")[2]: value for key, value in CONSTANTS.items() if key.rpartition(".")[0] == prefix

@@ -145,22 +145,11 @@ def score_recording(
 ) -> RecordingScore:
     """Score both presets on one recording of EMG and force.
 
-    The first ``split`` of the recording gives the maxima (`channel_maxima`: the largest block mean for
-    "paper", the 95th percentile for "live"); the rest, run from a fresh start, is judged against the force
-    averaged over the same blocks.
-
-    Args:
-        samples: EMG, ``(n, channels)``; a single channel may be ``(n,)``.
-        force: Force at the same instants, ``(n,)``, any unit.
-        rate_hz: Sample rate, Hz.
-        tau: Samples per block.
-        kind: "raw", "rectified" or "envelope".
-        split: Share of the recording used for calibration, between 0 and 1.
-
-    Raises:
-        ShapeError: Samples and force differ in length, or the judged part is shorter than three blocks.
-        InvalidValueError: ``split`` is not between 0 and 1, or an argument of the chain cannot be used.
-        CalibrationError: The calibration part gives no usable maximum.
+    The first ``split`` (between 0 and 1) of the recording gives the maxima (`channel_maxima`: the largest
+    block mean for "paper", the 95th percentile for "live"); the rest, run from a fresh start, is judged
+    against the force averaged over the same blocks. It has to hold three blocks of ``tau`` samples or more.
+    ``samples`` are ``(n, channels)``, or ``(n,)`` for a single channel; ``force`` is ``(n,)``, at the same
+    instants, any unit.
     """
     emg, measured = np.asarray(samples), np.asarray(force, np.float64)
     if measured.ndim != 1 or len(measured) != len(emg):

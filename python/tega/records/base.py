@@ -16,12 +16,7 @@ import msgspec
 
 
 def quantity(unit: str, wire: str = "") -> msgspec.Meta:
-    """Return the annotation of a field: its unit, and its type in a file.
-
-    Args:
-        unit: The unit, such as ``"ns"``.
-        wire: Protobuf's type in a file, where it is not the usual one of the Python type.
-    """
+    """Annotate a field: its unit, such as ``"ns"``, and Protobuf's type where it is not the usual one."""
     return msgspec.Meta(extra={"unit": unit, "wire": wire})
 
 

@@ -74,15 +74,12 @@ class Bus:
         vital: bool = False,
         backlog: Backlog | None = None,
     ) -> None:
-        """Have a function called with every record of a kind from now on.
+        """Have a function called with every record of a kind from now on; it must not change a record.
 
-        Args:
-            topic: The kind, including its subclasses, so :class:`~tega.records.Record` means all kinds with a topic.
-                A kind without a topic is delivered only to subscribers of exactly that kind.
-            function: Called with each record; nothing may be changed in one.
-            name: Name of the subscriber in error messages.
-            vital: If true, its exceptions are raised in the publisher, as in a computation that steers no hand.
-            backlog: Where its records wait for it; ``None`` to be called at once.
+        A kind includes its subclasses, so :class:`~tega.records.Record` means all kinds with a topic; a kind
+        without a topic is delivered only to subscribers of exactly that kind. ``name`` is for error messages.
+        If ``vital``, its exceptions are raised in the publisher, as in a computation that steers no hand. Its
+        records wait for it in ``backlog``; with ``None`` it is called at once.
         """
         made = _Subscription(topic, function, name or "subscriber", vital=vital, backlog=backlog)
         with self._lock:
@@ -98,11 +95,7 @@ class Bus:
         return bool(self._found(topic) if found is None else found)
 
     def publish(self, record: msgspec.Struct) -> None:
-        """Deliver a record to all subscribers.
-
-        Raises:
-            Exception: Whatever a vital subscriber raised.
-        """
+        """Deliver a record to all subscribers; whatever a vital one raises is raised here."""
         for subscription in self._found(type(record)):
             if subscription.backlog is not None:
                 subscription.backlog.put(self._deliver, subscription, record)
@@ -164,20 +157,13 @@ def report_drops(n_dropped: int, newest_s: float) -> str:
 
 
 class Backlog:
-    """Records that wait for a subscriber that may be slow, and the thread that hands them over in their order.
+    """Records that wait for a possibly slow subscriber, and the thread that hands them over in order.
 
-    The tables, the displays, the markers and the stages beside the connected ones each have one.
-
-    Args:
-        most: Maximum number of waiting records; further ones are dropped and counted.
-        newest: If true, a full backlog drops the oldest record, for a display of the current state; else the new one.
-        idle: Called in the thread, some hundred times a second, while nothing waits.
-        rank: Wraps the thread's work, such as :func:`tega.runtime.threads.run_realtime`.
-
-    Attributes:
-        n_put: Records that came.
-        n_dropped: Number of dropped records.
-        waited_s: How long the one that was handed over last had waited.
+    The tables, the displays, the markers and the stages beside the connected ones each have one. With
+    ``most`` records waiting, one is dropped and counted in ``n_dropped``: the oldest if ``newest``, for a
+    display of the current state, else the new one. ``n_put`` counts all that came; ``waited_s`` is how long
+    the one handed over last had waited. ``idle`` is called in the thread, some hundred times a second, while
+    nothing waits. ``rank`` wraps the thread's work, such as :func:`tega.runtime.threads.run_realtime`.
     """
 
     def __init__(

@@ -16,12 +16,10 @@ if TYPE_CHECKING:
 
 
 class DisplayPicture(msgspec.Struct, frozen=True, kw_only=True):
-    """A picture for the page, published on the run's bus if the page has subscribed.
+    """A picture for the page, published on the run's bus if the page has subscribed; ``None`` removes it.
 
-    Attributes:
-        name: Name shown with the picture, such as that of a scene camera.
-        t_ns: Time at which it was taken, nanoseconds since the start of the session.
-        image: uint8 (H, W, 3), blue, green, red; borrowed and read only. ``None`` removes the picture.
+    ``t_ns`` is when it was taken, nanoseconds since the start of the session; ``image`` is uint8 (H, W, 3),
+    blue, green, red; borrowed and read only.
     """
 
     name: str
@@ -30,23 +28,14 @@ class DisplayPicture(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DisplayRow(msgspec.Struct, frozen=True, kw_only=True):
-    """A row of text for page and terminal, published on the run's bus.
-
-    Attributes:
-        name: Label of the row.
-        text: Its text; ``""`` removes the row.
-    """
+    """A row of text for page and terminal, published on the run's bus; the text ``""`` removes it."""
 
     name: str
     text: str
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True):
-    """A sentence for the operator of the session, published once.
-
-    Attributes:
-        text: The sentence.
-    """
+    """A sentence for the operator of the session, published once."""
 
     text: str
 

@@ -24,17 +24,11 @@ _Struct = TypeVar("_Struct", bound=msgspec.Struct)
 
 
 class MessageField(NamedTuple):
-    """One field of a message.
+    """One field of a message, made of the struct's field ``attribute``.
 
-    Attributes:
-        attribute: The struct's field it is made of.
-        of_pair: Index within a pair: ``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``; else ``None``.
-        wire: Protobuf's type, or the name of another message.
-        unit: Its unit; ``""`` where the type says enough.
-        repeated: Whether there are any number of it.
-        optional: Whether it may not be there.
-        part: The struct of another message; ``None`` for a plain value.
-        array: Whether it is a NumPy array.
+    ``of_pair`` is the index within a pair (``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``),
+    else ``None``. ``wire`` is Protobuf's type, or the name of another message, whose struct is ``part``;
+    ``None`` for a plain value. ``unit`` is ``""`` where the type says enough.
     """
 
     name: str
@@ -164,12 +158,9 @@ def values(record: msgspec.Struct) -> dict[str, Any]:
 
 
 def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
-    """Return a record out of a file's message; what an older file does not say is the field's default.
+    """Return a record out of a file's message; what an older file does not hold is the field's default.
 
-    Args:
-        kind: The record.
-        message: The protobuf message, of this version or an older one.
-        unwritten: The fields that the message does not hold, such as the finger that the topic names.
+    ``unwritten`` are the fields that no message holds, such as the finger that the topic names.
     """
     record: _Struct = _reader(kind, message.__class__)(message, unwritten)
     return record

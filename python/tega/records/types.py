@@ -13,8 +13,7 @@ from tega.runtime.features import targets
 def record_types() -> tuple[type[Record], ...]:
     """Return every record type: TEGA's own, then those of features in the order of their names.
 
-    Raises:
-        ConfigError: A feature's record has the name or topic of another.
+    Raises ``ConfigError`` if a feature's record has the name or topic of another.
     """
     found = list(RECORDS)
     for feature, kinds in targets("records"):

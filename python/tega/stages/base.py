@@ -122,13 +122,10 @@ class TouchMap(NamedTuple):
 
 
 class _Stage:
-    """Base of every stage: its summary, options and packages.
+    """Base of every stage: its one-line summary, its options and what it imports.
 
-    Attributes:
-        summary: Summary in one line.
-        options_type: Its options.
-        requires: Modules that it imports when it is made, for ``tega-teleop stages``.
-        extra: The extra of its package that brings them.
+    ``requires`` are the modules that it imports when it is made, for ``tega-teleop stages``; ``extra`` is the
+    extra of its package that brings them.
     """
 
     summary: ClassVar[str] = ""

@@ -72,8 +72,7 @@ class ColumnsOptions(StageOptions, frozen=True):
 class ColumnsMapping(Mapping):
     """A finger a column; one value in front, another at the back; every row of a column alike.
 
-    Raises:
-        ConfigError: A value has no maximum to be full at, a finger is named twice, or the layout has too few columns.
+    Raises ``ConfigError`` for a value without a maximum, a finger named twice, or too few columns.
     """
 
     summary: ClassVar[str] = "a column a finger: CCI in front, EDA at the back (Eq 7 to 9)"
@@ -168,11 +167,7 @@ class ColumnsMapping(Mapping):
 
 
 def value_of(contact: Contact, name: str) -> float:
-    """Return a contact's value by its name: a field of it, or a value of the metric's own.
-
-    Raises:
-        ConfigError: The metric measures no such value.
-    """
+    """Return a contact's value by its name: a field of it, or a value of the metric's own."""
     for one in contact.more:
         if one.name == name:
             return one.value
@@ -187,8 +182,7 @@ def value_of(contact: Contact, name: str) -> float:
 def finger_columns(setup: VestSetup, fingers: Sequence[str] = FINGERS) -> dict[int, str]:
     """Return the finger that each column of a layout shows, from the wearer's left.
 
-    Raises:
-        ConfigError: A finger is named twice, or the layout has fewer columns than a finger in use needs.
+    Raises ``ConfigError`` if a finger is named twice, or a finger in use is beyond the layout's columns.
     """
     if len(set(fingers)) < len(fingers):
         raise ConfigError(f"stages.mapping.options.fingers = {list(fingers)}: a finger is named twice")

@@ -26,11 +26,8 @@ _NOTCH_Q: Final = 30.0
 class EmgBand:
     """Band-pass of order 4 from 20 to 450 Hz and a notch at 50 and at 60 Hz, sample by sample.
 
-    The band is LibEMG's for surface EMG. Filtering in chunks gives the same result as filtering the whole signal.
-
-    Raises:
-        InvalidValueError: The rate is too low for the band.
-        MissingExtraError: SciPy is not installed.
+    The band is LibEMG's for surface EMG. Filtering in chunks gives the same result as filtering the whole
+    signal. It needs SciPy, and more than 267 samples a second (else ``InvalidValueError``).
     """
 
     def __init__(self, rate_hz: float, n_channels: int) -> None:
@@ -50,10 +47,7 @@ class EmgBand:
         self._last = np.zeros(n_channels)
 
     def take(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Filter the next samples, float64 (n, channels).
-
-        A sample that is no number is passed on as it is; the filter is given the one before.
-        """
+        """Filter (n, channels); pass on a sample that is no number, and give the filter the one before."""
         held = np.vstack([self._last, samples])
         known = np.isfinite(held)
         rows = np.maximum.accumulate(np.where(known, np.arange(len(held))[:, None], 0), axis=0)
@@ -91,9 +85,7 @@ class RulesOptions(StageOptions, frozen=True):
 class RulesDecoder(Decoder):
     """Low-pass, block mean, a level a channel, vote: :class:`tega.emg.GraspIntent`.
 
-    Raises:
-        InvalidValueError: The rules do not fit the source: its rate, or its number of channels.
-        CalibrationError: A maximum cannot be used.
+    Raises ``InvalidValueError`` if rate or channels do not fit, ``CalibrationError`` for unusable maxima.
     """
 
     summary: ClassVar[str] = "levels by the paper's rules (Eq 10 to 13)"

@@ -51,18 +51,16 @@ class EqualStepsOptions(SlipRowOptions, frozen=True):
 class EqualStepsMapping(SlipRowMapping):
     """Columns with intensities that rise by equal steps of sensation.
 
-    By Weber's law with an offset, dI = W (I + a) is just noticed (Fechner 1860; the offset is Miller's, 1947), so that
-    n(I) = ln((I + a) / (T + a)) / ln(1 + W) noticeable steps lie between the threshold T and I. A motor m shows the
-    share s of full sensation at
+    By Weber's law with an offset, dI = W (I + a) is just noticed (Fechner 1860; the offset is Miller's,
+    1947), so that n(I) = ln((I + a) / (T + a)) / ln(1 + W) noticeable steps lie between the threshold T and
+    I. A motor m shows the share s of full sensation at
 
     ``I = (T_m + a) (1 + W_m) ** (n1 + s (N - n1)) - a``, ``N`` the least ``n(F)`` of all motors,
 
-    and 0 at s = 0: wherever it is shown, a share is as many steps above the threshold, and N is that of the motor
-    with the fewest. ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is vest.step over the intensity
-    half way between threshold and F, where the step is measured.
-
-    Raises:
-        ConfigError: As ``slip-row``; or a motor's threshold is not below ``full_percent``.
+    and 0 at s = 0: wherever it is shown, a share is as many steps above the threshold, and N is that of the
+    motor with the fewest. ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is vest.step over the
+    intensity half way between threshold and F, where the step is measured. Raises ``ConfigError`` as
+    ``slip-row`` does, or if a motor's threshold is not below F.
     """
 
     summary: ClassVar[str] = (

@@ -48,14 +48,10 @@ class _Pulse(NamedTuple):
 
 
 class PulsesMapping(Mapping):
-    """Pulses of the events of touch that are certain.
+    """Pulses of the events of touch that are certain; ``n_told`` counts those begun, by kind of event.
 
-    A rig without the hand's joints and the arm's height cannot observe slips: it has no pulses for them.
-
-    A finger without a fresh frame shows nothing: its pulses end, and its state on return is no event.
-
-    Attributes:
-        n_told: Number of pulses begun, by kind of event.
+    A rig without the hand's joints and the arm's height cannot observe slips: it has no pulses for them. A
+    finger without a fresh frame shows nothing: its pulses end, and its state on return is no event.
     """
 
     summary: ClassVar[str] = "pulses at contact, slip and release, rest in between"

@@ -85,8 +85,7 @@ class ReadingOptions(StageOptions, frozen=True):
 class ReadingMetric(Metric):
     """Eq 1 to 6 with every reading an option.
 
-    Raises:
-        InvalidValueError: The weights do not add up to 1, or an option does not go with the threshold.
+    Raises ``InvalidValueError`` unless the weights add up to 1 and the options go with the threshold.
     """
 
     summary: ClassVar[str] = "Eq 1 to 6 with every unclear place an option (D1 to D8)"

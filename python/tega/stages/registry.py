@@ -36,15 +36,7 @@ GROUPS: Final[dict[Group, tuple[str, type]]] = {
 
 
 class OptionRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One option of a stage.
-
-    Attributes:
-        name: Its key.
-        default: Its default.
-        unit: Its unit; ``""`` where it has none.
-        choices: Permitted values, if it is a choice.
-        summary: Summary in one line.
-    """
+    """One option of a stage; ``unit`` is ``""`` where it has none, ``choices`` holds the permitted values."""
 
     name: str
     default: Any

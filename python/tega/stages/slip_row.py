@@ -51,13 +51,10 @@ class _Reported(NamedTuple):
 class SlipRowMapping(ColumnsMapping):
     """Columns as in ``columns``, and a row of motors that carries slips alone, those that are certain.
 
-    A rig without the hand's joints and the arm's height cannot observe slips: its row stays silent.
-
-    A slip of one finger is shown in that finger's column of the row, one of the whole hand in those of all fingers that
+    A rig without the hand's joints and the arm's height cannot observe slips: its row stays silent. A slip of
+    one finger is shown in that finger's column of the row, one of the whole hand in those of all fingers that
     are seen. For a burst's length b and rest r it is on while ``(t - t_event) mod (b + r) < b``, n times.
-
-    Raises:
-        ConfigError: As ``columns``; or a face has one row only, of which none can be spared.
+    Raises ``ConfigError`` as ``columns`` does, or if a face has one row only, of which none can be spared.
     """
 
     summary: ClassVar[str] = "columns, and slips as bursts on a row of their own"

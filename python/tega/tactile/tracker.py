@@ -84,25 +84,18 @@ class KnownPress(NamedTuple):
 def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None) -> GelLight:
     """Scale a gel's light and stiffness so that depth and force of known presses come out right on average.
 
-    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N. First the light's two
-    directions are balanced, so that the maps of balls are as steep across as along: with r the root of the ratio of
-    their squared slopes, the terms across are multiplied by r and those along divided by it. Then depth gain g and
-    stiffness k' are geometric means over the presses, so that relative errors count: g = mean(depth / read
-    depth)^(16/17), k' = k mean(force / read force) / g, with the balance taken into account where a press has its
-    map. Depth goes inversely with the light's terms (to the power 17/16), which are divided by g; force is stiffness
-    times pressed volume.
+    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N, read with
+    ``light``; ``None`` is :func:`nominal_light`. First the light's two directions are balanced, so that the
+    maps of balls are as steep across as along: with r the root of the ratio of their squared slopes, the
+    terms across are multiplied by r and those along divided by it; if no ball has its map, the balance is
+    unchanged. Then depth gain g and stiffness k' are geometric means over the presses, so that relative
+    errors count: g = mean(depth / read depth)^(16/17), k' = k mean(force / read force) / g, with the balance
+    taken into account where a press has its map; if no depth is known, the gain is unchanged. Depth goes
+    inversely with the light's terms (to the power 17/16), which are divided by g; force is stiffness times
+    pressed volume.
 
-    Args:
-        presses: Contacts read with ``light``, and their true values. If no depth is known, the gain is unchanged; if
-            no ball has its map, the balance is unchanged.
-        light: The light that the presses were read with; ``None`` is :func:`nominal_light`.
-
-    Returns:
-        The light of this unit, for :class:`TouchTracker`.
-
-    Raises:
-        InvalidValueError: There are no presses, one was not felt, a force or depth is not finite and more than 0, or
-            a depth map is empty.
+    Raises ``InvalidValueError`` if there are no presses, one was not felt, a force or depth is not finite and
+    more than 0, or a depth map is empty.
     """
     if not presses:
         raise InvalidValueError(

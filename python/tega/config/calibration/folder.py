@@ -68,11 +68,7 @@ _Any = TypeVar("_Any", bound=CalibrationRecord)
 
 
 def checked_person(person: str) -> str:
-    """Return a person's code, which becomes a folder's name.
-
-    Raises:
-        UnsafeNameError: It cannot be one.
-    """
+    """Return a person's code, which becomes a folder's name; ``UnsafeNameError`` if it cannot be one."""
     return plain_name(person, subject="person's code", source="calibration")
 
 
@@ -89,12 +85,9 @@ class KeptGel(NamedTuple):
 
 
 class Unfinished(msgspec.Struct, kw_only=True):
-    """A calibration that is going on.
+    """A calibration that is going on: the results of finished steps by name, and the device of each part.
 
-    Attributes:
-        started: When.
-        devices: Name of each part's device: results of one device do not apply to another.
-        steps: Results of the finished steps, by name.
+    Results of one device do not apply to another.
     """
 
     started: Annotated[datetime, msgspec.Meta(tz=True)]
@@ -105,10 +98,7 @@ class Unfinished(msgspec.Struct, kw_only=True):
 class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Facts of a person on every device, ``person.toml``.
 
-    Attributes:
-        hand: The hand that steers and is felt: arm and vest follow it.
-        format: Always ``tega-person``.
-        version: Version of the format.
+    ``hand`` is the one that steers and is felt: arm and vest follow it.
     """
 
     hand: OwnHand
@@ -137,11 +127,7 @@ class CalibrationFolder:
         return sorted(found, key=lambda gel: gel.record.made)
 
     def keep_gel(self, record: GelRecord, picture: NDArray[np.uint8]) -> Path:
-        """Keep a baseline and return its picture's path.
-
-        Raises:
-            MissingExtraError: OpenCV is not installed.
-        """
+        """Keep a baseline and return its picture's path; needs OpenCV."""
         from tega.runtime.opencv import load_cv2
 
         _, png = load_cv2(record.driver).imencode(".png", picture)
@@ -178,11 +164,7 @@ class CalibrationFolder:
         return self.path / "people" / checked_person(person)
 
     def hand(self, person: str) -> OwnHand | None:
-        """Return the hand of a person; ``None`` if it is not set.
-
-        Raises:
-            CalibrationError: The file holds something else.
-        """
+        """Return a person's hand, ``None`` if it is not set; ``CalibrationError`` if the file is damaged."""
         path = self.person(person) / _FACTS
         if not path.exists():
             return None
@@ -196,8 +178,7 @@ class CalibrationFolder:
     def keep_hand(self, person: str, hand: OwnHand) -> Path:
         """Keep the hand of a person, which is set once.
 
-        Raises:
-            CalibrationError: The other hand is stored already, and existing calibrations were made with it.
+        Raises ``CalibrationError`` if the other hand is stored: existing calibrations were made with it.
         """
         path, kept = self.person(person) / _FACTS, self.hand(person)
         if kept not in {None, hand}:
@@ -236,8 +217,7 @@ class CalibrationFolder:
     def record(self, person: str, wanted: type[_Any], device: str) -> _Any | None:
         """Return a person's record of a device, or ``None`` where there is none.
 
-        Raises:
-            CalibrationError: It is damaged, or was made for another person or device.
+        Raises ``CalibrationError`` if it is damaged, or was made for another person or device.
         """
         path = self.file(person, _part(wanted), device)
         if not path.is_file():

@@ -17,12 +17,7 @@ GEL_RADII_MM = (21.0, 100.0)
 
 
 class Ball(NamedTuple):
-    """A ball that is pressed with a known force, for example measured by a kitchen scale under the hand.
-
-    Attributes:
-        diameter_mm: The ball's, millimetres.
-        force_n: Newtons; a kilogram is 9.81.
-    """
+    """A ball pressed with a force known, for example, from a kitchen scale; a kilogram is 9.81 N."""
 
     diameter_mm: float
     force_n: float
@@ -31,11 +26,8 @@ class Ball(NamedTuple):
 class GelFit(NamedTuple):
     """Depth gain, stiffness and scale of a sensor, from presses with a known ball.
 
-    Attributes:
-        depth_gain: Depth by depth as a gel's nominal light has it.
-        stiffness_n_mm3: Stiffness of the gel, newtons per cubic millimetre.
-        mm_per_px: Scale of a picture of 320 x 240 pixels.
-        depth_law: Version of the law that gain and stiffness belong to.
+    ``depth_gain`` is depth by depth as a gel's nominal light has it; ``mm_per_px`` is for a picture of 320 x
+    240 pixels. Gain and stiffness belong to the version ``depth_law`` of the law.
     """
 
     depth_gain: float
@@ -86,15 +78,10 @@ def held(contacts: Sequence[Contact]) -> Contact | None:
 def fit_gel(presses: Sequence[Sequence[Contact]], ball: Ball) -> GelFit:
     """Return depth gain, stiffness and scale of a sensor from presses with a known ball and force.
 
-    The scale is that with which the outlined dent is as wide as the ball's touching disc, a twentieth wider, with the
-    published stiffness; gain and stiffness are those with which depth and force come out right at that scale.
-
-    Args:
-        presses: Contacts of each press with the nominal light, frame by frame.
-        ball: The pressed ball and its force.
-
-    Raises:
-        CalibrationError: None of the presses was felt.
+    The scale is that with which the outlined dent is as wide as the ball's touching disc, a twentieth wider,
+    with the published stiffness; gain and stiffness are those with which depth and force come out right at
+    that scale. ``presses`` are the contacts of each press with the nominal light, frame by frame. Raises
+    ``CalibrationError`` if none was felt.
     """
     nominal = nominal_light()
     depth_mm = ball_depth_mm(ball, nominal.stiffness_n_mm3)

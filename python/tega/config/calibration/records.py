@@ -22,12 +22,7 @@ from tega.runtime.files.whole_file import write_whole
 class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Fields that every record begins with.
 
-    Attributes:
-        version: Version of the format.
-        device: Serial number of the device, or its substitute.
-        driver: Its driver.
-        made: When it was made.
-        notes: Facts that a reader has to know, one sentence each.
+    ``device`` is a serial number or a substitute; ``notes`` are facts a reader has to know, a sentence each.
     """
 
     comments: ClassVar[dict[str, str]] = {}
@@ -47,7 +42,7 @@ class GelRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
         n_pictures: How many the baseline is the mean of.
         shift_counts: Change of the whole picture since the first baseline of this sensor.
         dark_px: Pixels darker than in the first baseline.
-        wear_percent: Pixels that are another than in the first baseline.
+        wear_percent: Pixels that differ from the first baseline.
         cell_noise_counts: Standard deviation of a cell's mean, blue, green, red; ``None`` in earlier records.
     """
 
@@ -67,18 +62,14 @@ class GelRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
 
 
 class TouchRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-touch"):
-    """Maxima of one fingertip, as one person presses it.
+    """Maxima of one fingertip under both presets, as one person presses it.
 
     Attributes:
-        person: Person who pressed.
-        finger: Where the sensor was.
         baseline: The baseline's picture, from the calibrations' folder.
         baseline_made: When that was taken.
         width_px: Width of the frame.
         height_px: Height of the frame.
         n_presses: Firm presses, round and flat.
-        live: Maxima under the preset ``live``.
-        paper: And under ``paper``.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -101,15 +92,9 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     """Rest and full effort of each channel, and the conditions under which they hold.
 
     Attributes:
-        person: Person with these muscles.
-        kind: ``raw``, ``rectified`` or ``envelope``.
-        rate_hz: Samples per second.
-        tau_samples: Samples per block.
         lowpass_hz: Cutoff of the filter before the block mean.
         settings: The driver's options that change the numbers, such as the gain.
         unit: Unit of the numbers below.
-        channels: Their names.
-        muscles: Muscle under each channel.
         offset: Mean of the samples at rest.
         rest: Middle block mean at rest.
         live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
@@ -150,15 +135,12 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
     """Thresholds and steps that one person feels on a vest.
 
     Attributes:
-        person: Wearer of the vest.
-        layout: Layout of the vest's motors.
         ceiling_percent: Nothing stronger was shown.
         sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of the next two.
         threshold_percent: The lowest intensity felt there; -1 where none was.
         step_percent: The smallest increase noticed there; -1 where none was.
         step_sites: Sites where the step was measured; the others of a face have the value measured there.
         named_right: Columns that were named correctly, out of ``named``.
-        named: Columns that the person was asked to name.
         false_alarms: How often nothing was felt to be something.
     """
 
@@ -183,10 +165,9 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
 
 
 class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-arm"):
-    """Heading of one person's forward in the axes of a tracker, and of the robot's base as that person sees it.
+    """Heading of a person's forward in the axes of a tracker, and of the robot's base as the person sees it.
 
     Attributes:
-        person: Person with this forearm.
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
         yaw_rad: As in ``arm.mapping.yaw_rad``.
         off_rad: How far from forward the second movement came out, to the left.
@@ -210,17 +191,13 @@ class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="fo
     """Score of a person following a curve of levels.
 
     Attributes:
-        person: Person who practised.
         preset: Rules of the levels.
-        seed: Seed of the curve.
-        duration_s: How long.
         in_target_percent: Time on the level asked for.
         rms_error_levels: Root of the mean square of the difference, levels.
         delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
         kind: Kind of the samples beside the record (``.npy``: the channels, then the closure asked for).
-        rate_hz: Samples per second.
-        channels: Names of the channels.
-        decoder: Decoder that computed the levels; with the rules, the preset's too. Empty in records before 0.2.
+        decoder: Decoder that computed the levels; with the rules, the preset's too. Empty in records before
+            0.2.
         options: Its options, as JSON.
     """
 
@@ -247,15 +224,11 @@ class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
     """Time that one motor of a vest takes to start, measured with a microphone; not specific to a person.
 
     Attributes:
-        layout: Layout of the vest's motors.
-        motor: Number of the motor.
         percent: How hard it was driven.
         onset_ms: From the frame's hand-over to the transport to the first vibration, middle of the bursts.
         middle_half_ms: Between these lies half of the bursts.
-        worst_ms: The longest.
         half_strength_ms: Time from the hand-over to half of the vibration's strength, middle of the bursts.
-        bursts: How many there were.
-        used: How many count.
+        used: How many bursts count.
         left_out: The others, each number with its reason.
         spin_hz: Turns of the motor a second.
         clock: Source of the recording's time: ``clicks``; before version 0.3 also ``stamps`` or ``arrival``.
@@ -295,11 +268,7 @@ def utc_now() -> datetime:
 
 
 def read_record(path: Path, wanted: type[_Any]) -> _Any:
-    """Read a record.
-
-    Raises:
-        CalibrationError: It is missing, damaged, of another kind or of a version that is not known.
-    """
+    """Read a record; ``CalibrationError`` if missing, damaged, of another kind or of an unknown version."""
     record = parse(read_toml(path), wanted, path.name)
     if not record.made.tzinfo:
         raise CalibrationError(f"{path.name}: made has no time zone", "write it as in 2026-11-21T15:04:05Z")

@@ -176,11 +176,7 @@ _Kind = TypeVar("_Kind", bound=msgspec.Struct)
 
 
 def read_toml(path: Path) -> str:
-    """Return the text of a calibration's file.
-
-    Raises:
-        CalibrationError: It is missing, too large, or no text.
-    """
+    """Return the text of a calibration's file; ``CalibrationError`` if missing, too large or no text."""
     try:
         return read_words(path, error=CalibrationError)
     except OSError as error:
@@ -192,17 +188,10 @@ def read_toml(path: Path) -> str:
 
 
 def parse(text: str, wanted: type[_Kind], name: str, *, version: int | None = None) -> _Kind:
-    """Return the content of a calibration's file.
+    """Return the content of a calibration's file, TOML, as a type with a field ``version``.
 
-    Args:
-        text: TOML.
-        wanted: Its type, with a field ``version``.
-        name: Name of the file in an error.
-        version: Version of a file that names none; ``None``: it has to name one.
-
-    Raises:
-        CalibrationError: It is not TOML, of another version, or a value in it is unknown, of a wrong type or out of
-            range.
+    ``version`` is that of a file that names none; with ``None`` it has to name one. ``name`` is for errors,
+    all of them ``CalibrationError``.
     """
     try:
         tree = parse_toml(text)

@@ -65,13 +65,7 @@ def middle_sites(levels: Mapping[str, int]) -> tuple[str, ...]:
 
 
 class Wearing(NamedTuple):
-    """Share of correctly named places, and the problems.
-
-    Attributes:
-        n_right: Places named right.
-        n_asked: Places shown.
-        problems: Problems, one sentence each.
-    """
+    """Places named right, places shown, and the problems, one sentence each."""
 
     n_right: int
     n_asked: int
@@ -79,12 +73,9 @@ class Wearing(NamedTuple):
 
 
 def judge_wearing(answers: Mapping[str, str]) -> Wearing:
-    """Judge a person's answers.
+    """Judge a person's answers: by the column shown, the column named, or ``"n"`` for nothing felt.
 
     Neighbouring columns are easily confused; a mirrored face or swapped faces are not, and are reported.
-
-    Args:
-        answers: By the column shown, the column named, or ``"n"`` for nothing felt.
     """
     felt = {displayed: text for displayed, text in answers.items() if text in SITES}
     problems = []

@@ -36,11 +36,7 @@ _Findings = Counter[str]
 
 
 class Chain(NamedTuple):
-    """Turns samples into block means.
-
-    Attributes:
-        rate_hz: Samples per second.
-    """
+    """Turns samples into block means."""
 
     rate_hz: float
     tau: int
@@ -94,13 +90,7 @@ def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] 
 
 
 class RestEffort(NamedTuple):
-    """Muscles at rest.
-
-    Attributes:
-        offset: Mean of the samples, (channels,).
-        rest: Middle block mean, (channels,).
-        problems: Reasons why the signal cannot be used, one sentence each.
-    """
+    """Mean of the samples and middle block mean at rest, (channels,), and why they cannot be used."""
 
     offset: NDArray[np.float64]
     rest: NDArray[np.float64]
@@ -110,11 +100,7 @@ class RestEffort(NamedTuple):
 def judge_quiet(
     chunks: Sequence[EmgChunk], chain: Chain, *, limits: tuple[float, float] | None = None
 ) -> RestEffort:
-    """Measure muscles at rest.
-
-    Raises:
-        CalibrationError: Nothing came.
-    """
+    """Measure muscles at rest; ``CalibrationError`` if nothing came."""
     samples = _samples(chunks)
     middle, top = chain.level(samples, 50.0), chain.level(samples, 95.0)
     problems = list(watch(chunks, chain, limits))
@@ -125,12 +111,9 @@ def judge_quiet(
 
 
 class Squeezes(NamedTuple):
-    """Maxima of strong contractions, and their problems.
+    """Maxima of strong contractions, (channels,), and why they cannot be used, one sentence each.
 
-    Attributes:
-        paper: Largest block mean, (channels,).
-        live: 95th percentile of the block means, (channels,).
-        problems: Reasons why they cannot be used, one sentence each.
+    ``paper`` is the largest block mean, ``live`` the 95th percentile of the block means.
     """
 
     paper: NDArray[np.float64]
@@ -145,18 +128,10 @@ def judge_squeezes(
     *,
     limits: tuple[float, float] | None = None,
 ) -> Squeezes:
-    """Take the maxima of strong squeezes.
+    """Take the maxima of all strong squeezes together; ``CalibrationError`` if nothing came during one.
 
-    The first half second of each is its rise and is left out. The maxima are those of all of them together.
-
-    Args:
-        squeezes: Samples of each squeeze.
-        rest: Rest level of the channels, (channels,).
-        chain: The conditions.
-        limits: Range of the converter.
-
-    Raises:
-        CalibrationError: Nothing came during one.
+    The first half second of each is its rise and is left out. ``rest`` is that of the channels, (channels,);
+    ``limits`` are the range of the converter.
     """
     steady = [_samples(chunks)[_rise(chunks, chain) :] for chunks in squeezes]
     levels = np.array([chain.level(s, 50.0) for s in steady])
@@ -187,19 +162,11 @@ def judge_muscles(
     maxima: NDArray[np.float64],
     chain: Chain,
 ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Say which channel answered to which muscle.
+    """Return each channel's rise, as a share of its range, (muscles, channels), and the problems found.
 
-    Args:
-        movements: Samples taken while the muscle of each channel worked alone, in the order of the channels.
-        rest: Rest level of the channels, (channels,).
-        maxima: Maxima in a strong squeeze, (channels,).
-        chain: The conditions.
-
-    Returns:
-        The rise of each channel, as a share of its range, (muscles, channels), and the problems found.
-
-    Raises:
-        CalibrationError: Nothing came during one.
+    ``movements`` are taken while the muscle of each channel works alone, in the order of the channels.
+    ``rest`` and ``maxima``, those of a strong squeeze, are (channels,). Raises ``CalibrationError`` if
+    nothing came during one.
     """
     span = np.maximum(maxima - rest, 1e-12)
     drives = np.array([(chain.level(_samples(m)[_rise(m, chain) :], 50.0) - rest) / span for m in movements])

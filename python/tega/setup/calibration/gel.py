@@ -43,14 +43,11 @@ _BOX = 5
 
 
 class Rest(NamedTuple):
-    """A fingertip at rest.
+    """A fingertip at rest; its picture is the mean of ``n_pictures``, uint8 (H, W, 3), blue, green, red.
 
-    Attributes:
-        picture: Mean of the pictures, uint8 (H, W, 3), blue, green, red.
-        noise: Standard deviation of a pixel in time, counts, blue, green, red.
-        cell_noise: Standard deviation of a cell's mean, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
-        n_pictures: Number of pictures averaged.
-        problems: Reasons why this is no good baseline, one sentence each; empty for a good one.
+    ``noise`` is the standard deviation of a pixel in time, ``cell_noise`` that of a cell's mean
+    (:func:`tega.tactile.sensor_noise`), counts, blue, green, red. ``problems`` are reasons why this is no
+    good baseline, one sentence each; empty for a good one.
     """
 
     picture: NDArray[np.uint8]
@@ -61,13 +58,9 @@ class Rest(NamedTuple):
 
 
 def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
-    """Average pictures of an untouched gel and say whether they agree.
+    """Average pictures of an untouched gel and judge whether they agree.
 
-    Args:
-        pictures: uint8 (H, W, 3) each, of one size, in the order they came; 2 or more.
-
-    Raises:
-        CalibrationError: There are fewer than two pictures, or they differ in size.
+    They must be two or more, uint8 (H, W, 3), of one size, in the order they came.
     """
     if len(pictures) < 2 or len({p.shape for p in pictures}) > 1:
         sizes = sorted({f"{p.shape[1]}×{p.shape[0]}" for p in pictures})
@@ -110,14 +103,9 @@ def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
 
 
 def dark(picture: NDArray[np.uint8], noise: float) -> str:
-    """Return a sentence if an untouched gel's image is too dark to detect touch.
+    """Return a sentence if an untouched gel's image is too dark to detect touch, else ``""``.
 
-    Args:
-        picture: The mean of some pictures, uint8 (H, W, 3).
-        noise: Noise of the noisiest colour, counts.
-
-    Returns:
-        A sentence, or an empty string.
+    ``picture`` is the mean of some, uint8 (H, W, 3); ``noise`` is that of the noisiest colour, counts.
     """
     level = float(np.median(picture, axis=(0, 1)).max())
     if level >= _DARK_NOISES * max(noise, _LEAST_NOISE):
@@ -134,18 +122,11 @@ def suspect_contact(
     *,
     noise: tuple[float, float, float] | None = None,
 ) -> str:
-    """Say whether something seems to touch a gel that should be at rest.
+    """Return a sentence if something seems to touch a gel that should be at rest, else ``""``.
 
-    Against an earlier baseline of the same sensor a dent is seen as in a run. Without one the picture is compared with
-    a smooth surface fitted to itself, which only sees firm dents.
-
-    Args:
-        picture: The mean of now, uint8 (H, W, 3).
-        before: The sensor's last baseline, or ``None``.
-        noise: Noise of its cells; ``None`` takes a DIGIT's.
-
-    Returns:
-        A sentence, or an empty string.
+    Against an earlier baseline of the same sensor, ``before``, a dent is seen as in a run. Without one the
+    picture is compared with a smooth surface fitted to itself, which only sees firm dents. ``picture`` is the
+    mean of now, uint8 (H, W, 3); ``noise`` is that of the sensor's cells, ``None`` takes a DIGIT's.
     """
     if before is not None and before.shape == picture.shape:
         found = read_contact(picture, before, noise=noise)
@@ -178,14 +159,10 @@ def _surface(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 class GelChange(NamedTuple):
     """Change of a gel between two baselines of one sensor.
 
-    Attributes:
-        shift: Change of the whole picture, counts, blue, green, red.
-        dark_px: Pixels that are darker than the shift explains.
-        bright_px: Pixels that are brighter.
-        dark_xy: The darkest of them, column and row; ``None`` where there are none.
-        noise_ratio: Noise now by noise then.
-        wear: Share of pixels, 0 to 1, that are another than they were.
-        words: Consequences, one sentence each; empty for a healthy gel.
+    ``shift`` is that of the whole picture, counts, blue, green, red. ``dark_px`` counts the pixels that are
+    darker than the shift explains, ``bright_px`` the brighter ones; ``dark_xy`` is the darkest, column and
+    row, ``None`` for none. ``noise_ratio`` is the noise now by that then; ``wear`` is the share of changed
+    pixels, 0 to 1; ``words`` are the consequences, one sentence each, none for a healthy gel.
     """
 
     shift: tuple[float, float, float]
@@ -205,17 +182,10 @@ def compare_gels(
     noise_then: float,
     when: str,
 ) -> GelChange:
-    """Compare two baselines of one sensor.
+    """Compare two baselines of one sensor, uint8 (H, W, 3) of one size, else ``CalibrationError``.
 
-    Args:
-        now: The newest, uint8 (H, W, 3).
-        then: An earlier one of the same size.
-        noise_now: Noise of the noisiest colour, counts; the unit for judging spots and changes of light.
-        noise_then: The same for the earlier one, above 0.
-        when: Name of the earlier one in the sentences, such as ``2026-11-02``.
-
-    Raises:
-        CalibrationError: The baselines differ in size.
+    The noises are those of the noisiest colour, counts, the unit for judging spots and changes of light;
+    ``noise_then`` is above 0. ``when`` names the earlier baseline in the sentences, such as ``2026-11-02``.
     """
     if now.shape != then.shape:
         raise CalibrationError(

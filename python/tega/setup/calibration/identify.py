@@ -41,21 +41,10 @@ def light_motor(
     stop: Callable[[], bool] = lambda: False,
     reported: Callable[[MotorLevels], None] = lambda _sent: None,
 ) -> None:
-    """Drive one motor for a while, then none.
+    """Drive one motor of an open vest for a while, then none.
 
-    Args:
-        vest: An open vest.
-        motor: Index of the motor, as in :attr:`tega.haptics.MotorLevels.motors`.
-        layout: Layout of the vest's motors.
-        percent: Intensity, percent.
-        duration_s: Duration, seconds.
-        clock: Time.
-        stop: Asked all the time whether to end early.
-        reported: Called with each frame that the vest reports as sent, except the silence at the end.
-
-    Raises:
-        InvalidValueError: The layout has no such motor.
-        DeviceUnavailableError: The vest did not show it all the time.
+    ``motor`` is an index as in :attr:`tega.haptics.MotorLevels.motors`; the rest is as in :func:`show_frame`.
+    Raises ``InvalidValueError`` if the layout has no such motor, or ``percent`` is 0.
     """
     silent = vest_frame([0] * 4, [0] * 4, layout=layout)
     lit = np.where(silent.motors == motor, np.uint8(percent), np.uint8(0)).astype(np.uint8)
@@ -86,19 +75,11 @@ def show_frame(
     stop: Callable[[], bool] = lambda: False,
     reported: Callable[[MotorLevels], None] = lambda _sent: None,
 ) -> None:
-    """Show a frame for a while, then none, also when it is interrupted.
+    """Show a frame on an open vest for a while, then none, also when it is interrupted.
 
-    Args:
-        vest: An open vest.
-        frame: Frame to show.
-        duration_s: Duration, seconds.
-        clock: Time.
-        subject: Name of the frame, for the error message.
-        stop: Asked all the time whether to end early.
-        reported: Called with each frame that the vest reports as sent, except the silence at the end.
-
-    Raises:
-        DeviceUnavailableError: The vest did not show it all the time.
+    ``subject`` names it in errors. ``stop`` is asked all the time whether to end early. ``reported`` is
+    called with each frame that the vest reports as sent, except the silence at the end. Raises
+    ``DeviceUnavailableError`` if the vest did not show it all the time.
     """
     silent = MotorLevels(frame.layout, np.zeros_like(frame.intensities))
     start_ns = clock.now_ns()

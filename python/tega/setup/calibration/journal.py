@@ -27,14 +27,10 @@ class Journal:
         return tuple(self._unfinished.steps)
 
     def begin(self, devices: dict[str, str], *, restart: bool) -> str:
-        """Go on with an interrupted calibration, or begin anew.
+        """Go on with an interrupted calibration, unless ``restart``, or begin anew.
 
-        Args:
-            devices: Name of each part's device: results of another device are left out.
-            restart: Forget an interrupted calibration.
-
-        Returns:
-            A sentence about what was done before; ``""`` for a new calibration.
+        ``devices`` names each part's device: results of another device are left out. Return a sentence about
+        what was done before; ``""`` for a new calibration.
         """
         before = None if restart else self._folder.unfinished(self._person, self._now())
         now = self._unfinished = before or self._unfinished
@@ -49,11 +45,7 @@ class Journal:
         return f"Going on with the calibration begun at {before.started:%H:%M} UTC; done: {steps}"
 
     def kept(self, name: str, wanted: type[_Kept]) -> _Kept | None:
-        """Return the result of a step from before an interruption; ``None`` if it was not done.
-
-        Raises:
-            CalibrationError: The result is damaged.
-        """
+        """Return the result of a step from before an interruption; ``None`` if it was not done."""
         if name not in self._unfinished.steps:
             return None
         try:

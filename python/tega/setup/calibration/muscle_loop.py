@@ -24,16 +24,9 @@ _READ_S = 0.05
 class MuscleLoop:
     """EMG source and decoder of the settings, for as long as the ``with`` block lasts.
 
-    Attributes:
-        chunks: The samples since :meth:`start`, as they came.
-        maxima: The person's calibration.
-        device: Serial number of the source, or a substitute for one.
-        start_ns: Time of the call of :meth:`start`, on the monotonic clock.
-
-    Raises:
-        ConfigError: The settings have no EMG.
-        CalibrationError: The person is not calibrated on this source.
-        DeviceUnavailableError: The source is not there, or went away.
+    ``chunks`` are the samples since :meth:`start`, as they came; ``start_ns`` is the time of that call, on
+    the monotonic clock. ``device`` is the source's serial number, or a substitute. Raises ``ConfigError`` if
+    the settings have no EMG, ``CalibrationError`` if the person is not calibrated on this source.
     """
 
     def __init__(self, config: SessionConfig, *, settings: str, subject: str) -> None:

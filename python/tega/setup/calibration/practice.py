@@ -19,13 +19,7 @@ _LONGEST_DELAY_S = 1.0
 class Curve:
     """Ramps and holds between the five levels, in an order of chance; begins and ends at rest.
 
-    No level follows itself, and every five holds visit every level.
-
-    Args:
-        duration_s: Duration; at least 10 s.
-
-    Raises:
-        InvalidValueError: The duration is too short for a curve.
+    No level follows itself, and every five holds visit every level. ``duration_s`` must be at least 10.
     """
 
     def __init__(self, duration_s: float, *, seed: int) -> None:
@@ -54,10 +48,8 @@ class Curve:
 class Score(NamedTuple):
     """Score of a followed curve.
 
-    Attributes:
-        in_target: Share of the time on the level asked for (the nearest one, during a ramp).
-        rms_error_levels: Root of the mean square of the difference.
-        delay_s: Shift at which the levels fit the curve best, 0 to 1 s; ``None`` where the level never changed.
+    ``in_target`` is the share of the time on the level asked for (the nearest one, during a ramp).
+    ``delay_s`` is the shift at which the level fits the curve best, 0 to 1 s; ``None`` if it never changed.
     """
 
     in_target: float
@@ -66,11 +58,7 @@ class Score(NamedTuple):
 
 
 def score(t_s: Sequence[float], levels: Sequence[int], curve: Curve) -> Score:
-    """Score levels against a curve.
-
-    Raises:
-        InvalidValueError: There is no level, or not a time for each.
-    """
+    """Score levels against a curve; there must be a level, and a time for each."""
     if not levels or len(levels) != len(t_s):
         raise InvalidValueError(f"{len(levels)} levels at {len(t_s)} times cannot be scored")
     own = np.array(levels, np.float64)

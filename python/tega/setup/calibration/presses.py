@@ -26,12 +26,9 @@ _Preset = Literal["paper", "live"]
 
 
 class Press(NamedTuple):
-    """One press.
+    """One press, from the first touch to the last.
 
-    Attributes:
-        start_ns: Time of the first touch of the gel.
-        end_ns: Time of the last touch.
-        eda_px: Its dent, pixels: as large as one frame in ten showed it, so that one frame does not decide.
+    ``eda_px`` is its dent: as large as one frame in ten showed it, so that one frame does not decide.
     """
 
     start_ns: int

@@ -31,30 +31,20 @@ _REST_MOST, _EFFORT_LEAST = 0.25, 0.5
 
 
 class Recalibrated(NamedTuple):
-    """Files that a recalibration wrote.
-
-    Attributes:
-        record: File of the person's muscles, with today's rest and maxima.
-        model: File of the learned decoder, fitted to today; ``None`` if the settings' decoder needs none.
-    """
+    """Files that a recalibration wrote: the record and, with a learned decoder, the model fitted to today."""
 
     record: Path
     model: Path | None
 
 
 def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated:
-    """Put a calibrated person's muscles to today's scale, and a learned model too; nothing is written unless all fits.
+    """Put a calibrated person's muscles and a learned model to today's scale; write nothing unless all fits.
 
-    Args:
-        sitting: The calibration; the decoder of its settings says whether there is a model. Rest and squeeze are five
-            seconds of their own scale.
-        model_out: Path of the new model; ``None`` for a file beside the old one, with the time in its name.
-
-    Raises:
-        ConfigError: The settings have no EMG, or a learned decoder without a model, or there is no model to write.
-        CalibrationError: The person is not calibrated on this source, the model is of other muscles or a kernel, or
-            rest or effort cannot be used.
-        DeviceUnavailableError: The source is missing or went away.
+    The decoder of the settings decides whether there is a model; the sitting's rest and squeeze last
+    :data:`HALF_S` each. Without ``model_out`` the new model is a file beside the old one, with the time in
+    its name. Raises ``ConfigError`` if the settings have no EMG, a learned decoder names no model, or there
+    is no model to write; ``CalibrationError`` if the person is not calibrated on this source, the model is of
+    other muscles or a kernel, or rest or effort cannot be used.
     """
     config, person, folder, guide, times, now = sitting
     if config.emg is None:

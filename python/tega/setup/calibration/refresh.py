@@ -27,15 +27,10 @@ _SCALE = (0.5, 2.0)
 
 
 def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
-    """Take new baselines, and put EMG rest and maxima to today's scale by one squeeze.
+    """Take new baselines, put EMG rest and maxima to today's scale by one squeeze; return the files.
 
-    Returns:
-        The files written.
-
-    Raises:
-        ConfigError: Nothing of it can be refreshed.
-        CalibrationError: There is no calibration to refresh, or it has changed too much.
-        DeviceUnavailableError: A device is missing or went away.
+    Raises ``ConfigError`` if no part can be refreshed, ``CalibrationError`` if there is no calibration or it
+    has changed too much.
     """
     config, person, folder, guide, times, _ = sitting
     if not any(part == "emg" or part.startswith("tactile.") for part in parts):
@@ -76,8 +71,7 @@ def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
 def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, Chain]:
     """Return the person's calibration on an open source, and the chain by which it was made.
 
-    Raises:
-        CalibrationError: There is none, or it is of other channels or EMG settings.
+    Raises ``CalibrationError`` if there is none, or it is of other channels or EMG settings.
     """
     record = sitting.folder.record(sitting.person, EmgRecord, device_name(source.info))
     if record is None:
@@ -100,15 +94,8 @@ def to_todays_scale(
 ) -> EmgRecord:
     """Return a calibration of muscles with today's rest, and its maxima scaled by one squeeze of today.
 
-    Args:
-        record: The calibration.
-        quiet: Today's rest.
-        maxima: Today's squeeze.
-        limits: Smallest and largest permitted ratio of a channel to its old maximum.
-        sitting: The calibration, whose guide shows the scale.
-
-    Raises:
-        CalibrationError: A channel gives too much or too little by far.
+    ``limits`` are the smallest and largest permitted ratio of a channel to its old maximum, else
+    ``CalibrationError`` is raised. The sitting's guide shows the scale.
     """
     ratios = np.array(maxima.live) / np.array(record.live_max)
     for name, ratio in zip(record.channels, ratios, strict=True):

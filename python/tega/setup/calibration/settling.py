@@ -19,14 +19,10 @@ def until_good(
     *,
     can_keep: Callable[[_Result], bool] = lambda _result: True,
 ) -> tuple[_Result, tuple[str, ...]]:
-    """Repeat a step until nothing is wrong with it, or the person keeps it as it is.
+    """Repeat a step until nothing is wrong with it or the person keeps it; return it and the problems kept.
 
-    Returns:
-        The result, and the problems with which it was kept.
-
-    Raises:
-        CalibrationError: There is a problem and no answer about it, as without a terminal.
-        KeyboardInterrupt: The person gives up.
+    Raises ``CalibrationError`` if there is a problem and no answer about it, as without a terminal;
+    ``KeyboardInterrupt`` if the person gives up.
     """
     while True:
         result = attempt()

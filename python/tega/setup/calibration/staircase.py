@@ -38,12 +38,9 @@ def highest_level(percent: float) -> int:
 
 
 class Limen(NamedTuple):
-    """Lowest level that a person feels, and the false alarms on the way.
+    """Lowest level that a person feels, ``None`` for none up to the ceiling, and the number of questions.
 
-    Attributes:
-        level: The lowest level that is felt; ``None`` where none up to the ceiling is.
-        n_false: Number of questions without vibration that were answered as felt.
-        n_trials: Questions asked.
+    ``n_false`` counts the questions without vibration that were answered as felt.
     """
 
     level: int | None
@@ -54,15 +51,9 @@ class Limen(NamedTuple):
 class Ladder:
     """Asks level by level, up until it is felt, down until it is not, and up again.
 
-    The first way up goes two levels at a time and only finds the neighbourhood. One question of the second way up is
-    without vibration (level 0), which exposes people who always say yes. The search ends after a bounded number of
-    questions whatever the answers, and never exceeds the ceiling.
-
-    Args:
-        ceiling: The highest level that may be shown, 1 to 15.
-
-    Raises:
-        InvalidValueError: The ceiling is out of range.
+    The first way up goes two levels at a time and only finds the neighbourhood. One question of the second
+    way up is without vibration (level 0), which exposes people who always say yes. The search ends after a
+    bounded number of questions whatever the answers, and never exceeds the ceiling, a level from 1 to 15.
     """
 
     def __init__(self, ceiling: int) -> None:
@@ -82,11 +73,7 @@ class Ladder:
         return 1.0 if self.level is None else self._series / (_SERIES + 1)
 
     def answer(self, *, felt: bool) -> None:
-        """Take the answer to the question about ``level``.
-
-        Raises:
-            InvalidValueError: Nothing was asked.
-        """
+        """Take the answer to the question about ``level``, while there is one."""
         level = self.level
         if level is None:
             raise InvalidValueError("the ladder has ended: there is no question to answer")
@@ -101,11 +88,7 @@ class Ladder:
             self._down(level, felt=felt)
 
     def result(self) -> Limen:
-        """Return the lowest level that is felt.
-
-        Raises:
-            InvalidValueError: The search has not ended yet.
-        """
+        """Return the lowest level that is felt; only once the search has ended."""
         if self.level is not None:
             raise InvalidValueError("the ladder has not ended")
         if self._unfelt or not self._crossings:

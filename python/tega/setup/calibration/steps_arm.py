@@ -36,12 +36,9 @@ _BASE_ANSWERS: Final = {
 
 
 class TakenHeading(NamedTuple):
-    """Heading of the operator's forward, and the result of its check.
+    """Heading of the operator's forward, as in ``arm.mapping.yaw_rad``, and the result of its check.
 
-    Attributes:
-        yaw_rad: As in ``arm.mapping.yaw_rad``.
-        check: Whether the second movement came out forward; ``None`` where it did not come to that.
-        problem: Problem before the check; ``""`` for none.
+    ``check`` is ``None`` where it did not come to that; ``problem`` is one from before it, ``""`` for none.
     """
 
     yaw_rad: float
@@ -50,12 +47,7 @@ class TakenHeading(NamedTuple):
 
 
 def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> TakenHeading:
-    """Lead through both movements, again until the second comes out forward.
-
-    Raises:
-        CalibrationError: The second does not, and there is no answer about another attempt.
-        KeyboardInterrupt: The person gives up.
-    """
+    """Lead through both movements, again until the second comes out forward: a wrong heading is not kept."""
 
     def attempt() -> TakenHeading:
         try:
@@ -85,13 +77,9 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
 def take_base_yaw(
     tracker: Tracker, guide: Guide, *, yaw_rad: float, reported_rad: float, wait_s: float = WAIT_S
 ) -> float:
-    """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
+    """Ask which way the robot's base points as the operator sees it, or measure it by a forearm's movement.
 
-    Returns:
-        As in ``arm.mapping.base_yaw_rad``.
-
-    Raises:
-        CalibrationError: The movement is not conclusive, and there is no answer about another attempt.
+    Return it as in ``arm.mapping.base_yaw_rad``; ``reported_rad`` where there is no answer.
     """
     try:
         answer = guide.ask(
@@ -126,11 +114,7 @@ def watch_sweep(
     yaw_rad: float | None,
     displayed: Callable[[ForearmSweep, float], None],
 ) -> ForearmSweep:
-    """Wait for a movement of the forearm that comes to rest.
-
-    Raises:
-        CalibrationError: There was none.
-    """
+    """Wait for a movement of the forearm that comes to rest; ``CalibrationError`` if there was none."""
     sweep = ForearmSweep(tracker.frame, yaw_rad=yaw_rad or 0.0)
     tracker.read(time.monotonic_ns())  # what came before is not of this movement
     end_s = time.monotonic() + seconds

@@ -62,11 +62,7 @@ def chain_of(source: EmgSource, config: EmgConfig, *, block_s: float = TAU_S) ->
 
 
 def muscle_names(config: EmgConfig, channels: Sequence[str]) -> tuple[str, ...]:
-    """Return the name of the muscle that each channel sits on.
-
-    Raises:
-        CalibrationError: As many muscles as channels were not named.
-    """
+    """Return the muscle that each channel sits on; settings that name any must name one per channel."""
     if not config.muscles:
         return _USUAL if len(channels) == len(_USUAL) else tuple(f"the muscle under {c}" for c in channels)
     if len(config.muscles) != len(channels):
@@ -88,9 +84,7 @@ def collect(
 ) -> list[EmgChunk]:
     """Collect samples for a while, showing them; a full bar is ``full``, (channels,), or the largest so far.
 
-    Raises:
-        CalibrationError: Less than half of the samples came.
-        DeviceUnavailableError: The source went away.
+    Raises ``CalibrationError`` if less than half of the samples came.
     """
     chunks: list[EmgChunk] = []
     began_s, displayed_s, top = time.monotonic(), 0.0, np.full(len(names), 1e-9)
@@ -137,8 +131,7 @@ def drain(source: EmgSource) -> None:
 class MuscleSteps:
     """Leads a person through the steps on one open source.
 
-    Attributes:
-        received: Samples that the last step judged, of all its squeezes.
+    ``received`` are the samples that the last step judged, of all its squeezes.
     """
 
     def __init__(self, source: EmgSource, chain: Chain, guide: Guide, times: Times) -> None:
@@ -151,12 +144,7 @@ class MuscleSteps:
         return collect(self._source, seconds, self._guide, prompt, names=self._chain.channels, full=full)
 
     def rest(self) -> Quiet:
-        """Measure the muscles at rest.
-
-        Raises:
-            CalibrationError: The muscles are not at rest, and there is no answer about it.
-            DeviceUnavailableError: The source went away.
-        """
+        """Measure the muscles at rest."""
 
         def attempt() -> Quiet:
             self._guide.ready("Let the arm lie, hand open, and do nothing")
@@ -170,12 +158,7 @@ class MuscleSteps:
         return msgspec.structs.replace(quiet, notes=notes)
 
     def squeezes(self, quiet: Quiet, *, n: int = SQUEEZES) -> Maxima:
-        """Take the maxima of ``n`` strong squeezes, with pauses.
-
-        Raises:
-            CalibrationError: The squeezes cannot be used, and there is no answer about it.
-            DeviceUnavailableError: The source went away.
-        """
+        """Take the maxima of ``n`` strong squeezes, with pauses."""
         guide, times = self._guide, self._times
 
         def attempt() -> Maxima:
@@ -202,15 +185,7 @@ class MuscleSteps:
     def muscles(
         self, names: Sequence[str], quiet: Quiet, maxima: Maxima
     ) -> tuple[tuple[tuple[float, ...], ...], tuple[str, ...]]:
-        """Have each muscle work alone and say which channel answers.
-
-        Returns:
-            The rise of each channel, one row a muscle, and the problems with which they were kept.
-
-        Raises:
-            CalibrationError: Electrodes are exchanged or silent, and there is no answer about it.
-            DeviceUnavailableError: The source went away.
-        """
+        """Have each muscle work alone; return each channel's rise, a row a muscle, and the problems kept."""
         rest, full = np.array(quiet.rest), np.array(maxima.live)
 
         def attempt() -> tuple[NDArray[np.float64], tuple[str, ...]]:

@@ -42,12 +42,10 @@ _PATIENCE = 4.0
 
 
 class TakenBaseline(NamedTuple):
-    """A baseline that was accepted.
+    """A baseline that was accepted, uint8 (H, W, 3).
 
-    Attributes:
-        picture: uint8 (H, W, 3).
-        notes: Problems with which it was accepted, and changes of the gel.
-        cell_noise: Noise of the sensor's cells, counts; ``None`` where it is not known.
+    ``notes`` are the problems with which it was accepted, and changes of the gel. ``cell_noise`` is the noise
+    of the sensor's cells, counts; ``None`` where unknown.
     """
 
     picture: NDArray[np.uint8]
@@ -60,12 +58,7 @@ class TakenBaseline(NamedTuple):
 def take_baseline(
     finger: str, source: TactileSource, sitting: Sitting, *, is_free: bool = False
 ) -> TakenBaseline:
-    """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it.
-
-    Raises:
-        CalibrationError: The baseline cannot be used, and there is no answer about it.
-        DeviceUnavailableError: The sensor went away.
-    """
+    """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it."""
     folder, guide, now = sitting.folder, sitting.guide, sitting.now()
     device = device_name(source.info)
     before = folder.gels(device)
@@ -168,12 +161,7 @@ _PRESSED = {
 def take_presses(
     finger: str, source: TactileSource, baseline: TakenBaseline, sitting: Sitting, ball: Ball | None = None
 ) -> TouchRecord:
-    """Ask for presses on a fingertip, first round, then flat, and derive its maxima.
-
-    Raises:
-        CalibrationError: There were too few presses, and there is no answer about it.
-        DeviceUnavailableError: The sensor went away.
-    """
+    """Ask for presses on a fingertip, round, flat, then with the ball if any, and derive its maxima."""
     guide = sitting.guide
     height, width = baseline.picture.shape[:2]
     wanted = {

@@ -39,11 +39,7 @@ class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Pulses:
-    """Vibrations at sites of a vest, never above a ceiling.
-
-    Args:
-        ceiling: The highest level, 1 to 15; kept, as the layout.
-    """
+    """Vibrations at sites of a vest, never above a ceiling, 1 to 15."""
 
     def __init__(
         self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times, clock: Clock | None = None
@@ -60,11 +56,7 @@ class Pulses:
         return tuple(f"m{m}" for m in self._silent.motors.tolist()) if each_motor else SITES
 
     def one(self, site: str, level: int) -> None:
-        """Vibrate once; level 0 takes as long and does nothing.
-
-        Raises:
-            DeviceUnavailableError: The vest did not show it.
-        """
+        """Vibrate once; level 0 takes as long and does nothing."""
         percent = LEVEL_PERCENT[min(level, self.ceiling)]
         lit = np.isin(self._silent.motors, site_motors(site))
         frame = MotorLevels(self.layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
@@ -79,11 +71,7 @@ class Pulses:
         self.one(site, second)
 
     def all(self, frame: MotorLevels, subject: str) -> None:
-        """Show a frame as long as a vibration, nothing of it above the ceiling.
-
-        Raises:
-            DeviceUnavailableError: The vest did not show it.
-        """
+        """Show a frame as long as a vibration, nothing of it above the ceiling."""
         limited = np.minimum(frame.intensities, np.uint8(LEVEL_PERCENT[self.ceiling]))
         frame = MotorLevels(frame.layout, limited)
         show_frame(self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=subject)
@@ -166,10 +154,9 @@ class VestSteps:
         self._each("step", left, done, felt, lambda level: 100 * level / TOP_LEVEL)
 
     def show(self, felt: FeltMap) -> None:
-        """Show the wearer five touches from light to full, in the equal steps of sensation that ``equal-steps`` makes.
+        """Show five touches from light to full, in the equal steps of sensation that ``equal-steps`` makes.
 
-        Args:
-            felt: Thresholds and steps just measured; with a threshold at the ceiling there is no room for steps.
+        With a threshold of ``felt``, just measured, at the ceiling there is no room for steps.
         """
         pulses, guide = self._pulses, self._guide
         full_percent = float(LEVEL_PERCENT[pulses.ceiling])

@@ -15,12 +15,9 @@ class Times(NamedTuple):
     """Durations of the steps, seconds.
 
     Attributes:
-        baseline_s: Pictures of the untouched gel.
         presses_s: Without enough presses for so long the person is asked whether to go on.
         get_ready_s: Between a signal and the start of its step.
-        rest_s: Muscles at rest.
-        squeeze_s: One strong squeeze.
-        pause_s: Between two of them: a strong squeeze tires.
+        pause_s: Between two squeezes: a strong squeeze tires.
         movement_s: One muscle alone.
         pulse_s: One vibration.
         gap_s: Between the two vibrations of a pair.
@@ -45,13 +42,7 @@ class Times(NamedTuple):
 
 
 class Sitting(NamedTuple):
-    """One person's calibration with some settings.
-
-    Attributes:
-        guide: Shows and asks.
-        times: Durations of the steps.
-        now: Returns the time of day.
-    """
+    """One person's calibration with some settings; ``now`` returns the time of day."""
 
     config: SessionConfig
     person: str

@@ -22,13 +22,9 @@ _TOP_STEPS = 4
 
 
 class Tracked(NamedTuple):
-    """EMG of a tracked curve.
+    """EMG of a tracked curve, ``(n, channels)``, in the source's unit.
 
-    Attributes:
-        samples: float64 ``(n, channels)``, in the source's unit.
-        target: Closure asked for at each, 0 to 1, ``(n,)``.
-        rate_hz: Samples per second.
-        kind: ``raw``, ``rectified`` or ``envelope``.
+    ``target`` is the closure asked for at each sample, 0 to 1, ``(n,)``.
     """
 
     samples: NDArray[np.float64]
@@ -42,13 +38,11 @@ class Tracked(NamedTuple):
 def tracked_samples(
     chunks: Sequence[EmgChunk], curve: Curve, *, rate_hz: float, start_ns: int
 ) -> NDArray[np.float64]:
-    """Put the closure that was asked for beside every sample.
+    """Put the closure that was asked for, 0 to 1, last in each sample's row: ``(n, channels + 1)``.
 
-    Times come from the samples' numbers, as many a second as the source has, from the first chunk's time on: a chunk's
-    own time is that of its arrival. What came before the curve began is left out; lost samples leave a gap.
-
-    Returns:
-        float64 ``(n, channels + 1)``, the closure, 0 to 1, last.
+    Times come from the samples' numbers, as many a second as the source has, from the first chunk's time on:
+    a chunk's own time is that of its arrival. What came before the curve began is left out; lost samples
+    leave a gap.
     """
     if not chunks:
         return np.empty((0, 1))
@@ -73,11 +67,7 @@ def keep_tracked(data: NDArray[np.float64], record: Path) -> Path:
 
 
 def read_tracked(record: Path) -> Tracked:
-    """Read the EMG of a practice record.
-
-    Raises:
-        CalibrationError: The record or its samples are missing or damaged, or an earlier version kept none.
-    """
+    """Read the EMG of a practice record, which earlier versions did not keep."""
     if not record.is_file():
         raise CalibrationError(f"{record.name}: no such practice record", f"looked for {record}")
     reported = read_record(record, PracticeRecord)

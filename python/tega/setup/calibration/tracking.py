@@ -19,15 +19,9 @@ _TOP_LEVEL = 5
 def track(
     config: SessionConfig, guide: Guide, *, duration_s: float, seed: int, settings: str
 ) -> tuple[PracticeRecord, Path]:
-    """Let a calibrated person follow a curve.
+    """Let a calibrated person follow a curve; return the score, and where it is kept.
 
-    Returns:
-        The score, and where it is kept; the EMG lies beside it, for ``tega-teleop emg fit``.
-
-    Raises:
-        ConfigError: The settings have no EMG.
-        CalibrationError: The person is not calibrated on this source.
-        DeviceUnavailableError: The source went away.
+    The EMG lies beside it, for ``tega-teleop emg fit``.
     """
     curve = Curve(duration_s, seed=seed)
     with MuscleLoop(config, settings=settings, subject="practice") as muscles:

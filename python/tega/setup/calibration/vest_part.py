@@ -26,13 +26,10 @@ from tega.stages.equal_steps import EqualStepsMapping
 
 
 class VestChoices(NamedTuple):
-    """How a vest is calibrated.
+    """How a vest is calibrated; nothing stronger than ``ceiling_percent`` is shown.
 
-    Attributes:
-        ceiling_percent: Nothing stronger is shown.
-        each_motor: Ask about every motor, not about columns.
-        each_step: Look for the step at every column or motor, not at one of each face.
-        seed: Seed of the order in which the columns are shown.
+    ``each_motor`` asks about every motor, not about columns; ``each_step`` looks for the step at every column
+    or motor, not at one of each face. ``seed`` is that of the order in which the columns are shown.
     """
 
     ceiling_percent: int = 60
@@ -60,13 +57,7 @@ class _KeptSites(dict[str, FeltSite]):
 
 
 def calibrate_vest(sitting: Sitting, journal: Journal, choices: VestChoices, place: str) -> VestCalibration:
-    """Calibrate the vest of the settings.
-
-    Raises:
-        ConfigError: The settings name no vest.
-        CalibrationError: A step cannot be finished, and there is no answer about it.
-        DeviceUnavailableError: The vest is missing or went away.
-    """
+    """Calibrate the vest of the settings, which must name one."""
     section, guide = sitting.config.vest, sitting.guide
     if section.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "set it, such as bhaptics-player")
@@ -161,11 +152,7 @@ def drawing(sitting: Sitting, subject: str) -> str:
 
 
 def check_live(device: Device) -> None:
-    """Refuse a device that generates or replays its signal.
-
-    Raises:
-        CalibrationError: It does.
-    """
+    """Refuse a device that generates or replays its signal."""
     if not device.info.live:
         raise CalibrationError(
             f"{device.info.driver}: {device.info.label} generates or replays its signal and cannot be calibrated",

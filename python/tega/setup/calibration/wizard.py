@@ -49,15 +49,7 @@ class _KeptBaseline(msgspec.Struct, frozen=True):
 
 
 def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
-    """Return the parts of a calibration: ``tactile.thumb``, ``emg``, ``vest``, ``arm``.
-
-    Args:
-        config: The settings.
-        only: The parts to calibrate; empty for all that the settings have.
-
-    Raises:
-        ConfigError: A part is not in the settings, or there is none to calibrate.
-    """
+    """Return the parts to calibrate: ``tactile.thumb``, ``emg``, ``vest``, ``arm``; no ``only`` means all."""
     have = [f"tactile.{finger}" for finger in config.tactile.in_use()]
     have += ["emg"] if config.emg is not None else []
     have += ["vest"] if config.vest.driver is not None else []
@@ -93,13 +85,7 @@ class Calibrating:
         self.left: list[str] = []
 
     def run(self, parts: Sequence[str], *, restart: bool = False) -> None:
-        """Do all steps that are not done.
-
-        Raises:
-            CalibrationError: A step cannot be finished, and there is no answer about it.
-            DeviceUnavailableError: A device is missing or went away.
-            KeyboardInterrupt: The person stopped; finished steps are kept.
-        """
+        """Do all steps that are not done; finished ones stay if the person stops (``KeyboardInterrupt``)."""
         if text := self._journal.begin({part: self._device(part) for part in parts}, restart=restart):
             self._guide.say(text)
         self.left = [part for part in parts if part not in self.done]

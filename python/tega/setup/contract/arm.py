@@ -19,11 +19,7 @@ _STILL_M = 0.002
 
 
 def check_input(source: InputSource) -> None:
-    """Check an operator's input device.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
-    """
+    """Check an operator's input device."""
     with source:
         for _ in range(100):
             state = source.state()
@@ -47,11 +43,7 @@ def check_input(source: InputSource) -> None:
 
 
 def check_tracker(tracker: Tracker, most_items: int) -> None:
-    """Check a tracker of the forearm; of a live one so many poses are looked at.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
-    """
+    """Check a tracker of the forearm; of a live one so many poses are looked at."""
     rule(tracker.frame in FRAMES, f"frame is one of {', '.join(FRAMES)}")
     poses: list[StampedPose] = []
     with tracker:
@@ -69,11 +61,7 @@ def check_tracker(tracker: Tracker, most_items: int) -> None:
 
 
 def check_arm(arm: ArmDriver) -> None:
-    """Check an arm without taking control of it: it reports its position, and does not move.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
-    """
+    """Check an arm without taking control of it: it reports its position, and does not move."""
     nothing = np.zeros(3)
     with arm:
         first = last = arm.measured()

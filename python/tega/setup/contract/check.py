@@ -35,11 +35,7 @@ from tega.wire import allegro_torque_frames
 
 
 def check_hand(hand: SteeredHand) -> None:
-    """Check a hand that closes its own loop.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
-    """
+    """Check a hand that closes its own loop."""
     with hand:
         for level in (1, 2, 5):
             hand.step(level)
@@ -63,11 +59,7 @@ def check_hand(hand: SteeredHand) -> None:
 
 
 def check_sink(sink: Any) -> None:
-    """Check a vest, or a hand that only takes frames.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
-    """
+    """Check a vest, or a hand that only takes frames."""
     with sink:
         if sink.info.kind == "vest":
             frame = vest_frame([10, 20, 30, 40], [50, 60, 70, 80])

@@ -6,21 +6,13 @@ from collections.abc import Callable
 
 
 def rule(holds: bool, text: str) -> None:  # noqa: FBT001  # an assertion that survives python -O
-    """Break off where a rule does not hold.
-
-    Raises:
-        AssertionError: The check fails; the message is the rule.
-    """
+    """Break off where a rule does not hold; the message of the ``AssertionError`` is the rule."""
     if not holds:
         raise AssertionError(text)
 
 
 def refuses(call: Callable[[], object], error: type[Exception], text: str) -> None:
-    """Break off where a call does not raise this error.
-
-    Raises:
-        AssertionError: The check fails; the message is the rule.
-    """
+    """Break off where a call does not raise this error; the message of the ``AssertionError`` is the rule."""
     try:
         call()
     except error:

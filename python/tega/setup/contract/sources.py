@@ -16,11 +16,7 @@ _MOST_READS = 100_000
 
 
 def check_source(source: TactileSource | EmgSource, most_items: int) -> None:
-    """Check a camera or an amplifier; of a live one so many items are looked at, a recording is read to its end.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
-    """
+    """Check a camera or an amplifier: so many items of a live one, a recording to its end."""
     with source:
         first = _read_all(source, most_items)
         info = source.info
@@ -45,11 +41,7 @@ def check_source(source: TactileSource | EmgSource, most_items: int) -> None:
 
 
 def check_skip(source: SkippingSource) -> None:
-    """Check that a recording can pass over frames.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
-    """
+    """Check that a recording can pass over frames."""
     with source:
         if source.info.live:
             return

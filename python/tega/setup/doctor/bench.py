@@ -127,10 +127,8 @@ _ABSENT: Final = {
 class DriverProbe(NamedTuple):
     """Result of looking for one driver's devices.
 
-    Attributes:
-        could_not: Reason why looking was not possible; ``""`` if it was.
-        hint: Step to make looking possible.
-        lacks_package: Whether it is a package that is not installed.
+    ``could_not`` is why looking was not possible, ``""`` if it was, and ``hint`` the step that makes it so.
+    ``lacks_package`` is whether the reason is a package that is not installed.
     """
 
     kind: str
@@ -143,8 +141,7 @@ class DriverProbe(NamedTuple):
 def probe_drivers(deadline_s: float = POLL_S) -> dict[str, DriverProbe]:
     """Search for devices with every driver that can; opens nothing.
 
-    Returns:
-        The results by the driver's name, in the order of ``tega-teleop devices``, without drivers that cannot search.
+    The results are by the driver's name, in the order of ``tega-teleop devices``.
     """
     jobs: dict[str, Callable[[], DriverProbe]] = {}
     kinds: dict[str, str] = {}
@@ -199,8 +196,7 @@ def probe_all() -> Examination:
 def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     """Try devices through their drivers, side by side.
 
-    Returns:
-        At least one finding for each, in their order, and then those about several together.
+    Return at least one finding for each, in their order, and then those about several together.
     """
     cameras: list[FoundCamera] = []
 

@@ -31,12 +31,9 @@ from tega.setup.doctor.findings import Finding, Status
 
 
 class CalibrationCheck(NamedTuple):
-    """State of one part of a person's calibration.
+    """State of one part of a person's calibration: a finger, ``EMG``, ``vest``; no ``problem`` is ``""``.
 
-    Attributes:
-        what: The part: a finger, ``EMG``, ``vest``.
-        problem: Problem with it; ``""`` for none.
-        status: ``missing``: there is none; ``wrong``: it is not to be used; ``doubt``: it is, but old or with a note.
+    ``missing``: there is none; ``error``: it is not to be used; ``warning``: it is, but old or with a note.
     """
 
     what: str
@@ -103,8 +100,7 @@ CHECK: Final = "calibration"
 def check_calibration(config: SessionConfig, *, settings: str, now: datetime | None = None) -> list[Finding]:
     """Look at the calibration that a run with some settings would use.
 
-    Returns:
-        Nothing where none is needed, since nothing is live and none is named.
+    Return nothing where none is needed, since no file is named and nothing is live.
     """
     file, person = config.calibration.file, config.calibration.person
     if file is not None:

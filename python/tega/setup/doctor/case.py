@@ -13,12 +13,7 @@ _PROC = Path("/proc")
 
 
 class DriverCase(NamedTuple):
-    """A driver and its settings.
-
-    Attributes:
-        check: Name of the check, such as ``tactile.thumb``.
-        baseline: Picture of the untouched gel, for a finger that has one.
-    """
+    """A driver and its settings, for a check such as ``tactile.thumb``; the baseline is the untouched gel."""
 
     check: str
     kind: Kind
@@ -60,13 +55,8 @@ def failed(
 ) -> Finding:
     """Return the finding for a device that could not be used.
 
-    Args:
-        case: The driver and settings that were tried.
-        error: The driver's error; its hint becomes a step to take.
-        device: Name of the device.
-        status: Status of the device; by the kind of error when ``None``.
-        why: Further facts about the cause.
-        todo: Steps to take beyond the hint.
+    The error's hint becomes a step to take, before those of ``todo``; ``why`` are further facts about the
+    cause. A status of ``None`` goes by the kind of error.
     """
     if status is None:
         # The thing is there, but not the right one, not fast enough, or not for us.
@@ -88,11 +78,7 @@ def late(case: DriverCase, deadline_s: float) -> Finding:
 
 
 def holders(device: str, proc: Path = _PROC) -> list[str]:
-    """Name the programs that have a device open, as far as this user may see them (Linux only).
-
-    Returns:
-        Name and number of each, such as ``cheese (4711)``.
-    """
+    """Name the programs, such as ``cheese (4711)``, that have a device open and this user may see (Linux)."""
     target, found = Path(device).resolve(), []
     for process in sorted(proc.glob("[0-9]*")):
         try:

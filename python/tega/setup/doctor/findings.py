@@ -14,18 +14,12 @@ _MISSING = 3
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """Finding about one device, or one part of the settings.
+    """Finding about one device, or one part of the settings, one sentence.
 
-    Attributes:
-        check: Name of the check: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, ``calibration``, or a part
-            of the settings such as ``tactile.thumb``.
-        status: Status of the device or part.
-        finding: The finding, one sentence.
-        why: Cause, as far as it is known.
-        todo: Steps to take, one sentence each.
-        driver: Name of the driver concerned.
-        device: Name of the device: serial number, port, bus.
-        measured: Numbers that were measured, by a name that ends with the unit.
+    ``check`` is ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, ``calibration``, or a part of the
+    settings such as ``tactile.thumb``. ``why`` is the cause, as far as it is known; ``todo`` are steps, one
+    sentence each. ``device`` is a serial number, port or bus. ``measured`` holds numbers by a name that ends
+    with the unit.
     """
 
     check: str
@@ -39,11 +33,9 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Examination(msgspec.Struct, frozen=True, kw_only=True):
-    """Findings of an examination, all of them.
+    """All findings, in the order of the loop: touch, muscles, vest, hand; then the operator's inputs.
 
-    Attributes:
-        settings: Base name of the settings file; ``""`` where none was given.
-        findings: In the order of the loop: touch, muscles, vest, hand; then the operator's inputs.
+    ``settings`` is the base name of the settings file; ``""`` where none was given.
     """
 
     settings: str

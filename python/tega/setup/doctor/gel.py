@@ -32,13 +32,8 @@ MOST_SLOW_BANDING = 0.002
 def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
     """Judge the gel by pictures that were taken while nothing should have touched it.
 
-    Args:
-        case: The sensor's driver; its ``baseline`` is compared with the gel.
-        label: Name of the sensor.
-        pictures: uint8 (H, W, 3) each, of one size, in the order they came.
-
-    Returns:
-        The problems found; empty for none, or with fewer than ten images.
+    They are uint8 (H, W, 3), of one size, in the order they came, and are compared with the case's
+    ``baseline``. Fewer than :data:`LEAST_PICTURES` are not judged.
     """
     if case.baseline is None:
         return [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures, None)]

@@ -18,16 +18,11 @@ _PERCENTILES = (50, 99, 99.9, 100)
 class LoopTiming(msgspec.Struct, frozen=True, kw_only=True):
     """Timing of the hand's loop, as measured once.
 
-    Attributes:
-        seconds: Duration of the measurement.
-        rate_hz: Sets of positions answered per second.
-        period_ms: From one answer to the next, percentiles 50, 99, 99.9 and 100.
-        answer_ms: From taking the frames to having sent the torques, the same percentiles.
-        cpu_percent: Load of one core, the hand's loop alone.
-        incomplete: Sets in which a finger's frame was missing.
-        late: Gaps of more than 9 ms.
-        silences: Times the motors went off.
-        unsent: Frames the adapter did not take.
+    ``rate_hz`` counts sets of positions that were answered. ``period_ms`` is from one answer to the next,
+    ``answer_ms`` from taking the frames to having sent the torques, percentiles 50, 99, 99.9 and 100.
+    ``cpu_percent`` is the load of one core by the hand's loop alone. ``incomplete`` sets missed a finger's
+    frame, ``late`` gaps were longer than 9 ms, at ``silences`` the motors went off, ``unsent`` frames the
+    adapter did not take.
     """
 
     seconds: float
@@ -42,14 +37,9 @@ class LoopTiming(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def time_loop(hand: Allegro, *, seconds: float) -> LoopTiming:
-    """Watch an open hand for a while; its level changes every second.
+    """Watch an open hand for up to 45 s; its level changes every second.
 
-    Args:
-        hand: The open driver.
-        seconds: Duration, up to 45.
-
-    Raises:
-        DeviceUnavailableError: The hand had to be let go.
+    Raises ``DeviceUnavailableError`` if the hand had to be let go.
     """
     start_ns, cpu_s, before = time.monotonic_ns(), hand.cpu_s, hand.state().counts
     level = 1

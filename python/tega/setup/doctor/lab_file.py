@@ -135,18 +135,12 @@ def lab_settings(
     baselines: Mapping[str, Path] | None = None,
     arm: str | dict[str, Any] | None = None,
 ) -> str:
-    """Return the text of a settings file.
+    """Return the text of a settings file, TOML that ``tega-teleop config check`` accepts.
 
-    Args:
-        looked: Results of :func:`tega.setup.doctor.probe_drivers`.
-        name: Name of the file, for the commands in it.
-        emulated: The devices are emulators, which the settings then say.
-        calibration: A calibration to name, relative to the file.
-        baselines: Pictures of the untouched gels to name, by finger, relative to the file.
-        arm: Name of an arm's driver to switch on, or its whole table; none leaves the arm's table as a comment.
-
-    Returns:
-        TOML that ``tega-teleop config check`` accepts.
+    ``looked`` comes from :func:`tega.setup.doctor.probe_drivers`; ``name`` is the file's, for the commands in
+    it. If ``emulated``, it says so. ``calibration`` and ``baselines``, pictures of the untouched gels by
+    finger, are relative to the file. ``arm`` is the name of a driver to switch on, or its whole table;
+    ``None`` leaves the arm's table as a comment.
     """
     file = toml_value(str(calibration or "calibration.toml"))
     text = (

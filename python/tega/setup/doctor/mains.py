@@ -36,11 +36,9 @@ _SLOW: Final = 0.039
 
 
 class Bands(NamedTuple):
-    """A wave of gains over the lines of a picture.
+    """A wave of gains over the lines of a picture; ``amplitude`` is a share of the light.
 
-    Attributes:
-        amplitude: Share of the light.
-        turns: Turns from picture to picture, at least 0.
+    ``turns`` are those from picture to picture, at least 0.
     """
 
     amplitude: float
@@ -55,19 +53,13 @@ class Bands(NamedTuple):
 def moving_bands(pictures: Sequence[NDArray[np.uint8]]) -> Bands:
     """Measure bands that move in pictures of an untouched gel; of slow ones at least how large they are.
 
-    Args:
-        pictures: uint8 (H, W, 3) each, at least three of one size, in the order they came.
+    The pictures are uint8 (H, W, 3), at least three of one size, in the order they came.
     """
     return max(_moving(_gains(pictures, pictures[0], along)) for along in (0, 1))
 
 
 def standing_bands(pictures: Sequence[NDArray[np.uint8]], baseline: NDArray[np.uint8]) -> Bands:
-    """Measure bands by which the mean of some pictures differs from another picture.
-
-    Args:
-        pictures: uint8 (H, W, 3) each.
-        baseline: uint8 (H, W, 3).
-    """
+    """Measure bands by which the mean of some pictures differs from a baseline, all uint8 (H, W, 3)."""
     return max(_standing(_gains(pictures, baseline, along)) for along in (0, 1))
 
 
@@ -119,8 +111,7 @@ def _standing(gains: NDArray[np.float64]) -> Bands:
 def _waves(gains: NDArray[np.inexact]) -> tuple[NDArray[np.complex128], float]:
     """Fit the waves of one length, beside a slow change over the lines, that explain most of all thirds.
 
-    Returns:
-        Amplitude and phase of each picture's wave, complex128 (pictures,), and what they explain of the gains' square.
+    Return each picture's amplitude and phase, (pictures,), and what they explain of the gains' square.
     """
     at = np.linspace(-1.0, 1.0, gains.shape[-1])
     plain = np.array([np.ones_like(at), at, at**2])

@@ -26,12 +26,7 @@ _BYTES_PER_PIXEL = 2
 
 
 class FoundCamera(NamedTuple):
-    """A camera that works, for the look at the buses.
-
-    Attributes:
-        check: Name of its check, with the finger.
-        rate_hz: Pictures a second it agreed to.
-    """
+    """A camera that works, for the look at the buses; ``rate_hz`` is what it agreed to."""
 
     check: str
     serial: str

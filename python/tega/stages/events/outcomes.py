@@ -61,13 +61,10 @@ class LiftRule:
         self.held_s: tuple[float, float] | None = None
 
     def height(self, t_s: float, height_m: float, *, off_table: bool | None = None) -> None:
-        """Take in a height.
+        """Take in a height above the object's place on the table, metres; ``t_s`` never decreases.
 
-        Args:
-            t_s: Time, seconds; never less than before.
-            height_m: Height above the object's place on the table, metres.
-            off_table: Whether the object is off the table, if that is observed directly; ``None`` to decide by
-                :data:`OFF_TABLE_M`.
+        ``off_table`` says whether the object is off the table, if that is observed directly; ``None`` decides
+        by :data:`OFF_TABLE_M`.
         """
         off_table = height_m >= OFF_TABLE_M if off_table is None else off_table
         if self.lift_off_s is None and off_table:

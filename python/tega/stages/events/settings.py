@@ -55,14 +55,9 @@ fingertips in contact sink against the palm, millimetres a second,
 
 
 class Rule(NamedTuple):
-    """A logistic rule, and when it makes an event.
+    """A logistic rule: an event where its share reaches ``enter`` for ``least_s``.
 
-    Attributes:
-        bias: Bias of the sum.
-        weights: One for each feature.
-        enter: Share from which it is an event.
-        least_s: For so long, seconds.
-        products: Places of two features and the weight of their product.
+    ``weights`` has one for each feature, ``products`` two features' places and their product's weight.
     """
 
     bias: float

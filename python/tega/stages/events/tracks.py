@@ -62,10 +62,8 @@ class TwoMeans:
 class Low:
     """Tracks how far a quantity has fallen since a moment, and whether it was ever so low before.
 
-    An object that has slid comes to rest in the grip that it has; it slides again where the grip falls lower still.
-
-    Args:
-        before_s: Age up to which a value counts as now, seconds; older ones count as before.
+    An object that has slid comes to rest in the grip that it has; it slides again where the grip falls lower
+    still. A value counts as now up to an age of ``before_s``, as before from then on.
     """
 
     def __init__(self, before_s: float) -> None:
@@ -94,11 +92,7 @@ class Low:
 
 
 class SinkTrack:
-    """One fingertip's way down against the palm, by the hand's joints.
-
-    Args:
-        longest_s: The longest time that it is asked about, seconds.
-    """
+    """One fingertip's way down against the palm, by the hand's joints, for at most ``longest_s`` back."""
 
     def __init__(self, longest_s: float) -> None:
         self._longest_s = longest_s
@@ -123,15 +117,9 @@ class SinkTrack:
 class FingerTrack:
     """One fingertip's contact.
 
-    Attributes:
-        touching: Whether something was touched in the newest frame.
-        since_s: Time at which that began or ended; minus infinity before the first frame.
-        seen_s: Time of the newest frame.
-        mass: Logarithm of the pressure map's sum.
-        peak: Largest value.
-        area: Square root of the contact's area, pixels.
-        x: Centroid, pixels.
-        y: Centroid, pixels.
+    ``since_s`` is when touching began or ended, minus infinity before the first frame. ``mass`` is the
+    logarithm of the pressure map's sum, ``peak`` its largest value, ``area`` the square root of the contact's
+    area, pixels; ``x`` and ``y`` are its centroid, pixels.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:

@@ -29,13 +29,7 @@ LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
 
 
 class Log(NamedTuple):
-    """EMG beside the force or closure that was meant.
-
-    Attributes:
-        samples: ``(n, channels)``.
-        target: Force or closure at each sample, ``(n,)``.
-        rate_hz: Samples per second.
-    """
+    """EMG, ``(n, channels)``, beside the force or closure that was meant at each sample, ``(n,)``."""
 
     name: str
     samples: NDArray[np.float64]
@@ -60,14 +54,9 @@ class Log(NamedTuple):
 
 
 class DecoderReport(NamedTuple):
-    """Closures and levels that a decoder returned for a log.
+    """Closures and levels that a decoder returned for a log; every array is ``(k,)``.
 
-    Attributes:
-        closure: ``(k,)``.
-        level: ``(k,)``.
-        confidence: ``(k,)``; NaN where it does not say.
-        held: ``(k,)``.
-        target: Closure meant, by the training part's full, ``(k,)``.
+    ``confidence`` is NaN where the decoder gives none; ``target`` is by the training part's full.
     """
 
     decoder: str
@@ -120,18 +109,11 @@ def compare(
     features: Sequence[str] = (),
     recalibrate_s: float = 0.0,
 ) -> list[DecoderReport]:
-    """Calibrate decoders on one log and judge them on another.
+    """Calibrate decoders on one log and judge them on another, from a fresh start.
 
-    Args:
-        train: Log for the maxima and models.
-        judged: Log to judge them on, from a fresh start.
-        decoders: Names: those of :data:`LEARNED`; ``rules``, ``rules-paper``; any installed decoder's.
-        features: Features of the learned ones; none means the default.
-        recalibrate_s: So much of the judged log's beginning puts maxima and models to the day, and is not judged.
-
-    Raises:
-        TegaError: A decoder cannot be made, or the training log or the recalibration is refused.
-        ShapeError: The logs do not go together.
+    ``decoders`` are names of :data:`LEARNED`, ``rules``, ``rules-paper`` or any installed decoder's;
+    ``features`` are those of the learned ones, none means the default. The first ``recalibrate_s`` of the
+    judged log put maxima and models to the day, and are not judged. Logs that do not go together are refused.
     """
     for log in (train, judged):
         as_samples(log.samples, train.samples.shape[1])

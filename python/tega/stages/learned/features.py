@@ -40,12 +40,7 @@ def n_values(features: tuple[str, ...], channels: int) -> int:
 
 
 def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
-    """Return samples as float64 ``(n, channels)``.
-
-    Raises:
-        DtypeError: The samples are not real numbers.
-        ShapeError: The samples have another number of channels.
-    """
+    """Return real samples as float64 ``(n, channels)``; ``None`` takes any number of channels."""
     array = np.asarray(samples)
     if array.dtype.kind not in "fiu":
         raise DtypeError(f"samples are {array.dtype}, expected float64", "give real numbers")
@@ -57,12 +52,9 @@ def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
 
 
 class FeatureBlock(NamedTuple):
-    """Samples of one block.
+    """Samples of one block, ``(tau, channels)``, without offset where the kind is raw, and its bad channels.
 
-    Attributes:
-        samples: float64 ``(tau, channels)``, without offset where the kind is raw.
-        bad: Bad channels, bool ``(channels,)``.
-        end: Number of its last sample among those of the call that completed it; negative never.
+    ``end`` is the number of its last sample among those of the call that completed it, never negative.
     """
 
     samples: NDArray[np.float64]
@@ -71,15 +63,12 @@ class FeatureBlock(NamedTuple):
 
 
 class Blocks:
-    """Cut a stream of EMG samples into blocks, without its offset; any chunks give the same blocks, bit for bit.
+    """Cut EMG samples into blocks, without their offset; any chunks give the same blocks, bit for bit.
 
-    A sample that is NaN or infinite is replaced by the channel's last good one. A channel is bad in a block in which
-    half of its samples or more were replaced, in the block after it (its filter settles), and, where the kind is
-    raw, in a block in which it stands still: an amplifier at its limit, or a cable out.
-
-    Args:
-        rate_hz: Samples per second.
-        kind: "raw": a 20 Hz high-pass removes the offset; "rectified" and "envelope" stay as they are.
+    Of the kind "raw" a 20 Hz high-pass removes the offset; "rectified" and "envelope" stay as they are. A
+    sample that is NaN or infinite is replaced by the channel's last good one. A channel is bad in a block in
+    which half of its samples or more were replaced, in the block after it (its filter settles), and, where
+    the kind is raw, in a block in which it stands still: an amplifier at its limit, or a cable out.
     """
 
     def __init__(self, rate_hz: float, tau: int, kind: InputKind, channels: int) -> None:

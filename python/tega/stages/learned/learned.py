@@ -130,11 +130,7 @@ class LearnedDecoder:
 
     @classmethod
     def load(cls, path: Path) -> LearnedDecoder:
-        """Read a model's file.
-
-        Raises:
-            CalibrationError: The file is missing, damaged, or no model.
-        """
+        """Read a model's file; ``CalibrationError`` if it is missing, damaged, or no model."""
         return cls(load_model(path))
 
     def save(self, path: Path) -> None:

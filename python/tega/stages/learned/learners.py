@@ -34,13 +34,10 @@ def ridge(z: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.fl
 
 
 class EffortModel:
-    """Weights of a fitted model, and the efforts that they give.
+    """Weights of a fitted model, one for each feature or support, and the efforts that they give.
 
-    Attributes:
-        weights: Weight of each feature, or of each support, float64.
-        bias: Added to their sum.
-        support: Rows that a kernel compares with, ``(supports, features)``; empty without.
-        gamma: Width parameter of the kernel; 0 without.
+    ``support`` are the rows that a kernel compares with, ``(supports, features)``, ``gamma`` is its width
+    parameter; without a kernel they are empty and 0.
     """
 
     def __init__(self, weights: Any, bias: float, support: Any = (), gamma: float = 0.0) -> None:
@@ -57,15 +54,9 @@ class EffortModel:
 
 
 class EffortLearner:
-    """Fits one kind of model with scikit-learn.
+    """Fits one kind of model, "ridge", "huber" or "kernel", with scikit-learn.
 
-    Args:
-        model: "ridge", "huber" or "kernel".
-
-        strength: Strength of a ridge or a Huber regression, for each training block.
-
-    Raises:
-        MissingExtraError: scikit-learn is not installed.
+    ``strength`` is that of a ridge or a Huber regression, for each training block.
     """
 
     def __init__(self, model: str, *, strength: float = RIDGE) -> None:
@@ -103,8 +94,7 @@ def rising_polyline(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the rising polyline from effort to closure: isotonic regression, its steps joined.
 
-    Raises:
-        CalibrationError: Effort does not rise with the target.
+    Raises ``CalibrationError`` if effort does not rise with the target.
     """
     from sklearn.isotonic import IsotonicRegression
 

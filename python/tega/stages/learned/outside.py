@@ -46,11 +46,8 @@ class OutsideOptions(StageOptions, frozen=True):
 class OutsideDecoder(Decoder):
     """Intents of a decoder that runs in another process.
 
-    Its output cannot be computed again: a replay uses the recorded intents.
-
-    Raises:
-        DeviceUnavailableError: No stream of that name is on the network, or more than one, or it holds texts.
-        MissingExtraError: pylsl is not installed.
+    Its output cannot be computed again: a replay uses the recorded intents. Raises ``DeviceUnavailableError``
+    if no stream of that name is on the network, or more than one, or it holds texts.
     """
 
     summary: ClassVar[str] = "closure by a decoder in another process, through an LSL stream"

@@ -20,19 +20,12 @@ STRENGTH: Final = 0.1
 
 
 def refitted(model: Model, samples: NDArray[np.float64], target: ArrayLike) -> Model:
-    """Return the model with weights and bias moved to new samples.
+    """Return the model moved to new samples, ``(n, channels)``, with a target for each, 0 to 1.
 
-    Weights and bias move from the old ones by a ridge that penalises change. A gain is an offset of a logarithm,
-    which goes into the bias. The known range grows by the new samples. The monotone stage is unchanged.
-
-    Args:
-        model: The old one; no kernel.
-        samples: float64 ``(n, channels)``.
-        target: Closure meant at each, 0 to 1, ``(n,)``.
-
-    Raises:
-        CalibrationError: The model is a kernel, or the samples are too short, or lack rest or effort.
-        ShapeError: There is not a target for every sample.
+    Weights and bias move from the old ones by a ridge that penalises change. A gain is an offset of a
+    logarithm, which goes into the bias. The known range grows by the new samples. The monotone stage is
+    unchanged. Raises ``CalibrationError`` if the model is a kernel, or the samples are too short, or lack
+    rest or effort.
     """
     goal = np.asarray(target, np.float64)
     if goal.shape != (len(samples),):

@@ -10,10 +10,9 @@ from tega.stages.learned.model import Model
 
 
 class BlockScorer:
-    """Turn a block's features into smoothed, scaled values and an effort; keeps the smoothing's state.
+    """Turns a block's features into smoothed, scaled values and an effort; keeps the smoothing's state.
 
-    Attributes:
-        newest: Features of the last block: the limit of the smoothed ones if the muscles stayed the same.
+    ``newest`` are the last block's features: the smoothed ones' limit if the muscles stayed the same.
     """
 
     def __init__(self, model: Model) -> None:

@@ -130,9 +130,7 @@ class _BlockStage(Decoder):
 class LearnedStage(_BlockStage):
     """A learned model: :class:`tega.decoders.LearnedDecoder`.
 
-    Raises:
-        ConfigError: No model is named.
-        CalibrationError: The model's file is missing or damaged, or was made for other muscles.
+    Raises ``ConfigError`` without a model, ``CalibrationError`` for one missing, damaged or of other muscles.
     """
 
     summary: ClassVar[str] = "closure by a model learned from this person's tracking (emg fit)"
@@ -166,11 +164,7 @@ class LearnedStage(_BlockStage):
 
 
 class ProportionalStage(_BlockStage):
-    """The plain baseline: :class:`tega.decoders.ProportionalDecoder`.
-
-    Raises:
-        InvalidValueError: The source has no such channel, or the dead band is not below full.
-    """
+    """The plain baseline: :class:`tega.decoders.ProportionalDecoder`; its dead band lies below full."""
 
     summary: ClassVar[str] = "closure in proportion to one channel, or one less another, with a dead band"
     options_type: ClassVar[type[StageOptions]] = ProportionalOptions

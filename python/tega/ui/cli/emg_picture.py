@@ -14,14 +14,9 @@ if TYPE_CHECKING:
 
 
 def draw(parts: list[tuple[str, float, list[DecoderReport]]], file: Path) -> None:
-    """Draw a row a decoder and a column a part.
+    """Draw a picture, a row a decoder and a column a part.
 
-    Args:
-        parts: Title, length of a block in s, and the decoders' results.
-        file: The picture.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
+    A part is its title, the length of a block in s, and the decoders' results.
     """
     rows = max(len(reported) for _, _, reported in parts)
     figure = new_figure(figsize=(5.5 * len(parts), 1.5 * rows + 0.6))

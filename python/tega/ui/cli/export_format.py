@@ -10,11 +10,9 @@ import click
 
 
 class ExportFormat(NamedTuple):
-    """A format of ``recording export``.
+    """A format of ``recording export``, which then takes its ``options``.
 
-    Attributes:
-        options: Options of this format, which ``recording export`` then takes.
-        export: Called as ``export(recordings, out, **options)``; returns the files and folders that it wrote.
+    It is called as ``export(recordings, out, **options)``, and returns the files and folders that it wrote.
     """
 
     options: tuple[click.Option, ...]

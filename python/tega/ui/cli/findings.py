@@ -12,15 +12,10 @@ if TYPE_CHECKING:
 
 
 class Findings:
-    """Follows the replay of a recording, and reports its findings afterwards.
+    """Follows the replay of a recording on its bus, and reports its findings afterwards.
 
-    Args:
-        bus: The computation's.
-        picture: PNG to draw; ``None`` for words alone.
-        required: Whether the run is not to begin where the picture cannot be drawn; else a note says so at the end.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed, and the picture is required.
+    ``picture`` is the PNG to draw; ``None`` for words alone. If it is ``required`` and matplotlib is not
+    installed, ``MissingExtraError`` is raised before the run; else a note at the end reports that.
     """
 
     def __init__(self, bus: Bus, picture: Path | None, *, required: bool) -> None:
@@ -40,12 +35,9 @@ class Findings:
                 self._note = f"no picture: {error}"
 
     def notify(self, title: str, *, pose_base: int, words: bool) -> None:
-        """Draw the picture and print the words.
+        """Draw the picture and print the words; the most open level is number ``pose_base``, 0 or 1.
 
-        Args:
-            title: Heading of the picture.
-            pose_base: Number of the most open level, 0 or 1.
-            words: Whether to print; a failed drawing is reported on stderr in any case.
+        A failed drawing is reported on stderr, without ``words`` as well.
         """
         if words:
             for sentence in self._course.words(pose_base=pose_base):

@@ -24,11 +24,8 @@ _LINE_EVERY_S = 1.0
 class LineGuide:
     """One line at a time on stderr, answers from stdin.
 
-    A line that begins with ``>`` waits for Enter, one with ``?`` for an answer.
-
-    Args:
-        yes: Do not wait for Enter.
-        get_ready_s: Time for which each prompt is then shown.
+    A line that begins with ``>`` waits for Enter, one with ``?`` for an answer. With ``yes`` nothing waits
+    for Enter: each prompt is shown for ``get_ready_s``.
     """
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
@@ -75,9 +72,7 @@ class LineGuide:
 class TerminalGuide:
     """Large prompts and live bars on a terminal's stderr.
 
-    Args:
-        yes: Do not wait for Enter.
-        get_ready_s: Time for which each prompt is then shown.
+    With ``yes`` nothing waits for Enter: each prompt is shown for ``get_ready_s``.
     """
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:

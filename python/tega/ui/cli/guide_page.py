@@ -27,23 +27,10 @@ _TARGET, _FILLED = "#fd8d3c", "#1f5fbf"
 class PageGuide(LineGuide):
     """Large prompts, live bars and buttons on a page; messages also go to stderr.
 
-    Use as a context manager.
-
-    Args:
-        title: Heading of the page.
-        yes: Do not wait for the button.
-        get_ready_s: Time for which each prompt is then shown.
-        host: Address to serve on.
-        port: TCP port; where it is taken, the next free one. 0 takes any free one.
-        allow_remote: Let ``host`` be an address that others can reach.
-
-    Attributes:
-        prompt: Instruction for the person, and the bars, as HTML.
-        said: The last message, as HTML.
-        buttons: viser's handles of the buttons that wait to be pressed, by answer.
-
-    Raises:
-        MissingExtraError: viser is not installed.
+    Use as a context manager. With ``yes`` nothing waits for the button: each prompt is shown for
+    ``get_ready_s``. Where ``port`` is taken, the next free one is used; 0 takes any. ``allow_remote`` lets
+    ``host`` be an address that others can reach. ``prompt``, with the bars, and ``said``, the last message,
+    are HTML; ``buttons`` are viser's handles of those that wait to be pressed, by answer.
     """
 
     def __init__(

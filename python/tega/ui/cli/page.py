@@ -90,21 +90,11 @@ def browser_observer(
     opened: Callable[[str], object] = open_page,
     **options: Any,
 ) -> Iterator[BrowserView]:
-    """Serve the page and say on stderr where.
+    """Serve the page, and print on stderr where; the caller polls the ``controls``.
 
-    Args:
-        title: Heading of the page.
-        port: TCP port.
-        controls: State of the page's buttons, polled by the caller.
-        opened: Given the page's address.
-        options: Further arguments of :class:`~tega.ui.view.browser.BrowserView`.
-
-    Yields:
-        The view: call it with a loop's moment, as its observer, or :meth:`~tega.ui.view.browser.BrowserView.offer` it
-        a :class:`~tega.ui.view.state.ViewState`.
-
-    Raises:
-        MissingExtraError: viser is not installed.
+    ``opened`` is given the page's address; ``options`` are further arguments of
+    :class:`~tega.ui.view.browser.BrowserView`. Yield the view: call it with a loop's moment, as its observer,
+    or :meth:`~tega.ui.view.browser.BrowserView.offer` it a :class:`~tega.ui.view.state.ViewState`.
     """
     from tega.ui.view.browser import BrowserView
 
@@ -134,19 +124,12 @@ def run_viewed(
 ) -> dict[str, Any]:
     """Run a session with the page open.
 
-    Args:
-        config: The settings.
-        title: Heading of the page.
-        port: TCP port.
-        stop: Asked whether to end; the page's button is another way.
-        can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
-        wait: Whether the run stays armed until the page's Go is pressed.
-        bus: The run's, where others listen as well.
-        run: Runs it, called like ``run_session``; that itself when ``None``.
-        playhead: Playhead of the recording that is played; the page's slider moves it.
-        annotate: Codes an event by a key of the page, and returns the effect in words.
-        opened: Given the page's address before the run begins.
-        options: Further arguments for ``run``.
+    ``stop`` is asked whether to end; the page's button is another way. ``can_pause`` lets the run stand
+    still: with recordings, and with nothing that moves. With ``wait`` it stays armed until the page's Go is
+    pressed. ``bus`` is the run's, where others listen as well. ``run`` is called like ``run_session``, with
+    ``options`` besides; that itself when ``None``. The page's slider moves ``playhead``, that of the
+    recording that is played. ``annotate`` codes an event by a key of the page, and returns the effect in
+    words. ``opened`` is given the page's address before the run begins.
     """
     from tega.loop import run_session
     from tega.loop.controls import Controls as RunControls

@@ -14,15 +14,10 @@ if TYPE_CHECKING:
 
 
 def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
-    """Report the summary of a run as text or JSON, and end with the run's error, if any.
+    """Report a summary of ``run_session`` as text or JSON; ``KeyboardInterrupt`` if the run was stopped.
 
-    Args:
-        summary: As ``run_session`` returns it.
-        wall_s: Duration of this run, seconds; printed, and written to no file.
-        as_json: Print the summary as JSON, with a table ``measured`` of ``wall_s`` and ``real_time_factor``.
-
-    Raises:
-        KeyboardInterrupt: The run was stopped.
+    ``wall_s``, this run's duration, is printed and written to no file; JSON has a table ``measured`` of
+    ``wall_s`` and ``real_time_factor``.
     """
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:
@@ -63,12 +58,7 @@ def _print_arm(out: Console, arm: dict[str, Any] | None) -> None:
 
 
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
-    """Print a run's summary and how fast it went.
-
-    Args:
-        summary: As ``run_session`` returns it.
-        measured: ``wall_s`` and ``real_time_factor`` of this run; they are in no file.
-    """
+    """Print a summary of ``run_session``, with ``wall_s`` and ``real_time_factor``, which are in no file."""
     from rich.console import Console
 
     from tega.ui.cli.tables import figures_table

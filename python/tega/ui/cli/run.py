@@ -25,12 +25,7 @@ def stream_names() -> list[str]:
 
 @contextmanager
 def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
-    """Stream the records on a bus for the duration of the block; the address is printed on stderr.
-
-    Raises:
-        MissingExtraError: A package is not installed.
-        DeviceUnavailableError: A port is taken, or a program cannot be reached.
-    """
+    """Stream the records on a bus for the duration of the block; the address is printed on stderr."""
     found = {
         name: (target, feature) for feature in features().values() for name, target in feature.streams.items()
     }
@@ -106,13 +101,9 @@ def run_settings(
     as_json: bool,
     check: Callable[[SessionConfig], None] = lambda _settings: None,
 ) -> None:
-    """Run a session from its settings file.
+    """Run a session from its settings file; ``KeyboardInterrupt`` if it was stopped.
 
     ``check`` refuses settings that are not meant for the verb.
-
-    Raises:
-        ConfigError: The settings are wrong, or another verb's.
-        KeyboardInterrupt: The run was stopped.
     """
     import json
     import shlex

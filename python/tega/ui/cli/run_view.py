@@ -76,8 +76,7 @@ class TerminalDisplay:
 def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisplay | None]]:
     """Show preparation and run on a terminal's stderr.
 
-    Yields:
-        The ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.
+    Yield the ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.
     """
     if not enabled or not sys.stderr.isatty():
         yield lambda _subject, _done, _total: None, None

@@ -50,17 +50,11 @@ def replay_session(
     picture: Path | None = None,
     as_json: bool,
 ) -> bool:
-    """Re-run every recording of a session, and report the differences.
+    """Re-run every recording of a session, report the differences, and return whether there are none.
 
-    Args:
-        session: A recording, or the folder of a session.
-        config: Other settings to run it through.
-        sets: Single settings to run it through, as ``key=value``.
-        picture: PNG to draw; of several recordings each draws its own, named after it.
-        as_json: Print JSON instead of tables.
-
-    Returns:
-        Whether nothing differs.
+    ``session`` is a recording, or a session's folder; it runs through other settings, ``config``, and single
+    ones, ``sets``, as ``key=value``. ``picture`` is the PNG to draw; of several recordings each draws its
+    own, named after it.
     """
     import msgspec
 
@@ -139,11 +133,7 @@ def _short(text: str) -> str:
 
 
 def check_flags(context: click.Context, names: Iterable[str]) -> None:
-    """Reject the flags for loose files beside a session, so that none is silently ignored.
-
-    Raises:
-        UsageError: One is given.
-    """
+    """Reject the flags for loose files beside a session, so that none is silently ignored."""
     for name in names:
         if context.get_parameter_source(name) not in {None, ParameterSource.DEFAULT}:
             flag = "set" if name == "sets" else name.replace("_", "-")

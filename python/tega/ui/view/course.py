@@ -16,13 +16,9 @@ from tega.records.bus import Bus
 
 
 class FingerCourse(NamedTuple):
-    """One finger over time.
+    """One finger over time, each (n,): times of its pictures, seconds, and contact.
 
-    Attributes:
-        t_s: Times of its pictures, seconds, float64 (n,).
-        in_contact: Whether anything touched, bool (n,).
-        cci_norm: CCI as a share of the maximum, 0 to 1, float64 (n,).
-        eda_norm: EDA as a share of the maximum, 0 to 1, float64 (n,).
+    ``cci_norm`` and ``eda_norm`` are shares of the maximum, 0 to 1.
     """
 
     t_s: NDArray[np.float64]
@@ -32,13 +28,10 @@ class FingerCourse(NamedTuple):
 
 
 class VestCourse(NamedTuple):
-    """The vest over time.
+    """The vest over time; ``t_s`` are the times of the frames, (n,).
 
-    Attributes:
-        t_s: Times of the frames, seconds, float64 (n,).
-        intensities: Percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back in the same
-            order.
-        motors: Face and column of each motor, such as ``front column 1``, counted from 1.
+    ``intensities`` are percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back
+    in the same order. ``motors`` are the face and column of each, such as ``front column 1``, counted from 1.
     """
 
     t_s: NDArray[np.float64]
@@ -103,11 +96,7 @@ class RunCourse:
         return VestCourse(np.array(self._vest_t_ns) / 1e9, frames[:, order], names)
 
     def words(self, *, pose_base: int = 1) -> list[str]:
-        """Describe the run, a sentence for each finger, the level and the vest.
-
-        Args:
-            pose_base: Number of the most open level, 0 or 1.
-        """
+        """Describe the run: fingers, level, vest; ``pose_base`` is the most open level's number, 0 or 1."""
         lines = [f"{finger}: {_finger_words(course)}" for finger, course in self.fingers.items()]
         return [*lines, *_level_words(*self.levels, pose_base), *_vest_words(self.vest)]
 

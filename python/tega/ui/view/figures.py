@@ -39,13 +39,7 @@ MUSCLE_COLOURS: Final = ("#0b7285", "#e8590c", "#862e9c")
 
 
 class TouchPicture(NamedTuple):
-    """One finger's contact as Fig 3 shows it.
-
-    Attributes:
-        touch: Its picture, contact and map.
-        cci_norm: CCI over its maximum, 0 to 1.
-        eda_norm: EDA over its maximum, 0 to 1.
-    """
+    """One finger's contact as Fig 3 shows it, with CCI and EDA over their maxima, 0 to 1."""
 
     touch: TouchImage
     cci_norm: float
@@ -55,10 +49,7 @@ class TouchPicture(NamedTuple):
 class Firmest:
     """Keeps each finger's picture at its firmest, when the sum of its touch map was largest.
 
-    Subscribe :meth:`take` to a bus.
-
-    Attributes:
-        images: By finger; one that never touched is missing.
+    Subscribe :meth:`take` to a bus. In ``images``, by finger, one that never touched is missing.
     """
 
     def __init__(self) -> None:
@@ -84,15 +75,10 @@ class Firmest:
 
 @dataclass(frozen=True)
 class SessionCourse:
-    """Course of touch and intent, as Fig 8 shows it.
+    """Course of touch and intent, as Fig 8 shows it; times are in seconds.
 
-    Args:
-        touch_t_s: Times of the touch samples, seconds, float64 (n,).
-        cci_norm: Mean CCI over the fingers in contact, 0 to 1, float64 (n,).
-        eda_norm: Mean EDA over the fingers in contact, 0 to 1, float64 (n,).
-        level_t_s: Times of the fused levels, seconds, float64 (m,).
-        level: Fused closure levels 1 to 5, int (m,).
-        pose_base: Number of the most open level as it is drawn: 0 as in Fig 8, or 1.
+    Touch is (n,): mean CCI and EDA over the fingers in contact, 0 to 1. ``level`` is (m,): fused closure
+    levels 1 to 5. ``pose_base`` is the number of the most open level as it is drawn: 0 as in Fig 8, or 1.
     """
 
     touch_t_s: NDArray[np.float64]
@@ -166,11 +152,7 @@ def draw_course(ax: Axes, course: SessionCourse) -> None:
 
 
 def new_figure(*, figsize: tuple[float, float]) -> Figure:
-    """Return an empty figure that draws into memory; no window, no global state.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Return an empty figure that draws into memory; no window, no global state."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -190,11 +172,7 @@ def session_figure(
     fingers: Mapping[str, FingerCourse],
     vest: VestCourse | None,
 ) -> None:
-    """Write all that is known of a session into one PNG, on one time axis.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Write all that is known of a session into one PNG, on one time axis."""
     heights = [2.6, *[0.75] * len(fingers), *[2.8] * (vest is not None)]
     above = [2.9] * bool(pictures)
     figure = new_figure(figsize=(11, sum(above) + sum(heights) + 0.4))

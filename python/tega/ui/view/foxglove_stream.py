@@ -26,15 +26,10 @@ _MOST = 2048
 class FoxgloveStream:
     """Serves a run's records on a websocket of this machine; use as a context manager.
 
-    Programs of this machine and the app can read the stream. Pages of other sites that are open in the same browser,
-    and other names of this machine, are refused. Nothing can be changed by it.
-    ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
-
-    Args:
-        port: TCP port; 0 for any free one.
-
-    Attributes:
-        url: Address to give the app; empty while closed.
+    Programs of this machine and the app can read the stream. Pages of other sites that are open in the same
+    browser, and other names of this machine, are refused. Nothing can be changed by it.
+    ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app. A ``port`` of 0 takes any free one;
+    ``url`` is what the app needs, empty while closed.
     """
 
     def __init__(self, bus: Bus, *, port: int = FOXGLOVE_PORT) -> None:
@@ -46,12 +41,7 @@ class FoxgloveStream:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Start the server and subscribe to the run.
-
-        Raises:
-            MissingExtraError: A package of the extra ``record`` is not installed.
-            DeviceUnavailableError: The port is taken.
-        """
+        """Start the server and subscribe to the run; ``DeviceUnavailableError`` if the port is taken."""
         foxglove = require("foxglove", driver="foxglove", extra="record")
         self._channels = RecordChannels(lossless=False, jpeg_quality=80)
         address = hidden_address()

@@ -6,11 +6,7 @@ from collections.abc import Mapping
 
 
 class RateMeter:
-    """Turns counts that rise into rates.
-
-    Attributes:
-        rates_hz: Rates over the last full second, by name; empty before one is over.
-    """
+    """Turns counts that rise into rates over the last full second, by name; empty before one is over."""
 
     def __init__(self) -> None:
         self.rates_hz: dict[str, float] = {}

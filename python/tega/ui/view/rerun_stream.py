@@ -28,11 +28,8 @@ _FLUSH_S = 1.0
 class RerunStream:
     """Sends a run's records to a viewer that is open on this machine; use as a context manager.
 
-    TEGA serves nothing here: the viewer does. The layout is sent first; ``docs/rerun-layout.rbl`` is the same, to open
-    beside a recording.
-
-    Attributes:
-        url: Address to which the records go; empty while closed.
+    TEGA serves nothing here: the viewer does. The layout is sent first; ``docs/rerun-layout.rbl`` is the
+    same, to open beside a recording. The records go to ``url``; empty while closed.
     """
 
     def __init__(self, bus: Bus, *, port: int = RERUN_PORT, file: Path | None = None) -> None:
@@ -43,12 +40,7 @@ class RerunStream:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Connect, send the layout, and subscribe to the run.
-
-        Raises:
-            MissingExtraError: The package rerun-sdk is not installed.
-            DeviceUnavailableError: No viewer is open.
-        """
+        """Connect, send the layout and subscribe to the run; ``DeviceUnavailableError`` without a viewer."""
         self._rerun = require("rerun", driver="rerun", extra="rerun")
         if self._file is None:
             self._poll_viewer()
@@ -122,11 +114,7 @@ class RerunStream:
 
 
 def save_layout(path: Path) -> None:
-    """Write the viewer's layout as an ``.rbl`` file, which Rerun opens.
-
-    Raises:
-        MissingExtraError: The package rerun-sdk is not installed.
-    """
+    """Write the viewer's layout as an ``.rbl`` file, which Rerun opens; needs rerun-sdk."""
     require("rerun", driver="rerun", extra="rerun")
     _layout().save(_APPLICATION, str(path))
 

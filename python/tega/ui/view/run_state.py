@@ -60,11 +60,10 @@ _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 
 
 def device_rows(view: LoopView) -> dict[str, str]:
-    """Return the rows ``muscles``, ``hand`` and ``vest``.
+    """Return the rows ``muscles``, ``hand`` and ``vest``, texts by name.
 
-    Returns:
-        Texts by name. The decoder's level, the level that the hand was commanded, the angles that it reported, and
-        the intensities that the vest confirmed stay apart. After the end of a run nothing is commanded.
+    The decoder's level, the level that the hand was commanded, the angles that it reported, and the
+    intensities that the vest confirmed stay apart. After the end of a run nothing is commanded.
     """
     return {"muscles": _muscles(view), "hand": _hand(view), "vest": _vest(view)}
 

@@ -27,11 +27,9 @@ def foreign(
 ) -> str:
     """Return why a request is refused; ``""`` for one of this machine's own programs and pages.
 
-    Args:
-        hosts: Values of its header ``Host``.
-        origins: Values of its header ``Origin``; none for a program that is no browser.
-        allow_remote: Whether any name of this server will do.
-        allowed: Origins that may ask although they are not this server's.
+    ``hosts`` and ``origins`` are the values of its headers ``Host`` and ``Origin``, the latter none for a
+    program that is no browser. If ``allow_remote``, any name of this server will do. ``allowed`` origins may
+    ask although they are not this server's.
     """
     try:
         names = {urlsplit(f"//{host}").hostname for host in hosts}
@@ -55,15 +53,10 @@ def hidden_address() -> str:
 
 
 class SameMachine:
-    """Listens in front of a server, and passes on the connections of this machine's own programs and pages.
+    """Passes on connections of this machine's own programs and pages to a server that it stands in front of.
 
-    Args:
-        port: TCP port on ``127.0.0.1``; 0 for any free one.
-        behind: Address and port of the server.
-        allowed: Origins that may connect besides.
-
-    Raises:
-        OSError: The port is taken.
+    ``port`` is on ``127.0.0.1``; 0 for any free one, ``OSError`` if it is taken. ``behind`` is the server's
+    address and port; ``allowed`` origins may connect besides.
     """
 
     def __init__(self, port: int, *, behind: tuple[str, int], allowed: Collection[str] = ()) -> None:

@@ -14,11 +14,7 @@ from tega.ui.view.figures import Firmest, SessionCourse, TouchPicture, new_figur
 
 
 class SessionPicture:
-    """Collects the data for the figure of a run; give its bus to ``run_session``.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Collects the data for the figure of a run; give its bus to ``run_session``."""
 
     def __init__(self, bus: Bus, course: RunCourse) -> None:
         new_figure(figsize=(1, 1))  # what cannot be drawn is said before the run, not after it
@@ -34,10 +30,7 @@ class SessionPicture:
     def write(self, path: Path, title: str, *, pose_base: int = 1) -> None:
         """Draw the run into a PNG file; a finger that never touched has no picture in it.
 
-        Args:
-            path: The file to write.
-            title: Heading.
-            pose_base: Number of the most open level as it is drawn, 0 or 1.
+        The most open level is drawn as number ``pose_base``, 0 or 1.
         """
         pictures = {
             finger: TouchPicture(image, *self._felt.get(finger, (0.0, 0.0, 0.0))[1:])

@@ -31,12 +31,9 @@ _NO_CONTACT: Final = Contact(finger="", t_ns=0, in_contact=False)
 
 
 class TouchImage(NamedTuple):
-    """A fingertip's picture, and the contact that the run's own metric found in it.
+    """A fingertip's picture, uint8 (H, W, 3), BGR, and the contact that the run's own metric found in it.
 
-    Attributes:
-        frame: uint8 (H, W, 3), BGR.
-        contact: Contact in it; none where that is not known.
-        map: Map and outline of the metric; ``None`` where it has none, or measured somewhere else.
+    ``map`` is the metric's, with its outline; ``None`` where it has none, or measured somewhere else.
     """
 
     frame: NDArray[np.uint8]
@@ -45,13 +42,9 @@ class TouchImage(NamedTuple):
 
 
 class EmgTail(NamedTuple):
-    """The newest few seconds of the muscle signal.
+    """The newest few seconds of the muscle signal, (n, channels), the newest last.
 
-    Attributes:
-        samples: float64 (n, channels), the newest last.
-        rate_hz: Samples per second.
-        maxima: Block mean of each channel at full effort, float64 (channels,), in the samples' unit.
-        unit: Their unit; empty where unknown.
+    ``maxima`` are each channel's block means at full effort, (channels,), in ``unit``; empty if unknown.
     """
 
     samples: NDArray[np.float64]
@@ -69,12 +62,10 @@ class ViewState(NamedTuple):
         images: Pictures by finger; ``None`` where there are none.
         shapes: Primitives of the scene. The same object as long as they are the same shapes.
         poses: float64 (n, 7), one row a shape: position in metres, then the quaternion w, x, y, z; z is up.
-        palm: float64 (7,), where the palm of the drawn hand is, as a row of ``poses``: the hand as commanded is drawn
-            there too.
+        palm: float64 (7,), where the palm of the drawn hand is, as a row of ``poses``: the hand as commanded
+            is drawn there too.
         contact_points: float64 (k, 6): where, metres, and the force on the object there, newtons.
-        emg: The newest muscle signal.
         rows: Lines of text, such as object, condition, phase.
-        latency_ms: Delays to show, by name.
         cameras: Pictures of scene cameras by name, uint8 (H, W, 3), BGR.
     """
 

@@ -193,18 +193,12 @@ def render(
     width: int = 80,
     height: int = 24,
 ) -> RenderableType:
-    """Draw one moment of the loop.
+    """Draw one moment of the loop; one that is old by ``age_s`` is marked, unless it is the last.
 
-    Args:
-        view: The moment.
-        title: Heading of the frame.
-        rates_hz: Measured rates, by name.
-        rows: Further texts by name; one line in all.
-        age_s: Age of the moment; the display says if it is old, unless it is the last.
-        labels: Names the contacts with hysteresis.
-        address: Address of the page, shown in the frame.
-        width: Columns of the terminal; up to 120 are used.
-        height: Lines of the terminal; 24 are enough for state, fingers, vest, muscles, hand, rates and latency.
+    ``rates_hz`` are measured, by name; ``rows`` are further texts by name, one line in all. ``labels`` names
+    the contacts with hysteresis. ``address`` is the page's, shown in the frame. Up to 120 columns of the
+    terminal's ``width`` are used; a ``height`` of 24 lines is enough for state, fingers, vest, muscles, hand,
+    rates and latency.
     """
     wide, tall = width >= _WIDE, height >= _TALL
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
@@ -231,14 +225,9 @@ def render(
 class TerminalView:
     """Shows the loop while it runs; gives up frames rather than keep the loop waiting.
 
-    Use as a context manager and pass it to the loop as its observer.
-
-    Args:
-        console: Console to draw on; standard error when ``None``.
-        now_s: The clock that the refresh and the shown rates go by.
-
-    Attributes:
-        address: Address of the page in the browser, shown in the frame; empty without one.
+    Use as a context manager and pass it to the loop as its observer. A console of ``None`` is standard error;
+    the refresh and the shown rates go by ``now_s``. ``address`` is that of the page in the browser, shown in
+    the frame; empty without one.
     """
 
     def __init__(

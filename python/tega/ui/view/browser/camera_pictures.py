@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 
 def picture_html(picture: NDArray[np.uint8], alt: str) -> str:
-    """Return a picture as an image element as wide as where it stands.
+    """Return a picture, uint8 (H, W, 3), RGB, as an image element as wide as where it stands.
 
-    Args:
-        picture: uint8 (H, W, 3), RGB.
-        alt: Description for screen readers; HTML.
+    ``alt`` is for screen readers; HTML.
     """
     import imageio.v3
 

@@ -15,20 +15,13 @@ if TYPE_CHECKING:
 
 
 class Controls:
-    """Requests of the page's user; thread-safe.
+    """Requests of the page's user; thread-safe; what is ``None``, false or empty is not offered.
 
-    Args:
-        can_pause: Whether there is a pause to offer; a real hand has none.
-        can_mute: Whether the vest can be switched off and on.
-        objects: Objects to choose from; none for no choice.
-        try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
-        can_go: If true, the run waits, armed, for the Go button.
-        undo: Undoes the online adaptation of EMG, or starts it again; ``None`` if there is none.
-        rezero: Has every finger take a new baseline; ``None`` where no live finger is measured.
-        playhead: Playhead of the recording that is played; ``None`` without seeking.
-        reflex: Authority of the reflex at the start; ``None`` where there is none.
-        annotate: Codes an event by a key at the moment that is played, and returns the effect in words; ``None`` if
-            events cannot be coded.
+    A real hand has no pause. With ``can_go`` the run waits, armed, for the Go button. ``try_motor`` has a
+    motor of the vest vibrate, by its place in the frame. ``undo`` undoes the online adaptation of EMG, or
+    starts it again. ``rezero`` has every finger take a new baseline; there is none where no live finger is
+    measured. ``playhead`` is that of the recording that is played; ``reflex`` is the reflex's authority at
+    the start. ``annotate`` codes an event by a key at the moment played, and returns the effect in words.
     """
 
     def __init__(
@@ -112,11 +105,7 @@ class Controls:
         return self._go.is_set() or not self.can_go
 
     def choose(self, name: str) -> None:
-        """Ask for an object.
-
-        Raises:
-            InvalidValueError: The name is not one of those offered.
-        """
+        """Ask for an object, one of those offered."""
         if name not in self.objects:
             raise InvalidValueError(f"object {name!r} is not one of {', '.join(self.objects) or 'none'}")
         with self._lock:

@@ -40,10 +40,7 @@ _MARKED_LETTERS = 40
 
 
 class SessionFeed(Part):
-    """Completes a session's moments for the page.
-
-    Give the bus and this part to ``run_session``, and :meth:`complete` to the view.
-    """
+    """Completes moments for the page: ``run_session`` takes it and its bus, the view :meth:`complete`."""
 
     def __init__(self, rows: dict[str, str], bus: Bus) -> None:
         self._rows = rows
@@ -166,10 +163,9 @@ class SessionFeed(Part):
 
 
 class _Pictures:
-    """The pictures of a finger that are there: put in by the thread that measures, shown by the one that paints.
+    """The pictures of a finger: put in by the thread that measures, shown by the one that paints.
 
-    Attributes:
-        measured: Whether they are measured in this run.
+    ``measured`` is whether they are measured in this run.
     """
 
     def __init__(self, *, live: bool, measured: bool) -> None:

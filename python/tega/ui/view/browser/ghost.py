@@ -26,11 +26,9 @@ _WIDER_M = 0.0015
 class GhostHand:
     """Draws the fingers of an Allegro hand at the joint angles that the hand steers to.
 
-    If an object stops a finger, the commanded finger is drawn inside the object: the depth shows how firmly the hand
-    is asked to press. The palm has no command and is left out.
-
-    Attributes:
-        solids: The fingers; no batches while nothing is commanded.
+    If an object stops a finger, the commanded finger is drawn inside the object: the depth shows how firmly
+    the hand is asked to press. The palm has no command and is left out. ``solids`` has no batches while
+    nothing is commanded.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -46,11 +44,7 @@ class GhostHand:
         self.solids = Solids(server, "commanded", shadow=False)
 
     def draw(self, commanded: tuple[Sequence[float], NDArray[np.float64]] | None) -> None:
-        """Draw it.
-
-        Args:
-            commanded: Joint angles, 16, rad, and where the palm is, float64 (7,); ``None`` to draw nothing.
-        """
+        """Draw 16 joint angles, rad, with the palm at a pose, float64 (7,); ``None`` draws nothing."""
         if commanded is None:
             self.solids.draw(self._nothing, self._figure.poses([0.0] * 16)[:0])
         else:

@@ -65,9 +65,7 @@ class HandFigure:
     ) -> NDArray[np.float64]:
         """Return the pose of each shape, float64 (n, 7): position in metres, then the quaternion w, x, y, z.
 
-        Args:
-            angles_rad: The 16 joint angles, in the order of :data:`tega.hand.JOINT_NAMES`.
-            palm: Pose of the palm, a row like those returned.
+        The angles are in the order of :data:`tega.hand.JOINT_NAMES`; ``palm`` is a row like those returned.
         """
         palm_m, palm_turn = np.array(palm[:3]), np.array(palm[3:])
         places: list[NDArray[np.float64]] = []

@@ -39,17 +39,11 @@ _NONSENSE = 1007
 class LocalServer(viser.ViserServer):
     """A viser server that only clients with its full address can use, and that cannot be shared.
 
-    The address has a token in its path. Without it any program on this machine could press the buttons, and any site
-    that is open in the same browser could, since a browser lets it connect to the loopback address.
-
-    Args:
-        port: TCP port; the next free one where it is taken, any for 0.
-        label: The page's title.
-        allow_remote: Serve under any name, which an address other than loopback needs; the token is asked for as well.
-        try_motor: Has a motor of the vest vibrate when a page asks for ``try/N`` below the token.
-
-    Attributes:
-        token: First part of the address's path.
+    The address has a ``token`` first in its path. Without it any program on this machine could press the
+    buttons, and any site that is open in the same browser could, since a browser lets it connect to the
+    loopback address. Where ``port`` is taken, the next free one is used; 0 takes any. ``allow_remote`` serves
+    under any name, which an address other than loopback needs; the token is asked for as well. ``try_motor``
+    has a motor of the vest vibrate when a page asks for ``try/N`` below the token.
     """
 
     def __init__(

@@ -97,8 +97,7 @@ class MuscleRows:
     def rows(self, holds: str = "") -> dict[str, str]:
         """Return a line of text by its name; unknown facts have no line.
 
-        Args:
-            holds: Reason why the decoder holds its closure, in its own words; ``""`` if it does not.
+        ``holds`` is why the decoder holds its closure, in its own words; ``""`` if it does not.
         """
         rows = {"decoder": self._decoder(holds), **self._apart.rows()}
         if (change := self._adaptation) is not None:

@@ -45,23 +45,19 @@ _SHEET = "cameras and touch maps"
 class Page:
     """Lays the page out and paints moments on it.
 
-    Args:
-        controls: State of the page's buttons.
-        eye_m: Initial position of the camera, world frame.
-        at_m: Point that the camera looks at.
-        kept_s: Time that the page can look back, seconds.
+    ``eye_m`` is the initial position of the camera, world frame, ``at_m`` the point that it looks at. The
+    page can look back ``kept_s``.
 
     Attributes:
-        scene: The 3-D scene.
         run_state: Whether the run is idle, armed, active, in hold or stopped, and why.
         lights: A light for each device.
-        arm: State of the arm, its reason, the switches held, and the position of the hand; empty without an arm.
+        arm: State of the arm, its reason, the switches held, and the position of the hand; empty without an
+            arm.
         status: The lines of text.
         timeline: The moments that can be looked back at.
         seek: The slider over a recording that is played; ``None`` where none is.
-        cameras: The scene cameras' pictures.
-        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``reflex``,
-            ``pause``, ``go``, ``undo``, ``stop``.
+        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``,
+            ``reflex``, ``pause``, ``go``, ``undo``, ``stop``.
     """
 
     def __init__(
@@ -217,10 +213,9 @@ class Page:
         self._phone.content = f'<div class="tega-phone">{captions}{self._pictures.content}{vest}</div>'
 
     def paint_past(self) -> bool:
-        """Show the moment that is looked back at, in pictures, scene and charts; the run's state stays that of now.
+        """Show the moment that is looked back at, in pictures, scene and charts; return whether there is one.
 
-        Returns:
-            Whether one is.
+        The run's state stays that of now.
         """
         past = self.timeline.displayed()
         if past is None:
@@ -249,10 +244,7 @@ class Page:
     def paint_state(self, loop: LoopView, *, age_s: float = 0.0, problem: str = "") -> None:
         """Show the run's state; the page then reports by itself for how long it has received nothing.
 
-        Args:
-            loop: The newest moment.
-            age_s: Age of the moment.
-            problem: Problem of the page; ``""`` for none.
+        ``loop`` is the newest moment, ``age_s`` old; ``problem`` is the page's, ``""`` for none.
         """
         self._ended = loop.state == "stopped"
         self._offer_go(ready=loop.state == "armed" and not self._controls.may_go)

@@ -49,18 +49,10 @@ class Scene:
         contact_points: NDArray[np.float64] | None,
         commanded: tuple[Sequence[float], NDArray[np.float64]] | None = None,
     ) -> None:
-        """Draw one moment.
+        """Draw one moment: shapes, ``None`` for none, at as many poses, float64 (n, 7).
 
-        Args:
-            shapes: Primitives; ``None`` for none.
-            poses: Poses of the shapes, float64 (n, 7).
-            contact_points: Places and forces, float64 (k, 6).
-            commanded: The joint angles that the hand steers to, 16, rad, and where its palm is, float64 (7,);
-                ``None`` for no hand as commanded.
-
-        Raises:
-            ShapeError: There are not as many poses as shapes.
-            InvalidValueError: A shape's kind is not known.
+        ``contact_points`` are places and forces, float64 (k, 6). ``commanded`` are the joint angles that the
+        hand steers to, 16, rad, and where its palm is, float64 (7,); ``None`` for no hand as commanded.
         """
         if shapes is None or poses is None:
             shapes, poses = (), np.empty((0, 7))

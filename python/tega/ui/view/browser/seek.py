@@ -18,8 +18,7 @@ _DRAGGED_S = 1.5
 class SeekSlider:
     """A slider over the whole recording: it follows the playback, and moving it seeks.
 
-    Attributes:
-        slider: viser's handle; hidden until the length of the recording is known.
+    It is hidden until the length of the recording is known.
     """
 
     def __init__(
@@ -60,14 +59,9 @@ _LABELS: Final[dict[Literal["S", "D", "X", "L", "U"], str]] = {
 
 
 def add_annotation_keys(gui: viser.GuiApi, annotate: Callable[[str], str]) -> Any:
-    """Add a key and a button for each behaviour, and a line that shows the last step.
+    """Add a key and a button for each behaviour, and a line with the last step; return the buttons' handle.
 
-    Args:
-        gui: viser's GUI; the buttons are added where it stands.
-        annotate: Codes an event by its key, and returns the effect in words.
-
-    Returns:
-        viser's handle of the buttons.
+    ``annotate`` codes an event by its key, and returns the effect in words.
     """
     buttons = gui.add_button_group("annotate", [f"{key}: {label}" for key, label in _LABELS.items()])
     last = gui.add_markdown("")

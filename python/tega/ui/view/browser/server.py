@@ -37,32 +37,21 @@ _REPORT_AGE_S = 1.0
 class BrowserView:
     """A page that shows a run; gives up frames rather than keep the run waiting.
 
-    Use as a context manager. :meth:`watch` subscribes to a run's moments, :meth:`offer` takes one from elsewhere. Both
-    wait in a :class:`~tega.records.bus.Backlog` that holds the newest one only; its thread paints at most ``rate_hz``
-    times a second. A moment that a newer one replaces is never shown: dropped, not late.
+    Use as a context manager. :meth:`watch` subscribes to a run's moments, :meth:`offer` takes one from
+    elsewhere. Both wait in a :class:`~tega.records.bus.Backlog` that holds the newest one only; its thread
+    paints at most ``rate_hz`` times a second. A moment that a newer one replaces is never shown: dropped, not
+    late.
 
-    Args:
-        host: Address to serve on: this machine only, unless ``allow_remote``.
-        port: TCP port; where it is taken, the next free one. 0 takes any free one.
-        controls: State of the page's buttons.
-        complete: Called by the painting thread with a moment before it is painted; adds slow parts, such as pictures
-            that have to be read.
-        eye_m: Initial position of a viewer's camera, metres.
-        at_m: Point that the camera looks at.
-        rate_hz: Most moments painted per second.
-        kept_s: Time that the page can look back, seconds.
-        allow_remote: If true, ``host`` may be an address that others can reach. Anyone who has the full address can
-            press the buttons.
+    It serves this machine only, unless ``allow_remote`` lets ``host`` be an address that others can reach:
+    anyone who has the full address can press the buttons. Where ``port`` is taken, the next free one is used;
+    0 takes any. ``complete`` is called by the painting thread with a moment before it is painted; it adds
+    slow parts, such as pictures that have to be read. A viewer's camera begins at ``eye_m`` and looks at
+    ``at_m``; the page can look back ``kept_s``. Another host, or a rate or port out of range, raises
+    ``InvalidValueError``.
 
-    Attributes:
-        controls: State of the page's buttons.
-        n_painted: Moments painted, of those offered.
-        page: The page's elements; available from the first time that it is served.
-        problem: Number of moments that could not be painted, and the last reason; ``""`` for none. The page shows it
-            too.
-
-    Raises:
-        InvalidValueError: ``host`` is not this machine, or the rate or port is out of range.
+    ``n_painted`` counts the moments painted, of those offered. ``page`` is there from the first time that it
+    is served. ``problem`` is the number of moments that could not be painted, and the last reason, ``""`` for
+    none; the page shows it too.
     """
 
     def __init__(
@@ -132,11 +121,7 @@ class BrowserView:
         bus.subscribe(Snapshot, self._snapshot, name="page", backlog=self._waiting)
 
     def __enter__(self) -> Self:
-        """Serve the page.
-
-        Raises:
-            MissingExtraError: viser is not installed.
-        """
+        """Serve the page; needs viser."""
         require("viser", driver="page", extra="view")
         from tega.ui.view.browser.local import LocalServer
         from tega.ui.view.browser.page import Page

@@ -18,14 +18,11 @@ if TYPE_CHECKING:
 
 
 class LookPart(NamedTuple):
-    """A primitive of a look.
+    """A primitive of a look; a unit ``box``, ``ball`` or ``tube`` has half length 1 in each direction.
 
-    Attributes:
-        primitive: Unit ``box``, ``ball`` or ``tube``, of half length 1 in each direction.
-        middle: Position along the object's own z, as a share of its half height.
-        wide: Its half width, as a share of the object's radius.
-        tall: Its half height, as a share of the object's.
-        shade: Factor for the object's colour.
+    ``middle`` is its position along the object's own z and ``tall`` its half height, as shares of the
+    object's half height; ``wide`` is its half width, as a share of the object's radius; ``shade`` is a factor
+    for its colour.
     """
 
     primitive: Literal["box", "ball", "tube"]
@@ -73,15 +70,9 @@ class _ShapePart(NamedTuple):
 class Solids:
     """Draws shapes where they are.
 
-    All boxes, all balls and all tubes are one mesh each, drawn many times: a moment costs three messages however many
-    shapes there are.
-
-    Args:
-        path: Prefix of the meshes' names.
-        shadow: Whether they throw one.
-
-    Attributes:
-        batches: viser's handle of each mesh in use, and the parts that are drawn with it.
+    All boxes, all balls and all tubes are one mesh each, drawn many times: a moment costs three messages
+    however many shapes there are. The meshes' names begin with ``path``; ``batches`` has viser's handle of
+    each mesh in use, and the parts that are drawn with it.
     """
 
     def __init__(self, server: viser.ViserServer, path: str, *, shadow: bool = True) -> None:
@@ -92,11 +83,7 @@ class Solids:
         self._meshes = {name: _unit_mesh(name) for name in ("box", "ball", "tube")}
 
     def draw(self, shapes: Sequence[Shape], poses: NDArray[np.float64]) -> bool:
-        """Draw the shapes at poses, float64 (n, 7); return whether the shapes have changed.
-
-        Raises:
-            InvalidValueError: A shape's kind is not known.
-        """
+        """Draw the shapes at poses, float64 (n, 7); return whether the shapes have changed."""
         renewed = shapes is not self._shapes and not (
             self._shapes is not None and not shapes and not self._shapes
         )

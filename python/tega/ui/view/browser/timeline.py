@@ -23,13 +23,10 @@ _EMG_STEP_S = 1.0
 
 
 class PastSnapshot(NamedTuple):
-    """A moment that was shown.
+    """A moment that was shown, without pictures and signal; what there was none of is ``None``.
 
-    Attributes:
-        state: All of it, without pictures and signal.
-        sheet: The fingertips as HTML; ``None`` where there were none.
-        cameras: The scene cameras as HTML; ``None`` if there are none.
-        emg: The muscle signal, and its newest time, seconds; ``None`` where there was none.
+    ``sheet`` holds the fingertips and ``cameras`` the scene cameras, both as HTML; ``emg`` is the newest
+    time, seconds, and the muscle signal.
     """
 
     state: ViewState
@@ -41,11 +38,8 @@ class PastSnapshot(NamedTuple):
 class Timeline:
     """A slider that looks back, and a switch that plays from there to the moment of looking, over and over.
 
-    The run continues meanwhile, and the state shown on the page is the current one.
-
-    Attributes:
-        back: The slider, seconds before the newest moment; 0 for now.
-        loop: The switch.
+    The run continues meanwhile, and the state shown on the page is the current one. The slider, ``back``, is
+    in seconds before the newest moment; 0 for now. The switch is ``loop``.
     """
 
     def __init__(
@@ -61,10 +55,7 @@ class Timeline:
     def keep(self, state: ViewState, sheet: str | None, cameras: str | None = None) -> None:
         """Keep a moment; one of an earlier time is of another run, and the first of it.
 
-        Args:
-            state: The moment.
-            sheet: The fingertips as they are painted, HTML; ``None`` where there are none.
-            cameras: The scene cameras as HTML; ``None`` if there are none.
+        ``sheet`` is the fingertips as painted, ``cameras`` the scene cameras, both HTML; ``None`` for none.
         """
         if self._kept:
             newest = self._kept[-1].state

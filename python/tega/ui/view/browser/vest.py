@@ -14,15 +14,11 @@ _N_STEPS = 15
 
 
 def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
-    """Draw the vest.
+    """Draw the frame that a vest's motors are sent, as SVG; ``None`` without a vest, or if it is off.
 
-    Args:
-        frame: Frame that the motors are sent; ``None`` without a vest, or if it is off.
-        can_try: Whether a click on a motor asks the server to have it vibrate.
-
-    Returns:
-        An SVG element: the wearer's torso from outside, in front and from behind, so that their left is on the right of
-        the first. The number in a disc is percent; the scale below has the 16 steps that reach a motor.
+    It shows the wearer's torso from outside, in front and from behind, so that their left is on the right of
+    the first. The number in a disc is percent; the scale below has the 16 steps that reach a motor. If
+    ``can_try``, a click on a motor asks the server to have it vibrate.
     """
     values = [0] * 40 if frame is None else [int(v) for v in frame.intensities]
     half = len(values) // 2
