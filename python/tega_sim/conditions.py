@@ -74,8 +74,7 @@ class Arm(NamedTuple):
     """One condition of a comparison.
 
     ``reports`` is the content of the frames, ``sham`` what changes them before they are worn
-    (:func:`tega_sim.operator.sham_vest`), and ``reflex`` the source of the reflex's slips, if there is a
-    reflex.
+    (:func:`tega_sim.operator.sham_vest`), and ``reflex`` the source of a reflex's slips.
     """
 
     reports: Reports = "touch"
@@ -130,7 +129,6 @@ def worn(
 ) -> Sham:
     """Return the function that turns the frames that were made into those that are worn.
 
-    ``seed`` is that of random shams; ``replayed`` needs ``recorded``, times in seconds and frames of another
-    trial.
+    ``seed`` is that of random shams; ``replayed`` needs ``recorded``: seconds and frames of another trial.
     """
     return sham_vest(ARMS[condition].sham, seed=seed, layout=layout, recorded=recorded)
