@@ -41,18 +41,9 @@ _AGAIN_S: Final = (1.0, 10.0)
 class RunCameras:
     """Films from :meth:`begin` to :meth:`end`.
 
-    Args:
-        bus: Receives every encoded frame, and small frames if there is a viewer.
-        stack: Ends the processes, should the run not begin.
-        stop: Asked whether to give up.
-
-    Raises:
-        KeyboardInterrupt: ``stop`` said so.
-        DeviceUnavailableError: A camera does not open, or has another size.
-        RecordingError: A file is not there, or is no video.
-        CalibrationError: A file of intrinsics is not there, or is none.
-        ConfigError: A layout file is not there, or is not valid.
-        MissingExtraError: OpenCV or PyAV is not installed.
+    ``bus`` receives every encoded frame, and small frames if there is a viewer. ``stack`` ends the processes,
+    should the run not begin. ``stop`` is asked whether to give up, which raises :class:`KeyboardInterrupt`;
+    cameras, video files, intrinsics and layout files are opened here, and each raises its own error.
     """
 
     def __init__(
