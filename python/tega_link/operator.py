@@ -64,9 +64,8 @@ class OperatorStation(Station):
     def open(self) -> None:
         """Find the robot and take the lead.
 
-        Raises:
-            DeviceUnavailableError: The robot is not there, or another operator leads it.
-            KeyboardInterrupt: ``stop`` said so.
+        No robot, or one that another operator leads, raises :class:`DeviceUnavailableError`; ``stop`` makes
+        it :class:`KeyboardInterrupt`.
         """
         link = self._link
         link.open()

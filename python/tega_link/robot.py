@@ -72,11 +72,7 @@ class RobotStation(Station):
         self._next_state_ns = 0
 
     def open(self) -> None:
-        """Wait for operators.
-
-        Raises:
-            TegaError: See :class:`tega_link.link.Link`.
-        """
+        """Wait for operators; errors are those of :class:`tega_link.link.Link`."""
         link = self._link
         link.open()
         self._send_state = link.sends("state", Channel.STATE)

@@ -42,8 +42,8 @@ class RunCameras:
     """Films from :meth:`begin` to :meth:`end`.
 
     ``bus`` receives every encoded frame, and small frames if there is a viewer. ``stack`` ends the processes,
-    should the run not begin. ``stop`` is asked whether to give up, which raises :class:`KeyboardInterrupt`;
-    cameras, video files, intrinsics and layout files are opened here, and each raises its own error.
+    should the run not begin. Intrinsics, layouts and cameras are opened here; ``stop`` is asked meanwhile
+    whether to give up, which raises :class:`KeyboardInterrupt`.
     """
 
     def __init__(

@@ -68,13 +68,10 @@ class _Sight(NamedTuple):
 
 
 class BodyFitter:
-    """Fits the poses of one body.
+    """Fits the poses of one body, whose tags are ``ids``.
 
-    Attributes:
-        ids: Numbers of its tags.
-        corners_m: Corners of those that do not slide, float64 (4, 3) by number, in the body's axes;
-            replaceable.
-        strange_px: Residual from which a tag is left out.
+    ``corners_m``, float64 (4, 3) by number, in the body's axes, are those of tags that do not slide; they may
+    be replaced. ``strange_px`` is the residual from which a tag is left out.
     """
 
     def __init__(self, body: TagBody, lens: Lens) -> None:

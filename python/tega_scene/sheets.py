@@ -43,8 +43,7 @@ def modules_mm(
 ) -> list[PrintedRect]:
     """Return the dark squares of a pattern, joined along rows.
 
-    ``bits`` is bool (n, n), dark where true; the left, top and ``pitch`` (a square's side) are in
-    millimetres.
+    ``bits`` is bool (n, n), dark where true; ``x``, ``y`` and ``pitch``, a square's side, are millimetres.
     """
     found = []
     for row, line in enumerate(bits):

@@ -98,7 +98,7 @@ class SceneEncoder:
 
 
 def shrunk(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """Return a picture, uint8 (H, W, 3), no wider than that: a pixel is the mean of those it stands for."""
+    """Return a picture, uint8 (H, W, 3), at most ``width`` wide: each pixel the mean of what it covers."""
     if image.shape[1] <= width:
         return image
     cv2 = load_cv2("scene")
