@@ -34,8 +34,7 @@ class OnnxDecoderOptions(StageOptions, frozen=True):
 class OnnxDecoder(Decoder):
     """Closure by a model, once every ``step`` samples; late results and faulty channels hold the closure.
 
-    Raises:
-        ConfigError: Model or card is missing, damaged, or made for other muscles.
+    Model or card missing, damaged, or made for other muscles raise :class:`ConfigError`.
     """
 
     summary: ClassVar[str] = "closure by an ONNX model"
