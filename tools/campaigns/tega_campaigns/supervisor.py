@@ -33,14 +33,11 @@ class SaidLine(NamedTuple):
 class Supervisor:
     """One process of :mod:`tega_campaigns.program` after another.
 
-    Args:
-        settings: The session's settings.
-        words: Further words of its command line.
-        errors: The file that its error output is added to; ``None`` for this program's own.
-        environment: What it finds in its environment besides this program's.
+    ``words`` go on its command line, ``environment`` beside this program's own; ``errors`` is the file that
+    its error output is added to, ``None`` for this program's own.
 
     Attributes:
-        lines: What the present one and those before it have said, oldest first.
+        lines: Output of the present one and those before it, oldest first.
         started_s: When the present one was started.
         memory: Resident memory of each process in turn, as (time, MiB).
     """

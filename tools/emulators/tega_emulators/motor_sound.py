@@ -51,11 +51,7 @@ _KNOCK_S: Final = 0.12
 
 
 class MotorSound:
-    """One motor, one microphone.
-
-    Attributes:
-        settings: As in :data:`SETTINGS`.
-    """
+    """One motor, one microphone; ``settings`` are as in :data:`SETTINGS`."""
 
     def __init__(self) -> None:
         self.settings = {name: value for name, (value, _) in SETTINGS.items()}

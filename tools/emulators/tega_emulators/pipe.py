@@ -35,9 +35,7 @@ async def typed() -> AsyncIterator[str]:
 def obey(line: str, act: Callable[[list[str]], Mapping[str, Any] | None]) -> None:
     """Carry out a line and answer it; one that cannot be carried out ends nothing.
 
-    Args:
-        line: What was typed.
-        act: Given its words, returns the answer; a ValueError, KeyError or IndexError says that it makes no sense.
+    ``act``, given its words, returns the answer; its ValueError, KeyError or IndexError: no sense.
     """
     try:
         text = act(line.split())

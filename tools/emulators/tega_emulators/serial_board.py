@@ -30,10 +30,8 @@ _KEPT = 4096
 class EmulatedBoard:
     """What an emulator adds to the line: its bytes.
 
-    Attributes:
-        rate_hz: Packets per second.
-        baud: Speed it talks at; 0 for a native USB board, which does not care.
-        streaming: Whether it sends packets.
+    ``rate_hz`` are packets per second; ``baud`` is 0 for a native USB board, which does not care;
+    ``streaming`` is whether it sends packets.
     """
 
     rate_hz: float = 250.0

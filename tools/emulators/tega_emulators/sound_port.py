@@ -33,8 +33,7 @@ class PortAudioError(Exception):
 class SoundPort:
     """A module-like object.
 
-    Args:
-        peer: The emulated vest; it has to obey ``hear``. ``None`` where there is a loudspeaker only.
+    ``peer`` is the emulated vest, which has to obey ``hear``; ``None`` where there is a loudspeaker only.
 
     Attributes:
         present: Whether there is a microphone.

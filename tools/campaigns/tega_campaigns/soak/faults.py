@@ -30,14 +30,8 @@ def link_board(folder: Path, lab: EmulatedLab) -> Path:
 class Breaker:
     """Breaks one thing and mends it.
 
-    Args:
-        lab: The devices.
-        programs: What is under test.
-        link: What stands between two stations; ``None`` with one program.
-        folder: Where the board's port has its name.
-
-    Attributes:
-        held: When a program was given no time on purpose, as times of day, ns.
+    ``link`` is between two stations; ``None`` with one program. The board's port has its name in ``folder``.
+    ``held`` is when a program was given no time on purpose, as times of day, ns.
     """
 
     def __init__(self, lab: EmulatedLab, programs: Programs, link: ImpairedLink | None, folder: Path) -> None:

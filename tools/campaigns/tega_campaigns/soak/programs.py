@@ -12,11 +12,7 @@ __all__ = ["Programs"]
 
 
 class Programs:
-    """Supervisors by what their program is called.
-
-    Args:
-        parts: In the order in which they are started. The first has hand, arm and recorder.
-    """
+    """Supervisors by program, in the order of their starts; the first has hand, arm and recorder."""
 
     def __init__(self, parts: Mapping[str, Supervisor]) -> None:
         self._parts = dict(parts)

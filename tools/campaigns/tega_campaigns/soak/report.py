@@ -30,9 +30,9 @@ class SoakFault(msgspec.Struct, kw_only=True):
         how: In the emulator's own word.
         injected_s: When, since the soak's beginning.
         ended_s: When the soak took it away.
-        detected_s: When the program first told it; ``None`` if it never did.
+        detected_s: When the program first reported it; ``None`` if it never did.
         recovered_s: When it was active again and nothing was wrong; ``None`` if it never was.
-        said: What it told.
+        said: What it reported.
         outcome: ``recovered``, ``restarted``, or what went wrong.
     """
 
@@ -63,10 +63,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
     Attributes:
         passed: Whether all of it is as promised.
         failures: Why not.
-        seconds: How long it took.
-        seed: The plan's.
-        faults: In order.
-        over_limit_commands: Commands above a limit that the emulated vest and hand really got, and the arm as recorded.
+        over_limit_commands: Commands above a limit that emulated vest and hand got, and the arm as recorded.
         over_limit: The same by device.
         lost_s: The longest stretch that a recording lost at a kill, a full disk, or on the way.
         lost_where: In which recording, and where in it.
@@ -76,7 +73,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
         commands: Messages that vest and hand took in all, and targets that the arm was given.
         stood_still_s: How long the whole machine, this program included, did nothing.
         recordings: How many were looked through.
-        emulators_first: Whether the system let the emulators go before every thread of the run, as devices do.
+        emulators_first: Whether the system let the emulators go before all threads of the run, as devices go.
         stations: Whether there were two stations instead of one program.
         patient: Whether the hand's limits of silence and rate were loosened for a busy machine.
         memory: Resident memory over time, of every process, as (seconds since the soak's beginning, MiB).
