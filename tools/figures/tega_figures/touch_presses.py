@@ -163,13 +163,9 @@ def press_of(name: str, seed: int, *, rate_hz: float = RATE_HZ) -> Iterator[GelM
 def score_press(
     name: str, seed: int, *, readings: Iterable[str] = ("live",), rate_hz: float = RATE_HZ
 ) -> dict[str, PressScore]:
-    """Press a shape into a unit and score readings on the same frames.
+    """Press a shape into a unit of a seed and score readings on the same frames.
 
-    Args:
-        name: One of :data:`~tega_figures.gel_sequences.SHAPES`.
-        seed: Of the unit.
-        readings: Names in :data:`PEERS`.
-        rate_hz: Frames a second.
+    ``name`` is one of :data:`~tega_figures.gel_sequences.SHAPES`, ``readings`` are names in :data:`PEERS`.
     """
     moments = list(press_of(name, seed, rate_hz=rate_hz))
     made = {one: PEERS[one](moments[0].image, rate_hz) for one in readings}

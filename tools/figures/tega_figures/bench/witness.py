@@ -26,14 +26,7 @@ _PATIENCE_S = 5.0
 
 
 class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
-    """How late the ticks of a clock came.
-
-    Attributes:
-        ticks: How many there were.
-        late: Of them, by the bins of :data:`tega.loop.pacing.LATE_EDGES_NS`.
-        over_1_ms: How many came later than that.
-        worst_ms: The latest one.
-    """
+    """How late the ticks of a clock came, by the bins of :data:`tega.loop.pacing.LATE_EDGES_NS`."""
 
     ticks: int
     late: tuple[int, ...]
@@ -56,11 +49,7 @@ class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BareClock:
-    """A process that is ready to keep the clock.
-
-    Args:
-        process: It.
-    """
+    """A process that is ready to keep the clock."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self._process = process
@@ -79,11 +68,7 @@ class BareClock:
 
 @contextmanager
 def witness(*, realtime: bool) -> Iterator[BareClock]:
-    """Start a witness, and end it with the block.
-
-    Args:
-        realtime: Whether it asks for the real-time priority of the hand's process.
-    """
+    """Start a witness, and end it with the block; ``realtime`` asks for the hand's process's priority."""
     with subprocess.Popen(
         python_command(__name__, "hand" if realtime else "ordinary"),
         stdin=subprocess.PIPE,

@@ -28,9 +28,7 @@ class TrueTrial(NamedTuple):
     """What happened in a simulated trial, n moments long.
 
     Attributes:
-        plan: Which trial.
-        spec: Its object.
-        t_s: float64 (n,), seconds.
+        t_s: float64 (n,).
         truths: The world's truth at each moment.
         palm: float64 (n, 3, 4), the palm's axes in the world's, rotation beside metres.
         object: float64 (n, 3, 4), the object's, its origin at the middle of its base.
