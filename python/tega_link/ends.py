@@ -166,7 +166,8 @@ class FarSwitch(Elsewhere):
 class FarTracker(Elsewhere):
     """The operator's forearm, as it was seen at the other station.
 
-    ``frame`` is the axes of the poses: the link refuses an operator with others. ``driver`` is their way.
+    ``frame`` is the axes of the poses: the link refuses an operator with others. ``driver`` names the way on
+    which the poses come.
     """
 
     problem = ""  # the link tells by itself what is wrong with it

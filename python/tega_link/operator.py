@@ -151,7 +151,7 @@ class OperatorStation(Station):
             )
 
     def missing(self) -> str:
-        """Say that the robot does not answer, or does not want us."""
+        """Return why the robot's station is out of reach, or refuses us; ``""`` while all is well."""
         if self._error:
             return self._error
         robot = self.net.robot

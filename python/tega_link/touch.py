@@ -154,7 +154,7 @@ class _RobotFinger:
         self._next = 0
 
     def take(self, t_ns: int, received_ns: int, feature: Feature, *, use_by_ns: int) -> None:
-        """Take in what one picture says."""
+        """Take in what was measured in one picture."""
         self.report.n_items += 1
         self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
         self._next = feature.sequence + 1

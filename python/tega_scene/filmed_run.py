@@ -73,7 +73,7 @@ class RunCameras:
             one.end()
 
     def problem(self) -> str:
-        """Say which cameras are away, and why; ``""`` while all of them film."""
+        """Return which cameras are away, and why; ``""`` while all of them film."""
         return "; ".join(
             f"{one.camera.name}: {one.tally.trouble}" for one in self._cameras if one.tally.trouble
         )
@@ -90,7 +90,7 @@ class RunCameras:
         }
 
     def notes(self) -> list[str]:
-        """Say in sentences what of the film is not there."""
+        """Return in sentences what of the film is not there."""
         notes = []
         for one in self._cameras:
             name, tally = one.camera.name, one.tally

@@ -92,7 +92,7 @@ class Lab:
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
 
     def digest(self, rules: RulesVersion) -> str:
-        """Return the first digits of the SHA-256 that says who the people are who follow these rules."""
+        """Return the first digits of the SHA-256 that identifies the people who follow these rules."""
         return people_digest(self._parameters.digest, rules)[:16]
 
     def emg(self, lift: str) -> ForearmEmg:

@@ -74,7 +74,7 @@ _DECODER: Final[msgspec.json.Decoder[Command]] = msgspec.json.Decoder(Command)
 
 
 class MessageError(ValueError):
-    """A client's message cannot be used; the text says why."""
+    """A client's message cannot be used; the text is the reason."""
 
 
 def decode(data: str | bytes) -> Command:

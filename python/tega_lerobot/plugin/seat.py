@@ -56,7 +56,7 @@ class Seat:
         return self._run is not None and self._run.n_users > 1
 
     def take(self) -> None:
-        """Join the session of these settings, or begin it; not twice."""
+        """Join the session of these settings, or begin it; never while connected."""
         if self.taken:
             raise DeviceAlreadyConnectedError("tega is connected")
         run = _RUNS.get(self._key)

@@ -193,7 +193,7 @@ def kill_one(path: Path, after_s: float) -> Kill:
 
 
 def _steady(topic: str) -> bool:
-    """Whether a stream has to come all the time; levels come ten times a second, a kept vest hears what changes."""
+    """Whether a stream has to come all the time; levels come ten times a second, a kept vest gets changes."""
     return topic in {"/hand/frames", "/vest/frame", "/emg/samples"} or topic.endswith("/image")
 
 

@@ -102,7 +102,7 @@ def _change(change: RunState) -> None:
 
 
 def _rss_mib() -> float:
-    """Return the resident memory; 0 where the system does not tell."""
+    """Return the resident memory; 0 where the system does not report it."""
     return int(_MEMORY.read_text("ascii").split()[1]) * _PAGE_MIB if _MEMORY.exists() else 0.0
 
 

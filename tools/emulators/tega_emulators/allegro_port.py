@@ -188,7 +188,7 @@ class BusPort:
         return int(self._bus.fileno())
 
     def take(self, t_s: float) -> None:
-        """Hear every frame that has come."""
+        """Receive every frame that has come."""
         while (message := self._bus.recv(timeout=0)) is not None:
             if not (message.is_extended_id or message.is_error_frame):
                 remote = message.is_remote_frame

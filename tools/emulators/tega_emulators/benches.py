@@ -51,7 +51,7 @@ class EmulatedDriver(NamedTuple):
 
 
 def why_not(name: str) -> str:
-    """Say why a driver cannot be tried here; ``""`` if it can."""
+    """Return why a driver cannot be tried here; ``""`` if it can."""
     bench = BENCHES[name]
     if bench.unix and sys.platform == "win32":
         return "its emulator needs Linux or macOS"

@@ -69,7 +69,7 @@ class ChordsBoard(EmulatedBoard):
         return b""
 
     def receive(self, data: bytes) -> bytes:
-        """Keep what came for :meth:`go_on`; it stops the packets, whatever it says."""
+        """Keep what came for :meth:`go_on`; it stops the packets, whatever it is."""
         self._typed += data
         self._received_s = self._now_s()
         if self.streaming:

@@ -121,7 +121,7 @@ class CytonBoard(EmulatedBoard):
         return b"daisy removed$$$" if was_on else b"no daisy to remove!$$$"
 
     def _confirm(self, command: bytes) -> bytes:
-        """Carry out a setting and say so."""
+        """Carry out a setting and confirm it."""
         if command[:1] == b"~":
             # Over the radio the board keeps to 250 Hz, whatever it is asked for.
             return b"Success: Sample rate is 250Hz$$$"

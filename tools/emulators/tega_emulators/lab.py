@@ -98,7 +98,7 @@ def emulated_lab(
     Args:
         folder: For calibration and baselines.
         emg_hz: Three tensed muscles at so many samples a second: 250 on a Cyton, else on a Chords board.
-        hand: An Allegro Hand behind a serial CAN adapter; with ``network`` that is behind a connection.
+        hand: An Allegro Hand behind a serial CAN adapter; ``network`` puts that behind TCP.
         vest: A vest behind the vendor's Player, or that of another driver: ``bhaptics-ble`` has one behind
             BlueZ on a message bus of its own.
         fingers: DIGITs, each with something pressed into its gel.

@@ -37,7 +37,7 @@ def _checkout() -> Path | None:
 
 
 def why_no_runtime() -> str:
-    """Say why the emulated runtime cannot be built here; ``""`` if it can."""
+    """Return why the emulated runtime cannot be built here; ``""`` if it can."""
     if sys.platform == "win32":
         return "its emulator needs Linux or macOS"
     if shutil.which("cargo") is None:

@@ -79,7 +79,7 @@ def _check_introduction(text: Any) -> None:
 
 
 def told_v3(*, has_vest: bool, battery: int) -> list[str]:
-    """Return what the Player says of itself to a program that it has let in."""
+    """Return what the Player reports of itself to a program that it has let in."""
     vest = {
         "position": 0,
         "deviceName": VEST_NAME,

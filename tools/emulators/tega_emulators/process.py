@@ -97,7 +97,8 @@ class Emulator:
     def say(self, line: str) -> dict[str, Any]:
         """Give it a command, wait until it is carried out, and return the answer.
 
-        :class:`InvalidValueError`: unknown to it. :class:`DeviceUnavailableError`: it does not run.
+        An unknown command raises :class:`InvalidValueError`, an ended emulator
+        :class:`DeviceUnavailableError`.
         """
         if self._process is None or self._process.stdin is None:
             raise DeviceUnavailableError(f"{self._module} does not run", "use it in a with block")

@@ -153,7 +153,7 @@ class Program:
 
     @property
     def said(self) -> str:
-        """What it has said on its error output."""
+        """What it has printed on its error output."""
         self._err.seek(0)
         return self._err.read()
 

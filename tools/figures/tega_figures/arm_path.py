@@ -252,7 +252,7 @@ def follow_path(case: ChainCase, poses: Sequence[StampedPose], path: HandPath) -
 
 
 def _level(path: HandPath, t_s: float) -> int:
-    """Return the hand's level: what a person's muscles would say, here by the time alone."""
+    """Return the hand's level: what a person's muscles would ask for, here by the time alone."""
     return _GRIP_LEVEL if path.closed_s is not None and path.closed_s[0] <= t_s < path.closed_s[1] else 1
 
 

@@ -46,7 +46,7 @@ _FORCES_N: Final = (0.0, 1.5, 5.0, 5.0, 0.0, 0.0)
 
 
 class FrameReading(NamedTuple):
-    """What a reading says of one frame."""
+    """What a reading takes from one frame."""
 
     in_contact: bool
     area_px: float
@@ -236,7 +236,7 @@ def three_press_light(seed: int) -> GelLight:
 
 
 class PressError(NamedTuple):
-    """How far a held press is told from the truth: depth and force relatively, its middle in millimetres."""
+    """How far a held press is measured off the truth: depth and force relatively, its middle in mm."""
 
     depth: float
     force: float

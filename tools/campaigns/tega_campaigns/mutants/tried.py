@@ -224,7 +224,7 @@ def try_rust(mutant: Mutant, tree: Path, baselines_s: dict[str, float]) -> Trial
 
 
 def progress(folder: Path, language: str, wanted: int) -> Callable[[Trial], bool]:
-    """Return the function that keeps a result and says whether enough are tried."""
+    """Return the function that keeps a result and returns whether enough are tried."""
     file = folder / f"{language}.jsonl"
     n = len([one for one in kept(folder, language) if one.outcome != "unviable"])
 

@@ -70,7 +70,7 @@ class Breaker:
                 lab.sensors[finger].say(kind.how)
 
     def holds_up(self, kind: Kind) -> bool:
-        """Tell whether a fault gives a program that leads devices no time."""
+        """Whether a fault gives a program that leads devices no time."""
         return kind.device in {"program", "robot", "operator"} and kind.how == "stop"
 
     def mend(self, kind: Kind) -> None:

@@ -48,12 +48,12 @@ class SoakFault(msgspec.Struct, kw_only=True):
 
     @property
     def judged(self) -> bool:
-        """Whether anything can be said of it."""
+        """Whether it can be judged."""
         return not self.outcome.startswith(NOT_JUDGED)
 
     @property
     def good(self) -> bool:
-        """Whether it was told, and over afterwards; or cannot be judged."""
+        """Whether it was reported, and over afterwards; or cannot be judged."""
         return self.outcome in {"recovered", "restarted"} or not self.judged
 
 
@@ -120,7 +120,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
         self.passed = not failed
 
     def _unproven(self) -> list[str]:
-        """Say what this soak does not show because too little of it took place."""
+        """Return what this soak does not show because too little of it took place."""
         judged = [fault for fault in self.faults if fault.judged]
         unproven = []
         if len(judged) < LEAST_JUDGED * len(self.faults):
@@ -140,7 +140,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
 
 
 def memory_is_flat(start_mib: float, end_mib: float) -> bool:
-    """Tell whether memory has grown by no more than an interpreter's own ups and downs."""
+    """Return whether memory has grown by no more than an interpreter's own ups and downs."""
     return end_mib <= start_mib * (1 + _SLACK_SHARE) + _SLACK_MIB
 
 

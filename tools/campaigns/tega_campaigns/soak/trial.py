@@ -216,7 +216,7 @@ class _Soak:
         return fault
 
     def _felt(self, finger: str) -> bool:
-        """Tell whether the emulated vest still shows a finger."""
+        """Return whether the emulated vest still shows a finger."""
         return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
     def _reported(self, kind: Kind, since_s: float) -> SaidLine | None:
@@ -381,5 +381,5 @@ class _Soak:
 
 
 def _runs(pid: int | None) -> bool:
-    """Tell whether a process is still there."""
+    """Return whether a process is still there."""
     return pid is not None and Path(f"/proc/{pid}/stat").exists()

@@ -50,7 +50,7 @@ class PictureTruth(NamedTuple):
 
     @property
     def touched(self) -> bool | None:
-        """Whether something touches, ``None`` where that is not known; a force says more than a drawing."""
+        """Whether something touches, ``None`` where that is not known; a force counts before a drawing."""
         if self.force_n is not None:
             return self.force_n > 0
         return None if self.drawn is None else bool(self.drawn.any())

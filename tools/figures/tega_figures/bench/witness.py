@@ -35,7 +35,7 @@ class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of_bins(cls, late: Sequence[int], *, worst_ms: float) -> LateTicks:
-        """Return what a histogram by these bins tells."""
+        """Return the figures of a histogram by these bins."""
         over = sum(late[LATE_EDGES_NS.index(1_000_000) + 1 :])
         return cls(ticks=sum(late), late=tuple(late), over_1_ms=over, worst_ms=worst_ms)
 
@@ -84,7 +84,7 @@ def witness(*, realtime: bool) -> Iterator[BareClock]:
 
 
 def _keep() -> None:
-    """Say that the process is there, wait for a number of ticks, keep them, and print how late each came."""
+    """Report that the process is there, wait for a number of ticks, keep them, print how late each came."""
     from tega import _native
 
     print("ready", flush=True)
