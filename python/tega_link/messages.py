@@ -126,7 +126,6 @@ class State(Stamped, frozen=True, tag=True, kw_only=True):
 
     Attributes:
         leader: Session of the operator who leads; 0 for none.
-        leader_name: That operator's name.
         state: State of the run; ``""`` while it is being prepared.
         reason: Why it is so.
         alerts: Present problems, one sentence each.
@@ -174,12 +173,7 @@ class Join(msgspec.Struct, frozen=True, tag=True):
 
     Attributes:
         session: A number drawn for this.
-        name: Name of the operator's station.
-        protocol: Which messages it speaks.
-        tega: Its version.
         frame: Axes of its tracker's poses; ``""`` where it has none.
-        dead_man: Whether it has a dead-man switch.
-        muscles: Whether it has EMG.
     """
 
     session: int
@@ -197,7 +191,6 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     Attributes:
         station: Session of the robot's station: another one after it was started again.
         fingers: Pictures a second of each fingertip, thumb first; 0 where that is not known.
-        tega: Its version.
         preset: By which readings it measures touch.
         baselines: The fingertips' untouched pictures, as PNG, where pictures are sent.
         sent_ns: When it was sent, on the robot's clock; a state from before knows nothing of it.

@@ -86,15 +86,10 @@ class FittsCondition(msgspec.Struct, frozen=True, kw_only=True):
     """Figures of one distance and width; the module's docstring has the equations.
 
     Attributes:
-        distance: D.
-        width: W.
-        id_bits: ID.
         effective_distance: De; ``None`` with fewer than two hits, as the next two.
         effective_width: We.
         effective_id_bits: IDe.
         movement_time_s: Mean time of the hits; ``None`` without any.
-        throughput_bits_s: TP.
-        completed: Hits.
         movements: Movements that count.
     """
 

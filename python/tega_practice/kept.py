@@ -26,7 +26,6 @@ class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
     """Result of a Fitts test: the headline, and every movement, from which all figures can be had again.
 
     Attributes:
-        person: Participant ID.
         preset: Rules of the levels.
         decoder: Name of the decoder; with the rules, the preset's too.
         options: Its options, as JSON.
@@ -34,10 +33,8 @@ class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
         dwell_s: So long the cursor had to stay.
         timeout_s: After so long the next target came.
         cursor_step: Closure between neighbouring places of the cursor.
-        throughput_bits_s: Mean over the conditions.
         completion_percent: Movements that hit.
         path_efficiency_percent: Path efficiency of the hits; left out without any.
-        overshoots: Per movement.
         movements: A row a movement: distance, width, centre, start, entry, end-point (-1: none), time_s,
             path, overshoots, 1 where it began inside its target.
     """

@@ -24,10 +24,7 @@ class VestSkillRecord(
     """Result of a test of the vest, and of the staircase before it.
 
     Attributes:
-        person: Participant ID.
-        mapping: Name of the mapping.
-        options: Its options, as JSON.
-        seed: Seed of the order.
+        options: The mapping's options, as JSON.
         right_percent: Right answers of the test.
         chance_percent: What guessing gives.
         difference_percent: Difference of firmness that is perceived in 71 % of pairs, of the maximum; left

@@ -46,7 +46,6 @@ class CameraTally(msgspec.Struct):
         seen: Pictures that came from the camera.
         dropped: Those of them that the encoder had no time for.
         missed: Pictures that the camera's rate says are missing in gaps between those that came.
-        longest_gap_s: Longest time between two pictures.
         lost: How often the camera went away.
         trouble: Why filming stopped, or the camera is away; ``""`` after a requested end.
     """

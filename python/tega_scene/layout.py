@@ -63,7 +63,6 @@ class PlacedTag(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One tag on a body.
 
     Attributes:
-        id: Its number in the family.
         size_mm: Side of its black square.
         at_mm: Its middle, in the body's axes.
         x: Direction of its right side.
@@ -90,7 +89,6 @@ class TagCube(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         first: Number of the top's tag; the others follow.
-        edge_mm: Edge of the box.
         tag_mm: Side of a tag's black square.
         at_mm: Middle of the box, in the body's axes.
     """
@@ -113,7 +111,6 @@ class TagBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A rigid body that carries tags.
 
     Attributes:
-        tags: Single tags.
         cube: A box of five, where it has one.
         base_mm: Diameter of its flat base about the origin; 0 where it does not stand.
         grip_mm: Height over the base at which the hand holds it: what moves there against the palm is slip.

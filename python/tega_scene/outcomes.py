@@ -65,7 +65,6 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
             dropped; with a second mark, whether it was placed there as well.
         slid_m: Way slid in all.
         narrowing_m: Largest narrowing; ``None``, and its error, where its tags were not seen.
-        height_m: Largest height.
         along_mm: Standard error of the object's place along the view, one picture of those that place it.
         across_mm: Standard error of the object's place across the view, in the same way.
         seen: Share of the pictures in which the object was seen.

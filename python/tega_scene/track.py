@@ -63,7 +63,6 @@ class SceneTrack(NamedTuple):
         t_s: float64 (n,), times of the pictures.
         view: float64 (3,), direction in which the camera looks, in the table's axes.
         eye_m: float64 (3,), where it stands.
-        table_rms_px: Residual of the table's tags.
         n_moved: Pictures in which all of the table's tags, two or more, stood more than two pixels off: the
             camera was pushed.
     """

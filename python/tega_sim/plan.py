@@ -139,7 +139,6 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         peak_force_n: Largest normal force on one fingertip.
         lift_off_s: When it left the table; ``None`` if it didn't.
         lifted_s: When it had been at the height for a second; ``None`` if it hadn't.
-        slid_m: Way slid in all.
         deformation_m: Largest narrowing.
         mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
         simulated_s: Time simulated, practice included.

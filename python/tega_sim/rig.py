@@ -92,8 +92,6 @@ class TrialRig:
         on_act: Called with the percept and the action after every 10 ms.
 
     Attributes:
-        contacts: Stream of measured frames, by finger, for the loop.
-        levels: Stream of intents, for the loop.
         frames: The newest picture of each finger that was painted.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.

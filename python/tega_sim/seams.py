@@ -40,7 +40,6 @@ class WorldTruth(NamedTuple):
     Attributes:
         t_s: Simulated time since the trial began.
         object_height_m: Height of the object over where it stood.
-        lift_off: Whether the object has left the table.
         pad_force_n: Normal force on each pad, thumb first.
         slip_m: How far the object has slid down through the grasp since it left the table.
         slip_m_s: Speed of that.
@@ -66,7 +65,6 @@ class Percept(NamedTuple):
     """Sights and vibrations that reach the person now; delays and thresholds are the person's own.
 
     Attributes:
-        t_s: Simulated time since the trial began.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
         closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None``: not shown.
         angles_rad: Its 16 joint angles, for logs of the sensors only: no person sees them; ``None`` likewise.

@@ -37,7 +37,6 @@ class Trial(msgspec.Struct, frozen=True):
     """Result of a change.
 
     Attributes:
-        name: Name of the change.
         outcome: ``killed``, ``survived``, ``untested`` where no test runs its line, or ``unviable`` where it
             does not compile.
         by: The test that failed, with its error; ``""`` where none did.

@@ -17,7 +17,6 @@ class Kind(NamedTuple):
 
     Attributes:
         kind: What it stands for.
-        device: What it happens to.
         how: The emulator's own word for it, or what the soak itself does.
         reported: Pattern of how words that report it begin: an alert, a state's reason, ``arm`` with what it
             does and why, or ``ended:`` with the last words of a run.

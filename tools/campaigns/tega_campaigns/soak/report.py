@@ -25,8 +25,6 @@ class SoakFault(msgspec.Struct, kw_only=True):
     """One fault.
 
     Attributes:
-        kind: What was done.
-        device: To what.
         how: In the emulator's own word.
         injected_s: When, since the soak's beginning.
         ended_s: When the soak took it away.
@@ -61,7 +59,6 @@ class SoakReport(msgspec.Struct, kw_only=True):
     """What a soak showed.
 
     Attributes:
-        passed: Whether all of it is as promised.
         failures: Why not.
         over_limit_commands: Commands above a limit that emulated vest and hand got, and the arm as recorded.
         over_limit: The same by device.
@@ -69,10 +66,8 @@ class SoakReport(msgspec.Struct, kw_only=True):
         lost_where: In which recording, and where in it.
         rss_mib_start: Resident memory soon after the start of the longest process.
         rss_mib_end: The same at its end.
-        restarts: How often the program was started again.
         commands: Messages that vest and hand took in all, and targets that the arm was given.
         stood_still_s: How long the whole machine, this program included, did nothing.
-        recordings: How many were looked through.
         emulators_first: Whether the system let the emulators go before all threads of the run, as devices go.
         stations: Whether there were two stations instead of one program.
         patient: Whether the hand's limits of silence and rate were loosened for a busy machine.

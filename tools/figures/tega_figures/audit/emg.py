@@ -32,17 +32,13 @@ class EmgScore(msgspec.Struct, frozen=True, kw_only=True):
         reading: Its name, or the swept setting's value.
         value: Of a sweep: the value; ``None`` else.
         n_blocks: Intents that it gave.
-        duration_s: Time that they span.
         level_shares: Share of the intents at each level, 1 to 5.
-        changes_per_s: Changes of the level.
         later_s: How much later it is than the first reading; ``None`` where one of them never changes.
         agreement: Share of the time in which its level is that of the first reading.
         n_muted: Channel values that could not be believed.
         force_rank: Rank correlation of the closure with the force; ``None`` without a force.
         maxima: What counted as full on each channel.
         maxima_of: Where they are from: ``calibration`` or ``recording``.
-        levels: The level of every intent.
-        t_s: Its time.
     """
 
     reading: str

@@ -42,7 +42,6 @@ class AuditRequest(NamedTuple):
         names: Readings of :data:`tega_figures.audit.READINGS`; empty means all.
         sweep: One setting over a range of values, instead of named readings.
         sets: Settings of every reading, as ``key=value``.
-        preset: Instead of the recording's.
         marks: Marked circles by the pictures' names; ``None`` without. Pictures without one are left out.
         masks: Folder of masks, named as of :func:`~tega_figures.audit.truth.mask_of`; likewise.
         forces: Measured forces; likewise.

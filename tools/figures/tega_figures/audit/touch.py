@@ -31,11 +31,9 @@ class TouchScore(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         reading: Its name, or the swept setting's value.
         value: Of a sweep: the value; ``None`` else.
-        n_frames: Pictures measured.
         n_found: Pictures with a contact area.
         changes_per_s: How often contact begins or ends; ``None`` for a single picture.
         eda: EDA of every picture, pixels.
-        cci: CCI of every picture.
         eda_at_rest: EDA of the picture composed of what is far from the marks, pixels; ``None`` without.
         area_ratio: Median of EDA over marked area; ``None`` without marks and masks.
         iou: Median overlap of its pixels with the marked circle or mask (intersection over union); likewise,

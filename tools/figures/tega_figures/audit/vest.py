@@ -32,7 +32,6 @@ class VestScore(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         reading: Its name, or the swept setting's value.
         value: Of a sweep: the value; ``None`` else.
-        layout: The motors.
         n_frames: Frames at the vest's rate.
         lit_share: Share of the frames in which a motor is on.
         front_mean: Mean intensity of the front's motors that are on, percent; 0 where none ever is.

@@ -104,7 +104,6 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
     """A whole run.
 
     Attributes:
-        method: How it was measured.
         threads: What held the libraries to one thread, by library.
         missing: Packages that are not installed, whose variants were not measured.
         contact: One row a reading, variant and size; the floor is among them.

@@ -22,8 +22,6 @@ class StationsBench(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         machine: Where; both stations and all emulators ran on it.
-        seconds: How long the operator's run was.
-        keys: Whether the link was encrypted.
         images_hz: Pictures a second of each fingertip that were sent for display.
         touch_ms: Camera at the robot's to the vest's bytes at the operator's, by stage; also ``whole``.
         intent_ms: EMG sample at the operator's station to the hand's torques at the robot's.
@@ -31,9 +29,6 @@ class StationsBench(msgspec.Struct, frozen=True, kw_only=True):
         feature_ms: What is read from a picture, likewise.
         clock: The operator's estimate, which on one machine should be 0.
         refused: Commands and features that were not used, by why.
-        commands: How many commands came.
-        features: How many features came.
-        images: How many pictures were sent.
     """
 
     machine: Machine

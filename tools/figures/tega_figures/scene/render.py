@@ -34,10 +34,8 @@ class Film(NamedTuple):
 
     Attributes:
         blur_px: Of the lens, standard deviation.
-        exposure_s: How long the shutter is open.
         shot: Noise of the light, grey levels squared per grey level.
         read: Noise of the dark, grey levels.
-        black: Grey of black ink.
         white: Grey of white paper, before the shade of its side.
         readout_s: Time from the first to the last row of a rolling shutter; 0 with a global one.
         moments: Moments of the exposure that are averaged, at most.

@@ -29,10 +29,8 @@ class TrueTrial(NamedTuple):
 
     Attributes:
         t_s: float64 (n,).
-        truths: The world's truth at each moment.
         palm: float64 (n, 3, 4), the palm's axes in the world's, rotation beside metres.
         object: float64 (n, 3, 4), the object's, its origin at the middle of its base.
-        shapes: What is drawn.
         poses: float64 (n, shapes, 7), where.
         phases: What the person was about at each moment, as :class:`tega_sim.seams.Act` names it.
         events: As scored by rule from the truth.
