@@ -51,7 +51,7 @@ class Stream:
             self.add(t_ns, row)
 
     def add(self, t_ns: int, row: Sequence[float] | None) -> None:
-        """Add an item; another number of numbers than of those before raises :class:`ValueError`."""
+        """Add an item, with as many numbers as those before it."""
         numbers = row or ()
         if self.width is None:
             self.width = len(numbers)
@@ -83,10 +83,7 @@ class Chunks(Stream):
         self.ends = array("q")
 
     def add_samples(self, t_ns: int, samples: Sequence[float], n_channels: int) -> None:
-        """Add a chunk: its samples one after the other, the channels of each together.
-
-        Other channels than before, or a part of a sample, raise :class:`ValueError`.
-        """
+        """Add a chunk: its samples one after the other, the channels of each together."""
         if self.width not in {None, n_channels} or len(samples) % n_channels:
             raise ValueError(f"{len(samples)} numbers of {n_channels} channels after {self.width} channels")
         self.width = n_channels

@@ -82,10 +82,7 @@ def expiry(folder: Path) -> datetime:
 
 
 def check_expiry(folder: Path, *, now: datetime | None = None) -> str:
-    """Return a warning that a station's certificate ends soon, ``""`` if it does not.
-
-    One that has ended raises :class:`ConfigError`.
-    """
+    """Return a warning that a certificate ends soon, ``""`` if not; one that has ended is an error."""
     until = expiry(folder)
     left = until - (datetime.now(UTC) if now is None else now)
     again = f"delete {folder.name} where it was made, and make a new one with: tega-teleop net keys"

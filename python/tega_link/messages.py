@@ -227,7 +227,7 @@ encode = msgspec.msgpack.Encoder().encode
 
 
 def decode(kind: type[_Message], data: bytes) -> _Message:
-    """Return a message of a kind; data that are none raise :class:`msgspec.DecodeError`."""
+    """Return a message of a kind."""
     decoder = _decoders.get(kind)
     if decoder is None:
         decoder = _decoders[kind] = msgspec.msgpack.Decoder(kind)

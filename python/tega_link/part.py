@@ -30,7 +30,7 @@ def open_part(context: PartContext) -> Station | None:
 
 
 def open_station(config: SessionConfig, bus: Bus, *, stop: Callable[[], bool]) -> Station:
-    """Make this station's end of the link, not opened yet; wrong settings raise :class:`ConfigError`."""
+    """Make this station's end of the link, not opened yet."""
     net = net_of(config)
     assert net is not None
     if config.session.pace == "fast":

@@ -88,9 +88,6 @@ class RunMarkers:
     ``pedal:BUTTON``       when a button of the seat ``marker`` goes down
     ``touch:KIND:FINGER``  when a finger touches (``contact``), lets go (``release``), or ``touch:slip``
     =====================  ==========================================================
-
-    Raises:
-        MissingExtraError: pylsl is not installed.
     """
 
     def __init__(self, settings: MarkersSection, bus: Bus) -> None:

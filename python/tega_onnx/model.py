@@ -70,7 +70,7 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 def read_card(path: Path) -> Card:
-    """Read a card; a field that is missing or wrong raises :class:`ConfigError`."""
+    """Read and check a card."""
     try:
         return msgspec.convert(parse_toml(read_words(path, error=ConfigError)), Card)
     except (OSError, ValueError) as error:
@@ -83,10 +83,7 @@ def read_card(path: Path) -> Card:
 
 
 class OnnxModel:
-    """A model that has been checked against its card; runs on one core.
-
-    A file that is another one than the card names, or does not fit it, raises :class:`ConfigError`.
-    """
+    """A model that has been checked against its card; runs on one core."""
 
     def __init__(self, model: Path, card: Path, kind: type[PictureInput] | type[EmgInput]) -> None:
         runtime: Any = require("onnxruntime", driver="onnx", extra="onnx")

@@ -46,10 +46,7 @@ class Converter:
         }
 
     def convert(self, message: Message) -> list[Converted]:
-        """Return the ROS 2 messages of a message: itself, then those that standard tools display beside it.
-
-        One that has no form in ROS 2 raises :class:`RecordingError`.
-        """
+        """Return the ROS 2 messages of a message: itself, then those that standard tools show beside it."""
         standard = self._standard.get(message.schema)
         if standard is not None:
             return [Converted(message.topic, *standard(message))]

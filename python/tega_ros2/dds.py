@@ -79,10 +79,7 @@ class Received(NamedTuple):
 
 
 class DdsNode:
-    """A participant of the domain, with writers and readers of ROS 2's messages.
-
-    A domain that cannot be joined raises :class:`DeviceUnavailableError`.
-    """
+    """A participant of the domain, with writers and readers of ROS 2's messages."""
 
     def __init__(self, definitions: Definitions) -> None:
         self._definitions, self._types = definitions, dict[str, Any]()

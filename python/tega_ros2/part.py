@@ -32,7 +32,7 @@ class Ros2Part(Part):
     """Takes commands by DDS, in a thread of its own, and hands them to the loop.
 
     The program that commands first leads until it leaves. Its dead-man and clutch are the settings' own
-    inputs. :class:`ConfigError`: another table lets clients lead the same.
+    inputs.
     """
 
     def __init__(self, context: PartContext, table: Ros2Table) -> None:

@@ -74,8 +74,8 @@ def _headed(title: str) -> PrintedPage:
 def tag_pages(layout: TagLayout) -> list[PrintedPage]:
     """Return pages with all tags of a layout, each with a white margin to cut along.
 
-    A box's tags are cut with the box's edge as side, so that the five cover it. A tag wider than the page
-    raises :class:`InvalidValueError`.
+    A box's tags are cut with the box's edge as side, so that the five cover it. No tag may be wider than the
+    page.
     """
     pages: list[PrintedPage] = []
     x = y = row_mm = 0.0

@@ -97,10 +97,7 @@ def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
 
 
 def calibrate_from(source: str, size: tuple[int, int], *, notify: Callable[[str], None]) -> Lens:
-    """Calibrate a lens from a camera, video or folder, and report meanwhile where the board is wanted.
-
-    Too few views, or none that fit a flat board, raise :class:`CalibrationError`.
-    """
+    """Calibrate a lens from a camera, video or folder, and report meanwhile where the board is wanted."""
     calibration: LensCalibration | None = None
     text = ""
     live = is_camera(source)

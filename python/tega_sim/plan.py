@@ -63,7 +63,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @property
     def object_spec(self) -> ObjectSpec:
-        """The object, with the changes of the plan; one out of range raises :class:`InvalidValueError`."""
+        """The object, with the changes of the plan."""
         changes = {name: value for name, value in self.changes.items() if value is not None}
         return (self.spec or OBJECTS[self.object]).with_(**changes)
 
@@ -93,7 +93,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @classmethod
     def checked(cls, fields: dict[str, Any]) -> Self:
-        """Make a plan of plain values; one unknown or out of range raises :class:`InvalidValueError`."""
+        """Make a plan of plain values, and check them."""
         name, spec = fields.get("object"), fields.get("spec")
         if name not in OBJECTS if spec is None else getattr(spec, "name", None) != name:
             raise InvalidValueError(f"object = {name!r} is not known", nearest_hint(str(name), OBJECTS))
@@ -112,10 +112,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 def loop_settings(preset: Literal["paper", "live"], settings: Sequence[str]) -> SessionConfig:
-    """Return the settings of a trial's loop: the preset's, but for the ``key=value`` of ``settings``.
-
-    A key that is not one of the loop's raises :class:`ConfigError`.
-    """
+    """Return the settings of a trial's loop: the preset's, with the loop's ``key=value`` of ``settings``."""
     for item in settings:
         key = item.partition("=")[0].strip()
         if not key.startswith("stages.") and key not in LOOP_KEYS:

@@ -129,10 +129,7 @@ class Operator:
         self._start(name, width_m, trial, rest_s)
 
     def act(self, percept: Percept) -> Act:
-        """Take in the percept of this moment and return the person's action.
-
-        Time must not go back within a trial: that raises :class:`InvalidValueError`.
-        """
+        """Take in a percept and return the person's action; time must not go back within a trial."""
         trial, t_s = self._trial or self._start("object", 0.07, 0, 0.0), percept.t_s
         dt_s = t_s - trial.last_s
         if dt_s <= 0:

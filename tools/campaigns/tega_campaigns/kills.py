@@ -136,10 +136,7 @@ def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
 
 
 def kill_one(path: Path, after_s: float) -> Kill:
-    """Start a recording by :func:`settings`, kill it so long after its session began, and read what is left.
-
-    A run that did not begin raises :class:`RuntimeError`.
-    """
+    """Start a recording by :func:`settings`, kill it ``after_s`` of its session, and read what is left."""
     note = path.with_suffix(".tick")
     with Supervisor(path, "--progress", str(note), errors=path.with_suffix(".log")) as run:
         run.start()

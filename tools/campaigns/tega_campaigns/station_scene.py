@@ -43,10 +43,7 @@ class StationScene:
         self._held: set[int] = set()
 
     def __enter__(self) -> Self:
-        """Start everything and let the operator take the lead and hold of the arm.
-
-        :class:`DeviceUnavailableError`: they do not come together.
-        """
+        """Start everything and let the operator take the lead and hold of the arm."""
         with ExitStack() as stack:
             folder, port = self._folder, free_port()
             lab = stack.enter_context(emulated_lab(folder, emg_hz=250.0, fingers=("thumb",), arm=True))

@@ -54,7 +54,7 @@ class EmulatedBench:
         self.looked: dict[str, DriverProbe] = {}
 
     def __enter__(self) -> Self:
-        """Start them; a system without pseudo-terminals raises :class:`DeviceUnavailableError`."""
+        """Start them; this needs pseudo-terminals."""
         for module in ("can", "cv2", "serial", "websockets"):
             require(module, driver="an emulated bench", extra="lab")
         if os.name != "posix":
@@ -106,8 +106,7 @@ class EmulatedBench:
     def write_settings(self, file: Path) -> None:
         """Write settings that reach the emulators, with baselines and a calibration made for them.
 
-        All but the settings file goes into a folder of the same name beside it. An emulated camera that sends
-        no picture raises :class:`DeviceUnavailableError`.
+        All but the settings file goes into a folder of the same name beside it.
         """
         import msgspec
 

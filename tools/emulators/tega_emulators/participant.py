@@ -36,10 +36,7 @@ KEYS: Final = string.ascii_lowercase[:21]
 
 
 class Reach:
-    """Moves the bench whose settings file, written by ``tega-teleop init --emulated``, this is.
-
-    If no emulated bench runs for it, :class:`DeviceUnavailableError` is raised.
-    """
+    """Moves the running emulated bench whose settings file, by ``tega-teleop init --emulated``, this is."""
 
     def __init__(self, settings: Path) -> None:
         beside = settings.with_suffix("") / "moves.json"

@@ -79,10 +79,7 @@ def draw_audit(path: Path, seen: FingerAudit, scores: Sequence[TouchScore]) -> N
 
 
 def draw_courses(path: Path, report: AuditReport) -> None:
-    """Draw the levels of every EMG reading and the sum of intensities of every vest reading over time.
-
-    A report with neither raises :class:`InvalidValueError`.
-    """
+    """Draw the levels of every EMG reading and the sum of intensities of every vest reading over time."""
     kinds = [scores for scores in (report.emg, report.vest) if scores]
     if not kinds:
         raise InvalidValueError("the report has no course over time", "audit --of emg or vest")
