@@ -66,20 +66,11 @@ def export_lerobot(
 ) -> Path:
     """Write recordings as a LeRobot dataset, one episode each.
 
-    Args:
-        paths: The recordings; all with the same inputs.
-        folder: Where to; new or empty.
-        fps: Frames per second.
-        task: Task in words, for recordings of which their session's index says none; ``None`` for ``grasp``.
-        scenes: Videos of scene cameras with their time codes, by the cameras' names; none for the films in the
-            recordings.
-        progress: Called as a file is read: once for its numbers, then for its pictures.
-
-    Raises:
-        ConfigError: The folder holds something.
-        RecordingError: A recording cannot be read, or has other inputs than the first.
-        UnsafeNameError: A finger has a name that cannot be a folder's.
-        MissingExtraError: A package of the extra ``lerobot`` is not installed.
+    All must have the same inputs; ``folder`` must be new or empty. ``task`` is in words, for recordings of
+    which their session's index says none; ``None`` for ``grasp``. ``scenes`` are videos of scene cameras with
+    their time codes, by the cameras' names; none for the films in the recordings. ``progress`` is called as a
+    file is read: once for its numbers, then for its pictures. A finger's name that cannot be a folder's
+    raises :class:`UnsafeNameError`.
     """
     for module in ("pyarrow.parquet", "av"):
         require(module, driver="export", extra="lerobot")

@@ -36,13 +36,7 @@ _MARKERS = {"/run/marker", "/markers"}
 
 
 class EpisodeMarker(NamedTuple):
-    """A marked moment.
-
-    Attributes:
-        t_ns: When, nanoseconds since the start of the session.
-        text: Text of the mark.
-        source: Source of the mark.
-    """
+    """A marked moment; ``t_ns`` counts from the start of the session."""
 
     t_ns: int
     text: str
@@ -53,10 +47,7 @@ class Episode(NamedTuple):
     """A recording at a fixed rate.
 
     Attributes:
-        path: Its file.
-        fps: Frames per second.
-        start_ns: Time of the first frame, nanoseconds since the start of the session.
-        n_frames: How many.
+        start_ns: Time of the first frame, from the start of the session.
         columns: By name of the feature, pictures left out.
         shapes: Height and width of the pictures, by finger.
         displayed: By finger, how many frames show each of its pictures, in the order of the file.
@@ -117,11 +108,9 @@ class _Shown(NamedTuple):
 def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> Episode:
     """Read a recording, pictures left out, and lay its streams on frames of a fixed rate.
 
-    The first frame is when every stream has begun, the last one when the loop ended. A frame has the newest item of
-    each stream that had been received, or that the loop had taken in, by its time.
-
-    Raises:
-        RecordingError: It cannot be read, or is shorter than a frame or longer than 24 h.
+    The first frame is when every stream has begun, the last one when the loop ended. A frame has the newest
+    item of each stream that had been received, or that the loop had taken in, by its time. One shorter than a
+    frame or longer than 24 h raises :class:`RecordingError`.
     """
     reader, streams = McapReader(path), dict[str, Stream]()
     reader.progress = progress or reader.progress

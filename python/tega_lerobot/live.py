@@ -58,8 +58,7 @@ def emg_channel_count(config: SessionConfig) -> int:
 def feature_names(config: SessionConfig, *, emg_channels: int) -> dict[str, list[str]]:
     """Return the names of the numbers of each feature of a session, before any device is open.
 
-    Returns:
-        Names by feature, as the export writes them: ``observation.state`` and so on, and ``action``.
+    Features are as the export writes them: ``observation.state`` and so on, and ``action``.
     """
     layout = find_layout(config.vest.layout or DEFAULT_LAYOUT[config.session.preset])
     sizes = {"/hand/frames": len(CLOSURE)}
@@ -142,10 +141,9 @@ class Live:
         }
 
     def pictures(self, *, height: int, width: int) -> dict[str, NDArray[np.uint8]]:
-        """Return the newest picture of each finger, uint8 (height, width, 3): red, green, blue.
+        """Return the newest picture of each finger, uint8 (height, width, 3) RGB.
 
-        Raises:
-            DeviceUnavailableError: One is older than a second.
+        One older than a second raises :class:`DeviceUnavailableError`.
         """
         cv2, pictures = self._cv2, {}
         for topic, item in self._newest.copy().items():
@@ -159,8 +157,7 @@ class Live:
     def closure_numbers(self) -> tuple[float, float]:
         """Return grasp level and closure that the muscles ask for.
 
-        Raises:
-            DeviceUnavailableError: None came for a second.
+        None for a second raises :class:`DeviceUnavailableError`.
         """
         intent: Intent = _fresh(Intent.topic, self._intent)
         return closure_numbers(intent.level, intent.closure)
@@ -168,8 +165,7 @@ class Live:
     def arm_action(self) -> dict[str, float]:
         """Return where the arm's end is to go, by name; where the run has no target for it, its own pose.
 
-        Raises:
-            DeviceUnavailableError: The arm reported no pose for a second.
+        No pose of the arm for a second raises :class:`DeviceUnavailableError`.
         """
         at = _fresh(ARM_MEASURED, self._newest.get(ARM_MEASURED))
         target = self._newest.get(ARM_TARGET)
@@ -182,9 +178,8 @@ class Live:
     ) -> None:
         """Wait until the run is active, every feature has a value and every finger a picture.
 
-        Raises:
-            ConfigError: A feature has other numbers than those.
-            DeviceUnavailableError: Something is missing after that time, or the run has ended.
+        A feature that has other numbers than those raises :class:`ConfigError`; something missing after
+        ``patience_s``, or a run that has ended, :class:`DeviceUnavailableError`.
         """
         until_s = time.monotonic() + patience_s
         for view in self._session:

@@ -25,8 +25,7 @@ _BEFORE_S: Final = 1.0
 def check_scene(video: Path) -> tuple[int, int]:
     """Return height and width of a video's pictures.
 
-    Raises:
-        RecordingError: The video cannot be read, or has no time code, so its times are unknown.
+    One without a time code raises :class:`RecordingError`, since its times are unknown.
     """
     if not times_path(video).is_file():
         raise RecordingError(
@@ -41,11 +40,7 @@ def check_scene(video: Path) -> tuple[int, int]:
 
 
 def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
-    """Write the films of a recording's own scene cameras as videos with time codes, and return them by name.
-
-    Raises:
-        RecordingError: It is damaged.
-    """
+    """Write the films of a recording's own cameras as videos with time codes, and return them by name."""
     if "foxglove.CompressedVideo" not in open_indexed(recording).topics.values():
         return {}  # by the index at its end; the file is passed over only where it has films
     names = filmed_cameras(McapReader(recording))
@@ -56,14 +51,9 @@ def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
 
 
 def scene_frames(video: Path, episode: Episode) -> Iterator[tuple[NDArray[np.uint8], int]]:
-    """Return pictures, uint8 (H, W, 3) in BGR, and how many frames of an episode in a row show each.
+    """Return pictures, uint8 (H, W, 3) BGR, and how many frames of an episode in a row show each.
 
-    Args:
-        video: The video, with its time code.
-        episode: The episode, recorded on the same machine.
-
-    Raises:
-        RecordingError: The video does not cover the episode, or is damaged.
+    The video has its time code and must be of the same machine, and cover the episode.
     """
     begin_s = (int(episode.tables["tega"].get("start_ns", "0")) + episode.start_ns) / 1e9
     at_s = begin_s + np.arange(episode.n_frames) / episode.fps

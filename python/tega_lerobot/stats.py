@@ -15,11 +15,7 @@ Figures = dict[str, Any]
 
 
 def figures(values: NDArray[Any]) -> Figures:
-    """Return minimum, maximum, mean, standard deviation, count and quantiles over the frames.
-
-    Args:
-        values: Shape (frames, ...).
-    """
+    """Return minimum, maximum, mean, standard deviation, count and quantiles over the first axis, frames."""
     shape = values.shape[1:] or (1,)
     rows = values.reshape(len(values), -1)
     # One column after the other: all of a long recording as double precision would be its largest array by far.

@@ -28,11 +28,9 @@ _MEASURED = ("area_mm2", "depth_mm", "force_n")
 
 
 class Column(NamedTuple):
-    """One feature of all frames.
+    """One feature of all frames, float32 (frames, ...).
 
-    Attributes:
-        values: float32, shape (frames, ...).
-        names: Names of the values of one frame; names of its axes if it has two.
+    ``names`` are those of the values of one frame, or of its axes if it has two.
     """
 
     values: NDArray[np.float32]
@@ -40,14 +38,9 @@ class Column(NamedTuple):
 
 
 class Stream:
-    """Times, nanoseconds, and numbers of one topic, at a few bytes a number; a picture has none.
+    """Times, nanoseconds, and numbers of one topic, at a few bytes a number; a picture has none (``None``).
 
-    Args:
-        times: Times of the first items.
-        rows: Their numbers; ``None`` for a picture.
-
-    Attributes:
-        width: Numbers of an item; ``None`` before the first.
+    ``width`` is how many numbers an item has; ``None`` before the first.
     """
 
     def __init__(self, times: Iterable[int] = (), rows: Iterable[Sequence[float] | None] = ()) -> None:
@@ -58,11 +51,7 @@ class Stream:
             self.add(t_ns, row)
 
     def add(self, t_ns: int, row: Sequence[float] | None) -> None:
-        """Add an item.
-
-        Raises:
-            ValueError: It has another number of numbers than those before it.
-        """
+        """Add an item, with as many numbers as those before it."""
         numbers = row or ()
         if self.width is None:
             self.width = len(numbers)
@@ -87,22 +76,14 @@ class Stream:
 
 
 class Chunks(Stream):
-    """Times and samples of the chunks of EMG.
-
-    Attributes:
-        ends: Number of samples up to the end of each chunk.
-    """
+    """Times and samples of the chunks of EMG; ``ends`` are the numbers of samples up to the end of each."""
 
     def __init__(self) -> None:
         super().__init__()
         self.ends = array("q")
 
     def add_samples(self, t_ns: int, samples: Sequence[float], n_channels: int) -> None:
-        """Add a chunk: its samples one after the other, the channels of each together.
-
-        Raises:
-            ValueError: It has other channels than those before it, or a part of a sample.
-        """
+        """Add a chunk: its samples one after the other, the channels of each together."""
         if self.width not in {None, n_channels} or len(samples) % n_channels:
             raise ValueError(f"{len(samples)} numbers of {n_channels} channels after {self.width} channels")
         self.width = n_channels
@@ -156,10 +137,7 @@ def columns_of(
 ) -> dict[str, Column]:
     """Return the features of frames at some times, pictures left out.
 
-    Args:
-        streams: Streams by topic; each has begun by the first of the times, but for targets of the arm.
-        grid_ns: The times, nanoseconds.
-        samples: The EMG samples; ``None`` to leave them out.
+    Each stream has begun by the first time, but for targets of the arm; ``None`` leaves the EMG out.
     """
     columns: dict[str, Column] = {}
     if joints := streams.get("/hand/joints"):

@@ -35,18 +35,10 @@ _OPTIONS = {
 
 
 class Video:
-    """A video that grows by pictures.
+    """A video that grows by pictures, whose height and width, pixels, must be even.
 
-    Args:
-        fps: Frames per second.
-        height: Height of the frames, pixels, an even number.
-        width: Width of the frames, pixels, an even number.
-
-    Attributes:
-        n_bytes: Size of what has left the encoder, which keeps pictures back; the file is there only from then on.
-
-    Raises:
-        MissingExtraError: The package ``av`` is not installed.
+    ``n_bytes`` is the size of what has left the encoder, which keeps pictures back; the file is there only
+    from then on.
     """
 
     def __init__(self, path: Path, *, fps: int, height: int, width: int) -> None:
@@ -100,12 +92,7 @@ class VideoPlace:
 
 
 class EpisodeCamera:
-    """One finger's videos.
-
-    Attributes:
-        total: Colours of all pictures.
-        episode: Colours of the episode's frames.
-    """
+    """One finger's videos; ``total`` are colours of all pictures, ``episode`` of the episode's frames."""
 
     def __init__(self, folder: Path, key: str, fps: int, shape: tuple[int, int]) -> None:
         self._folder, self._key, self._fps, self._shape = folder, key, fps, shape

@@ -18,11 +18,9 @@ WINDOW_NS = 10_000_000_000
 
 
 class Offset(NamedTuple):
-    """Offset of the other machine's clock from ours.
+    """Offset of the other machine's clock from ours: theirs minus ours.
 
-    Attributes:
-        offset_ns: Their clock minus ours.
-        round_trip_ns: Round trip of the ping that this is from; the offset is wrong by at most half of it.
+    It is wrong by at most half of ``round_trip_ns``, that of the ping that it is from.
     """
 
     offset_ns: int
@@ -40,9 +38,9 @@ class Offset(NamedTuple):
 class ClockEstimate:
     """Keeps the question with the shortest way of the last ten seconds.
 
-    A question leaves us at t0, arrives at t1 and is answered at t2 on their clock, and the answer is here at t3. With
-    equal ways their clock is ahead by ((t1 - t0) + (t2 - t3))/2; a way that is longer than the other moves this by
-    half the difference.
+    A question leaves us at t0, arrives at t1 and is answered at t2 on their clock, and the answer is here at
+    t3. With equal ways their clock is ahead by ((t1 - t0) + (t2 - t3))/2; a way that is longer than the other
+    moves this by half the difference.
     """
 
     def __init__(self) -> None:
@@ -74,8 +72,7 @@ class ClockEstimate:
 class PeerClock:
     """Asks the other station's time five times a second, and answers when it asks; for any thread.
 
-    Attributes:
-        last: The newest estimate there was, also where there is none any more.
+    ``last`` is the newest estimate there was, also where there is none any more.
     """
 
     def __init__(self) -> None:

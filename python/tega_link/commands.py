@@ -22,23 +22,14 @@ _RATE_NS = 1_000_000_000
 
 
 class Commands:
-    """Checks levels for the hand, poses and switches for the arm; the station holds its lock around each call.
+    """Checks levels for the hand, poses and switches for the arm; called with the station's lock held.
 
-    Nothing is used of which it is not sure that it was sent no longer ago than the time-to-live: what has come may lie
-    here while this program stands still, so each item lapses by itself.
+    Nothing is used of which it is not sure that it was sent no longer ago than the time-to-live: what has
+    come may lie here while this program stands still, so each item lapses by itself.
 
-    Args:
-        ttl_ns: The time-to-live.
-        offset: Returns how far apart the clocks are at a time.
-        hand: Whether there is a hand.
-        tracker: Where poses go; ``None`` without an arm.
-        clock: Returns our monotonic time.
-
-    Attributes:
-        blocks: Levels for the loop.
-        route: How long commands took, by the clock's estimate.
-        n: Commands for the hand that were taken in.
-        rate_hz: Recent rate of commands.
+    ``offset`` returns how far apart the clocks are at a time. ``tracker`` is where poses go; ``None`` without
+    an arm. ``route`` is how long commands took, by the clock's estimate; ``n`` counts commands for the hand
+    that were taken in, ``rate_hz`` is their recent rate.
     """
 
     def __init__(

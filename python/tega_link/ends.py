@@ -61,9 +61,7 @@ class FarFinger(Elsewhere):
 class FarMuscles(Elsewhere):
     """The operator's EMG: levels come as a stream, samples for the recording as they can.
 
-    Args:
-        driver: Name of the way on which the levels come.
-        note: Note about their origin, for the summary.
+    ``driver`` is the way on which the levels come; ``note`` is about their origin, for the summary.
     """
 
     def __init__(
@@ -107,9 +105,8 @@ def far_muscles(source: Any, blocks: LiveStream[Intent]) -> Muscles:
 class FarHand(Elsewhere):
     """The robot's hand, seen from the operator's station: keeps the requested closure, for the link to send.
 
-    Args:
-        answered: Called with a monotonic time; returns it and when a command was first sent at or after it, ``None``
-            before that.
+    ``answered`` is called with a monotonic time; it returns it and when a command was first sent at or after
+    it, ``None`` before that.
     """
 
     label: ClassVar[str] = "at the robot's station: angles as it reports them"
@@ -143,8 +140,7 @@ class FarHand(Elsewhere):
 class FarSwitch(Elsewhere):
     """A switch that the operator holds.
 
-    Args:
-        check: Returns when it was last received, whether that is fresh, and whether it is held.
+    ``check`` returns when it was last received, whether that is fresh, and whether it is held.
     """
 
     def __init__(self, name: str, check: Callable[[], tuple[int, bool, bool]]) -> None:
@@ -170,9 +166,8 @@ class FarSwitch(Elsewhere):
 class FarTracker(Elsewhere):
     """The operator's forearm, as it was seen at the other station.
 
-    Args:
-        frame: Axes of the poses; the link refuses an operator with others.
-        driver: Name of the way on which the poses come.
+    ``frame`` is the axes of the poses: the link refuses an operator with others. ``driver`` names the way on
+    which the poses come.
     """
 
     problem = ""  # the link tells by itself what is wrong with it

@@ -22,17 +22,14 @@ _AHEAD_NS = 20_000_000
 class StampGate:
     """Checks the stamp of every message of a stream.
 
-    A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or ``reordered``
-    (its number is the newest one's, or smaller), ``no clock`` (its age is still unknown), ``old`` (it may be older
-    than the time-to-live: its age as estimated, and half the round trip as error bound) or ``ahead`` (sent after it
-    was received, by more than the error bound of the clock).
+    A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or
+    ``reordered`` (its number is the newest one's, or smaller), ``no clock`` (its age is still unknown),
+    ``old`` (it may be older than the time-to-live: its age as estimated, and half the round trip as error
+    bound) or ``ahead`` (sent after it was received, by more than the error bound of the clock).
 
-    Args:
-        ttl_ns: How old a message may be at most, truly; the clocks' drift within ten seconds is not counted.
-
-    Attributes:
-        counts: Messages refused since the start of the session, by why; ``""`` counts those that were not.
-        last: Why the newest was refused; ``""`` if it was not.
+    ``ttl_ns`` is how old a message may be at most, truly; the clocks' drift within ten seconds is not
+    counted. ``counts`` are messages since the start of the session by why they were refused, ``last`` is that
+    of the newest; ``""`` is for those that were not refused.
     """
 
     def __init__(self, *, ttl_ns: int) -> None:
@@ -70,10 +67,7 @@ class StampGate:
     def refusal(self, stamp: Stamped, now_ns: int, clock: Offset | None) -> Refusal | Literal[""]:
         """Return why a message is not used, ``""`` if it is.
 
-        Args:
-            stamp: The message.
-            now_ns: Our clock's time.
-            clock: How far apart the clocks are; ``None`` where that is not known.
+        ``clock`` is how far apart the clocks are; ``None`` where that is not known.
         """
         if stamp.session != self._session:
             return self._count("foreign")

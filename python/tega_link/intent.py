@@ -28,11 +28,8 @@ _KEPT = 1024
 class ForearmReader:
     """Reads tracker and switches; the tracker is made at once, to know its axes, and opened later.
 
-    Attributes:
-        frame: Axes of the poses; ``""`` where nothing leads an arm.
-
-    Raises:
-        ConfigError: Something leads an arm, and nothing would stop it at once.
+    ``frame`` is the axes of the poses; ``""`` where nothing leads an arm. Settings in which something leads
+    an arm, and nothing would stop it at once, raise :class:`ConfigError`.
     """
 
     def __init__(self, config: SessionConfig) -> None:
@@ -64,8 +61,7 @@ class ForearmReader:
     def facts(self, *, may_move: bool) -> dict[str, Any]:
         """Return the fields of a command besides its stamp.
 
-        Args:
-            may_move: Whether this station's run is active; without it the dead-man does not count.
+        Without ``may_move``, that this station's run is active, the dead-man does not count.
         """
         if self._source is not None:
             for pose in self._source.read(time.monotonic_ns()):
@@ -91,9 +87,7 @@ class ForearmReader:
 class IntentSender:
     """Puts the newest level, forearm and switches into commands.
 
-    Attributes:
-        hand: The robot's hand as the loop sees it; ``None`` where there is none.
-        n: Commands for the hand that were sent.
+    ``hand`` is the robot's as the loop sees it; ``None`` without. ``n`` counts commands sent for it.
     """
 
     def __init__(self, forearm: ForearmReader, stamp: Callable[[str], dict[str, Any]]) -> None:

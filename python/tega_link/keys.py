@@ -29,11 +29,7 @@ _EARLY = timedelta(hours=24)  # the machines' wall clocks need not agree better
 class StationKeys(NamedTuple):
     """One station's folder.
 
-    Attributes:
-        name: Name of the station.
-        folder: Where.
-        expires: Until when its certificate holds, UTC.
-        made: Whether it was made now, or was there already.
+    ``expires`` is until when its certificate holds, UTC; ``made`` whether it was made just now.
     """
 
     name: str
@@ -52,19 +48,9 @@ def make_keys(
 ) -> list[StationKeys]:
     """Create missing keys: the authority, and a folder for each station.
 
-    Args:
-        folder: For all of it; ``authority`` in it stays where it is, and each station's folder goes to its machine.
-        operators: Names of the operators' stations.
-        robots: Names of the robots' stations.
-        days: How long a station's certificate holds.
-        now: The time, UTC; the machine's when ``None``.
-
-    Returns:
-        Each station's.
-
-    Raises:
-        ConfigError: A name cannot be used, stands twice, or a file of a folder is missing.
-        MissingExtraError: cryptography is not installed.
+    ``authority`` in ``folder`` stays where it is; each station's folder goes to its machine. ``days`` is how
+    long a station's certificate holds, ``now`` is UTC. A name that cannot be used or stands twice, or a
+    missing file of a folder, raises :class:`ConfigError`.
     """
     require("cryptography", driver="tega-teleop net keys", extra="net")
     names = [*operators, *robots]
@@ -83,11 +69,7 @@ def make_keys(
 
 
 def expiry(folder: Path) -> datetime:
-    """Return until when a station's certificate holds, UTC.
-
-    Raises:
-        ConfigError: There is none, or it cannot be read.
-    """
+    """Return until when a station's certificate holds, UTC."""
     require("cryptography", driver="tega-teleop net keys", extra="net")
     from cryptography import x509
 
@@ -100,11 +82,7 @@ def expiry(folder: Path) -> datetime:
 
 
 def check_expiry(folder: Path, *, now: datetime | None = None) -> str:
-    """Return that a station's certificate ends soon, ``""`` if it does not.
-
-    Raises:
-        ConfigError: It has ended, or cannot be read.
-    """
+    """Return a warning that a certificate ends soon, ``""`` if not; one that has ended is an error."""
     until = expiry(folder)
     left = until - (datetime.now(UTC) if now is None else now)
     again = f"delete {folder.name} where it was made, and make a new one with: tega-teleop net keys"

@@ -22,16 +22,12 @@ _ASK_S = 1.0
 class Lead:
     """Asks the robot's station until it gives the lead; each time it was lost as a new session.
 
-    Args:
-        link: The link; it is open before anything is asked.
-        join: The request; its session number is drawn here.
-        renewed: Called when a new session begins.
-        given: Called with the robot's welcome, before the lead counts as given.
+    ``link`` must be open before anything is asked; the session number of ``join`` is drawn here.
 
     Attributes:
         session: Number of the session; 0 for none.
         has: Whether the lead is ours.
-        refusal: Why the robot's station said no, as last said; ``None`` if it did not.
+        refusal: Why the robot's station refused, by its latest answer; ``None`` if it did not.
         n: How often the lead was given.
     """
 
@@ -88,9 +84,8 @@ class Lead:
     def await_yes(self, net: NetSection, stop: Callable[[], bool]) -> None:
         """Wait for the first answer.
 
-        Raises:
-            DeviceUnavailableError: There is none, or it is no.
-            KeyboardInterrupt: ``stop`` said so.
+        None in time, or a refusal, raises :class:`DeviceUnavailableError`; ``stop`` makes it
+        :class:`KeyboardInterrupt`.
         """
         until_s = time.monotonic() + net.wait_s
         while time.monotonic() < until_s and not stop():

@@ -17,13 +17,8 @@ _SIGN_NS = 1_000_000_000
 class Leadership:
     """Gives the lead to the first who asks, until that operator's sign of life is gone; no clock, no thread.
 
-    Args:
-        operators: Names of the operators who may lead; empty means any.
-        frame: Axes in which the arm's poses are wanted; ``""`` without an arm.
-        hand: Whether there is a hand to be closed.
-
-    Attributes:
-        session: Session of the leader; 0 for none.
+    Empty ``operators`` let any lead. ``frame`` is the axes in which the arm's poses are wanted, ``""``
+    without an arm; ``session`` is the leader's, 0 for none.
     """
 
     def __init__(
@@ -112,14 +107,9 @@ class Leadership:
 class Reception:
     """Answers operators who ask to lead, and notices when one is gone.
 
-    Args:
-        lock: The station's; held while who leads changes.
-        robot: The robot's name.
-        begin: Called with a session that begins, or ``None`` when there is none any more, with the lock held.
-        notify: Called with a sentence on each event.
-
-    Attributes:
-        welcome: The message to a new leader; ``None`` before the robot can be led.
+    ``lock`` is the station's, held while who leads changes. ``begin`` is called with it held: with a session
+    that begins, or ``None`` when there is none any more. ``notify`` is called with a sentence on each event.
+    ``welcome`` is the message to a new leader; ``None`` before the robot can be led.
     """
 
     def __init__(

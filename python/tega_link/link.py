@@ -48,11 +48,9 @@ def root_key(robot: str) -> str:
 
 
 class Link(Opened):
-    """Zenoh session of this station.
+    """Zenoh session of this station; ``root`` is what all its keys begin with.
 
-    Attributes:
-        root: What all its keys begin with.
-        n_unsent: Messages that were not sent: the transport refused them, or too many waited.
+    ``n_unsent`` counts messages that were not sent: the transport refused them, or too many waited.
     """
 
     def __init__(self, net: NetSection) -> None:
@@ -70,10 +68,8 @@ class Link(Opened):
     def open(self) -> None:
         """Open the session; the other station need not be there.
 
-        Raises:
-            ConfigError: The settings do not fit, or keys are missing.
-            MissingExtraError: Zenoh is not installed.
-            DeviceUnavailableError: The address cannot be used.
+        :class:`ConfigError`: settings do not fit, or keys are missing. :class:`DeviceUnavailableError`: the
+        address cannot be used.
         """
         if self._session is not None:
             return
@@ -209,8 +205,7 @@ class Link(Opened):
 def zenoh_settings(net: NetSection) -> dict[str, Any]:
     """Return Zenoh's settings for a station, by their path.
 
-    Raises:
-        ConfigError: The link would leave this machine without keys, or a file of them is missing.
+    A link that would leave this machine without keys, or a missing file of them, raises :class:`ConfigError`.
     """
     endpoint = str(checked_net(net))
     first_ms, most_ms = _RETRY_MS

@@ -20,10 +20,8 @@ _MOST_PIXELS = 4096 * 4096
 class Stamped(msgspec.Struct, frozen=True, kw_only=True):
     """Fields that every message of a stream begins with.
 
-    Attributes:
-        session: Session of the sender: the operator's, or the robot station's.
-        sequence: Its number within stream and session, rising.
-        sent_ns: When it was sent, on the sender's monotonic clock.
+    ``session`` is the sender's: the operator's, or the robot station's. ``sequence`` rises within stream and
+    session; ``sent_ns`` is on the sender's monotonic clock.
     """
 
     session: int
@@ -34,9 +32,8 @@ class Stamped(msgspec.Struct, frozen=True, kw_only=True):
 class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
     """Command for the hand.
 
-    Attributes:
-        intent: The newest block of EMG with the level or closure that the hand is asked for, its times on the sender's
-            clock; ``None`` where nothing is known of the muscles.
+    ``intent`` is the newest block of EMG with the level or closure that the hand is asked for, its times on
+    the sender's clock; ``None`` where nothing is known of the muscles.
     """
 
     intent: Intent | None = None
@@ -58,11 +55,8 @@ class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
 class ArmMessage(Stamped, frozen=True, tag="ArmCommand", kw_only=True):
     """Command for the arm: the forearm's pose and the switches that the operator holds.
 
-    Attributes:
-        pose: The newest pose, sender's clock and tracker's axes; ``None`` before there is one.
-        dead_man: Whether the dead-man switch is held.
-        clutch: Whether the clutch is.
-        recover: Whether the button is pressed that allows to go on after a fault.
+    ``pose`` is the newest one, in the sender's clock and the tracker's axes; ``None`` before there is one.
+    ``recover`` is whether the button is pressed that allows to go on after a fault.
     """
 
     pose: PoseNumbers | None = None
@@ -112,11 +106,8 @@ class Image(Stamped, frozen=True, tag=True, kw_only=True):
 class Samples(Stamped, frozen=True, tag=True, kw_only=True):
     """Consecutive EMG samples, for the robot's recording; see ``tega.devices.EmgChunk``.
 
-    Attributes:
-        t_ns: When the last of them was complete, sender's clock.
-        first_index: Number of the first of them; a gap is a loss.
-        n_channels: How many channels.
-        samples: float64, little-endian, sample by sample.
+    ``t_ns`` is when the last was complete, sender's clock; ``first_index`` is the number of the first: a gap
+    is a loss. ``samples`` is float64, little-endian, sample by sample.
     """
 
     t_ns: int
@@ -135,7 +126,6 @@ class State(Stamped, frozen=True, tag=True, kw_only=True):
 
     Attributes:
         leader: Session of the operator who leads; 0 for none.
-        leader_name: That operator's name.
         state: State of the run; ``""`` while it is being prepared.
         reason: Why it is so.
         alerts: Present problems, one sentence each.
@@ -183,12 +173,7 @@ class Join(msgspec.Struct, frozen=True, tag=True):
 
     Attributes:
         session: A number drawn for this.
-        name: Name of the operator's station.
-        protocol: Which messages it speaks.
-        tega: Its version.
         frame: Axes of its tracker's poses; ``""`` where it has none.
-        dead_man: Whether it has a dead-man switch.
-        muscles: Whether it has EMG.
     """
 
     session: int
@@ -206,9 +191,6 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     Attributes:
         station: Session of the robot's station: another one after it was started again.
         fingers: Pictures a second of each fingertip, thumb first; 0 where that is not known.
-        hand: Whether there is a hand.
-        arm: Whether there is an arm.
-        tega: Its version.
         preset: By which readings it measures touch.
         baselines: The fingertips' untouched pictures, as PNG, where pictures are sent.
         sent_ns: When it was sent, on the robot's clock; a state from before knows nothing of it.
@@ -231,10 +213,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
 class Refused(msgspec.Struct, frozen=True, tag=True):
     """Refuses the operator the lead.
 
-    Attributes:
-        why: In words.
-        hint: What to do.
-        final: Whether asking again is of no use.
+    ``hint`` is what to do; ``final`` is whether asking again is of no use.
     """
 
     why: str
@@ -248,11 +227,7 @@ encode = msgspec.msgpack.Encoder().encode
 
 
 def decode(kind: type[_Message], data: bytes) -> _Message:
-    """Return a message of a kind.
-
-    Raises:
-        msgspec.DecodeError: It is none.
-    """
+    """Return a message of a kind."""
     decoder = _decoders.get(kind)
     if decoder is None:
         decoder = _decoders[kind] = msgspec.msgpack.Decoder(kind)

@@ -64,9 +64,8 @@ class OperatorStation(Station):
     def open(self) -> None:
         """Find the robot and take the lead.
 
-        Raises:
-            DeviceUnavailableError: The robot is not there, or another operator leads it.
-            KeyboardInterrupt: ``stop`` said so.
+        No robot, or one that another operator leads, raises :class:`DeviceUnavailableError`; ``stop`` makes
+        it :class:`KeyboardInterrupt`.
         """
         link = self._link
         link.open()
@@ -152,7 +151,7 @@ class OperatorStation(Station):
             )
 
     def missing(self) -> str:
-        """Say that the robot does not answer, or does not want us."""
+        """Return why the robot's station is out of reach, or refuses us; ``""`` while all is well."""
         if self._error:
             return self._error
         robot = self.net.robot

@@ -30,11 +30,7 @@ def open_part(context: PartContext) -> Station | None:
 
 
 def open_station(config: SessionConfig, bus: Bus, *, stop: Callable[[], bool]) -> Station:
-    """Make this station's end of the link, not opened yet.
-
-    Raises:
-        ConfigError: The settings do not fit a station.
-    """
+    """Make this station's end of the link, not opened yet."""
     net = net_of(config)
     assert net is not None
     if config.session.pace == "fast":

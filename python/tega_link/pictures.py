@@ -21,13 +21,8 @@ _LEAVE_S = 2.0
 class PictureSender:
     """Sends the newest picture of each fingertip, as often as is asked; the ones between are left out.
 
-    Args:
-        session: The robot station's.
-        quality: Quality of the JPEG, 1 to 100.
-        wanted: Whether anybody looks.
-
-    Attributes:
-        sent: Pictures so far, by finger.
+    ``session`` is the robot station's, ``quality`` that of the JPEG, 1 to 100; ``wanted`` returns whether
+    anybody looks. ``sent`` counts pictures by finger.
     """
 
     def __init__(

@@ -72,11 +72,7 @@ class RobotStation(Station):
         self._next_state_ns = 0
 
     def open(self) -> None:
-        """Wait for operators.
-
-        Raises:
-            TegaError: See :class:`tega_link.link.Link`.
-        """
+        """Wait for operators; errors are those of :class:`tega_link.link.Link`."""
         link = self._link
         link.open()
         self._send_state = link.sends("state", Channel.STATE)
@@ -176,7 +172,7 @@ class RobotStation(Station):
         return self._commands.missing(self._leader.name)
 
     def _contact(self, contact: Contact) -> None:
-        """Send what one picture says, in the loop's thread."""
+        """Send what was measured in one picture, in the loop's thread."""
         if self._start_ns is None or self._leader.session == 0:
             return
         stamp = self._stamp(self._session, contact.finger)

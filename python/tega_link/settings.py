@@ -83,12 +83,7 @@ class NetSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class Endpoint(NamedTuple):
-    """A place in the network.
-
-    Attributes:
-        scheme: ``tcp`` or ``tls``.
-        host: Name or address.
-    """
+    """A place in the network: ``scheme`` is ``tcp`` or ``tls``, ``host`` a name or address."""
 
     scheme: str
     host: str
@@ -96,11 +91,7 @@ class Endpoint(NamedTuple):
 
     @classmethod
     def read(cls, key: str, text: str) -> Endpoint:
-        """Read an endpoint, such as ``tls/192.168.1.20:7447``.
-
-        Raises:
-            ConfigError: It is none.
-        """
+        """Read an endpoint, such as ``tls/192.168.1.20:7447``; any other text raises :class:`ConfigError`."""
         scheme, slash, rest = text.partition("/")
         host, colon, port = rest.rpartition(":")
         if not colon:
@@ -132,13 +123,9 @@ class Endpoint(NamedTuple):
 
 
 def checked_net(net: NetSection) -> Endpoint:
-    """Check that the fields fit together.
+    """Check that the fields fit together; return where this station listens or connects to.
 
-    Returns:
-        Where this station listens or connects to.
-
-    Raises:
-        ConfigError: The fields do not fit, or the link would leave this machine without keys.
+    A link that would leave this machine without keys raises :class:`ConfigError`, too.
     """
     ours, others = ("connect", "listen") if net.station == "operator" else ("listen", "connect")
     text = getattr(net, ours)

@@ -32,10 +32,8 @@ from tega_link.pictures import unpacked
 def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:
     """Return a calibration that also knows what counts as full touch of a robot's fingertips.
 
-    The calibration's own values have precedence over those of the robot's station.
-
-    Raises:
-        CalibrationError: Neither side knows the full touch of a fingertip, or it was made for another preset.
+    The calibration's own values have precedence over those of the robot's station. If neither side knows that
+    of a fingertip, or it was made for another preset, :class:`CalibrationError` is raised.
     """
     known = {name: calibration.touch(name) or welcome.touch.get(name) for name in welcome.fingers}
     for name, full in known.items():
@@ -54,11 +52,7 @@ def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Cal
 
 
 class FarTouch:
-    """All fingertips of a robot.
-
-    Attributes:
-        route: How long touch was on its way, by the clock's estimate.
-    """
+    """All fingertips of a robot; ``route`` is how long touch was on its way, by the clock's estimate."""
 
     def __init__(self, robot: str, *, ttl_ns: int) -> None:
         self._robot, self._ttl_ns = robot, ttl_ns
@@ -160,7 +154,7 @@ class _RobotFinger:
         self._next = 0
 
     def take(self, t_ns: int, received_ns: int, feature: Feature, *, use_by_ns: int) -> None:
-        """Take in what one picture says."""
+        """Take in what was measured in one picture."""
         self.report.n_items += 1
         self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
         self._next = feature.sequence + 1

@@ -25,12 +25,9 @@ _FORGET_S = 2.0
 class ReceivedMarker(NamedTuple):
     """A marker that came.
 
-    Attributes:
-        at_ns: When it was set, on this machine's monotonic clock; when it came, where its stamp is of another clock.
-        received_ns: When it came, on the same.
-        text: Text of the marker; numbers are written out.
-        stamp_s: Its stamp as it came, by the sender's clock.
-        correction_s: Correction added to that stamp to get this machine's LSL clock, seconds.
+    ``at_ns`` is when it was set, on this machine's monotonic clock; when it came (``received_ns``), where its
+    stamp is of another clock. Numbers are written out in ``text``. ``stamp_s`` is by the sender's clock as it
+    came; ``correction_s`` was added to it to get this machine's LSL clock.
     """
 
     at_ns: int
@@ -41,20 +38,15 @@ class ReceivedMarker(NamedTuple):
 
 
 class LslMarkersIn:
-    """Listens in a thread of its own; a stream that is not there yet, or goes away, is looked for all the time.
+    """Listens in a thread of its own; a stream that is not there, or goes away, is looked for all the time.
 
     Two streams of one name are refused: one of them may be what an experiment that crashed has left behind.
-
-    Args:
-        receive: Called with each marker, in that thread.
+    ``receive`` is called with each marker, in that thread.
 
     Attributes:
-        problem: Problem, one sentence; ``""`` while exactly one stream is there and its stamps are plausible.
+        problem: One sentence; ``""`` while exactly one stream is there and its stamps are plausible.
         n_unstamped: Markers so far with stamps of another clock.
         correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
-
-    Raises:
-        MissingExtraError: pylsl is not installed.
     """
 
     def __init__(self, name: str, receive: Callable[[ReceivedMarker], None]) -> None:

@@ -38,21 +38,12 @@ _NUMBERS: Final = frozenset({"double", "float", "int32", "int64", "uint32", "boo
 
 
 class LslStreams:
-    """Makes a stream of each topic when its first record comes, called as the topic is: ``tega/tactile/thumb/contact``.
+    """Makes a stream of a topic when its first record comes, named as it is: ``tega/tactile/thumb/contact``.
 
-    Stamps are this machine's LSL clock at the moment of each record. Samples of EMG keep the rate that the source
-    states; all other streams have an irregular rate.
-
-    Args:
-        prefix: What every stream's name begins with.
-        backlog: Where records wait, so that a slow network delays no loop.
-        at_ns: Turns a time of the session into one of the monotonic clock.
-
-    Attributes:
-        n_pushed: Samples sent so far, by stream.
-
-    Raises:
-        MissingExtraError: pylsl is not installed.
+    Stamps are this machine's LSL clock at the moment of each record. Samples of EMG keep the rate that the
+    source states; all other streams have an irregular rate. Every stream's name begins with ``prefix``.
+    Records wait in ``backlog``, so that a slow network delays no loop. ``at_ns`` turns a time of the session
+    into one of the monotonic clock. ``n_pushed`` counts the samples sent so far, by stream.
     """
 
     def __init__(

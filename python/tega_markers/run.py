@@ -20,17 +20,12 @@ _STANDING = ("session", "trial", "state")
 
 
 class LslMarkersOut:
-    """An outlet of one text channel of irregular rate, type ``Markers``.
+    """An outlet of one text channel of irregular rate, type ``Markers``, source identifier ``tega-NAME``.
 
-    Stamps are this machine's LSL clock (``lsl_local_clock``, seconds) at the marked moment, not at that of sending;
-    on Linux that is the monotonic clock that a run counts from. Streams take a second to find each other, and earlier
-    markers are lost: a new listener gets the present states, with the times at which they began.
-
-    Args:
-        name: Name of the stream; its source identifier is ``tega-NAME``.
-
-    Raises:
-        MissingExtraError: pylsl is not installed.
+    Stamps are this machine's LSL clock (``lsl_local_clock``, seconds) at the marked moment, not at that of
+    sending; on Linux that is the monotonic clock that a run counts from. Streams take a second to find each
+    other, and earlier markers are lost: a new listener gets the present states, with the times at which they
+    began.
     """
 
     def __init__(self, name: str) -> None:
@@ -93,9 +88,6 @@ class RunMarkers:
     ``pedal:BUTTON``       when a button of the seat ``marker`` goes down
     ``touch:KIND:FINGER``  when a finger touches (``contact``), lets go (``release``), or ``touch:slip``
     =====================  ==========================================================
-
-    Raises:
-        MissingExtraError: pylsl is not installed.
     """
 
     def __init__(self, settings: MarkersSection, bus: Bus) -> None:
@@ -129,13 +121,9 @@ class RunMarkers:
         return "" if self._in is None else self._in.problem
 
     def begin(self, zero_ns: int, *, trial: str, real: bool, emg_hz: float | None = None) -> None:
-        """Begin, at the start of the session or just after.
+        """Begin, at the start of the session or just after: at ``zero_ns`` on its clock.
 
-        Args:
-            zero_ns: The start on the session's clock.
-            trial: Name of the trial that begins.
-            real: Whether that is the monotonic clock.
-            emg_hz: Samples a second of the EMG source, where there is one that says so.
+        ``real`` is whether that is the monotonic clock; ``emg_hz`` the EMG's rate, where it is known.
         """
         with self._lock:
             self._counts_real, self._zero_ns = real, zero_ns

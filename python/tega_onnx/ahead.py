@@ -21,17 +21,14 @@ _MOST_WAITING: Final = 8
 class Ahead:
     """Gives at each time the result for the newest input that is at least a fixed delay old.
 
-    The result of an input may be used as soon as it is ``delay_ms`` old, and has to be ready by then on the clock as
-    well. In real time the loop does not wait; a recording that is computed faster waits for the computation alone.
-    Both give the same numbers, unless a computation takes longer than the delay; its result then counts as missing.
+    The result of an input may be used as soon as it is ``delay_ms`` old, and has to be ready by then on the
+    clock as well. In real time the loop does not wait; a recording that is computed faster waits for the
+    computation alone. Both give the same numbers, unless a computation takes longer than the delay; its
+    result then counts as missing.
 
-    Args:
-        compute: Returns the result of an input, float64 (outputs,); called in the thread.
-        first: Result until the first input is old enough.
-        every_ms: Least time from one input to the next; those between are not computed.
-
-    Attributes:
-        problem: Last error of a computation; ``""`` for none.
+    ``compute`` returns the result of an input, float64 (outputs,), and is called in the thread; ``first`` is
+    the result until the first input is old enough. Inputs less than ``every_ms`` after the last are not
+    computed. ``problem`` is the last error of a computation; ``""`` for none.
     """
 
     def __init__(

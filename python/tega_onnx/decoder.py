@@ -32,11 +32,7 @@ class OnnxDecoderOptions(StageOptions, frozen=True):
 
 
 class OnnxDecoder(Decoder):
-    """Closure by a model, once every ``step`` samples; late results and faulty channels hold the closure.
-
-    Raises:
-        ConfigError: Model or card is missing, damaged, or made for other muscles.
-    """
+    """Closure by a model, once every ``step`` samples; late results and faulty channels hold the closure."""
 
     summary: ClassVar[str] = "closure by an ONNX model"
     options_type: ClassVar[type[StageOptions]] = OnnxDecoderOptions

@@ -39,11 +39,7 @@ class OnnxMetricOptions(LiveOptions, frozen=True):
 
 
 class OnnxMetric(LiveMetric):
-    """The live metric, with the outputs of a model as named values: those of a picture ``delay_ms`` before.
-
-    Raises:
-        ConfigError: Model or card is missing, damaged, or does not fit.
-    """
+    """The live metric, with a model's outputs as named values: those of a picture ``delay_ms`` before."""
 
     summary: ClassVar[str] = "live, with the outputs of an ONNX model as named values"
     options_type: ClassVar[type[StageOptions]] = OnnxMetricOptions

@@ -28,7 +28,6 @@ class PictureInput(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
 
     Attributes:
         height: Rows; the picture is averaged down to them.
-        width: Columns.
         difference: Whether the untouched picture is subtracted.
         mean: Subtracted from each colour, grey values.
         scale: Each colour is divided by it, grey values.
@@ -44,11 +43,7 @@ class PictureInput(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
 class EmgInput(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="emg"):
     """Input of a decoder's model: float32 (1, channels, window), samples as shares of the calibrated maxima.
 
-    Attributes:
-        channels: Number of channels.
-        rate_hz: Samples a second of one channel.
-        window: Samples of one input.
-        step: Samples from one input to the next.
+    ``rate_hz`` is a channel's, ``window`` the samples of one input, ``step`` those from one to the next.
     """
 
     channels: Annotated[int, msgspec.Meta(ge=1, le=64)]
@@ -63,7 +58,6 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     Attributes:
         sha256: Hash of the model's file.
         licence: Licence of the model, such as ``Apache-2.0``.
-        input: Its input.
         outputs: Units of its outputs by name, in their order.
         made: Data and method of the training, in words.
     """
@@ -76,11 +70,7 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 def read_card(path: Path) -> Card:
-    """Read a card.
-
-    Raises:
-        ConfigError: It cannot be read, or a field is missing or wrong.
-    """
+    """Read and check a card."""
     try:
         return msgspec.convert(parse_toml(read_words(path, error=ConfigError)), Card)
     except (OSError, ValueError) as error:
@@ -93,12 +83,7 @@ def read_card(path: Path) -> Card:
 
 
 class OnnxModel:
-    """A model that has been checked against its card; runs on one core.
-
-    Raises:
-        ConfigError: A file cannot be read, is another one than the card names, or does not fit it.
-        MissingExtraError: onnxruntime is not installed.
-    """
+    """A model that has been checked against its card; runs on one core."""
 
     def __init__(self, model: Path, card: Path, kind: type[PictureInput] | type[EmgInput]) -> None:
         runtime: Any = require("onnxruntime", driver="onnx", extra="onnx")
@@ -141,8 +126,7 @@ class OnnxModel:
     def run(self, given: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the outputs for an input, float64 (outputs,).
 
-        Raises:
-            ConfigError: The model fails, or gives another number of outputs, or one that is not finite.
+        Another number of outputs, or one that is not finite, raises :class:`ConfigError` as a failure does.
         """
         try:
             made = np.concatenate(

@@ -60,15 +60,14 @@ class Movement(NamedTuple):
 
     Attributes:
         distance: Between the centres asked for, closure.
-        width: Width of the target.
-        centre: Centre of the target.
         start: Closure when the target appeared.
         entry: Closure at the entry after which the cursor stayed; where it was not hit, the last closure.
         endpoint: Closure when the dwell was over; ``None`` where time ran out.
         time_s: From the target's appearing to that entry, or to the end of the time.
         path: Length of the cursor's path in that time, closure.
         overshoots: Times that the cursor left the target again.
-        inside_at_start: Whether the cursor was in the target from the start: nothing to move, so it does not count.
+        inside_at_start: Whether the cursor was in the target from the start: nothing to move, so it does not
+            count.
     """
 
     distance: float
@@ -87,15 +86,10 @@ class FittsCondition(msgspec.Struct, frozen=True, kw_only=True):
     """Figures of one distance and width; the module's docstring has the equations.
 
     Attributes:
-        distance: D.
-        width: W.
-        id_bits: ID.
-        effective_distance: De; ``None`` with fewer than two hits.
-        effective_width: We; likewise.
-        effective_id_bits: IDe; likewise.
+        effective_distance: De; ``None`` with fewer than two hits, as the next two.
+        effective_width: We.
+        effective_id_bits: IDe.
         movement_time_s: Mean time of the hits; ``None`` without any.
-        throughput_bits_s: TP.
-        completed: Hits.
         movements: Movements that count.
     """
 
@@ -134,11 +128,7 @@ class FittsScore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def index_of_difficulty(distance: float, width: float) -> float:
-    """Return log2(distance / width + 1), bits.
-
-    Raises:
-        InvalidValueError: The width is not above 0, or the distance is negative.
-    """
+    """Return log2(distance / width + 1), bits; the width must be above 0, the distance not negative."""
     if not width > 0 or not distance >= 0:
         raise InvalidValueError(
             f"distance = {distance:g} has to be at least 0 and width = {width:g} closure has to be above 0"
@@ -147,15 +137,11 @@ def index_of_difficulty(distance: float, width: float) -> float:
 
 
 def fitts_score(movements: Sequence[Movement], *, cursor_step: float) -> FittsScore:
-    """Score a test's movements.
+    """Score a test's movements; what began inside its target is left out.
 
-    Args:
-        movements: Those that were asked for to be counted; what began inside its target is left out.
-        cursor_step: Closure between two neighbouring places of the cursor: 0.25 for five levels; for a closure the
-            resolution of the display, 0.01.
-
-    Raises:
-        InvalidValueError: No movement counts, or ends without scatter have no step either.
+    ``cursor_step`` is the closure between two neighbouring places of the cursor: 0.25 for five levels; for a
+    closure the resolution of the display, 0.01. No movement that counts, or ends without scatter that have no
+    step either, raise :class:`InvalidValueError`.
     """
     counted = [one for one in movements if not one.inside_at_start]
     if not counted:

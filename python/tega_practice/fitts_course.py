@@ -16,12 +16,7 @@ _ROUNDING: Final = 1e-9
 
 
 class Target(NamedTuple):
-    """Stretch of closure to be hit.
-
-    Attributes:
-        centre: Its middle, 0 to 1.
-        width: From end to end.
-    """
+    """Stretch of closure to be hit: its middle, 0 to 1, and its width from end to end."""
 
     centre: float
     width: float
@@ -44,9 +39,8 @@ class Target(NamedTuple):
 class FittsMovement(NamedTuple):
     """One movement as it is asked for.
 
-    Attributes:
-        distance: From the last target's centre, closure.
-        counts: Whether it is scored; the first of a condition only leads to where that begins.
+    ``distance`` is from the last target's centre, closure. ``counts`` is whether it is scored; the first of a
+    condition only leads to where that begins.
     """
 
     target: Target
@@ -55,11 +49,7 @@ class FittsMovement(NamedTuple):
 
 
 def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
-    """Return the movements of a test: each condition to and fro, the conditions in an order of chance.
-
-    Raises:
-        InvalidValueError: There are no movements.
-    """
+    """Return the movements of a test: each condition to and fro, the conditions in an order of chance."""
     if movements < 1:
         raise InvalidValueError(f"movements = {movements} of a condition has to be at least 1")
     return [
@@ -70,11 +60,7 @@ def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
 
 
 class FittsCourse:
-    """A test that goes on.
-
-    Attributes:
-        movements: Those that were made so far and count, oldest first.
-    """
+    """A test that goes on; ``movements`` are those that were made so far and count, oldest first."""
 
     def __init__(
         self, requested: Sequence[FittsMovement], *, dwell_s: float = DWELL_S, timeout_s: float = TIMEOUT_S
@@ -109,15 +95,7 @@ class FittsCourse:
         return len(self._requested) - self._n
 
     def take(self, t_s: float, closure: float) -> None:
-        """Take the cursor's next place.
-
-        Args:
-            t_s: Its time, after the last one's.
-            closure: 0 to 1.
-
-        Raises:
-            InvalidValueError: Time stood still or went back, or the closure is none.
-        """
+        """Take the cursor's next place; its time must be after the last one's, the closure 0 to 1."""
         if not 0 <= closure <= 1 or not math.isfinite(t_s):
             raise InvalidValueError(f"closure = {closure:g} at {t_s:g} s is not within 0 to 1")
         if self._last is not None and t_s <= self._last[0]:

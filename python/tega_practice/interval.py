@@ -13,13 +13,9 @@ from tega.runtime.scientific import scipy_stats
 
 
 class Interval(msgspec.Struct, frozen=True, kw_only=True):
-    """Mean with its 95 % interval.
+    """Mean over ``n`` units with its 95 % interval.
 
-    Attributes:
-        mean: Over the units.
-        low: Lower end; ``None`` with one unit, which says nothing of how units differ.
-        high: Upper end.
-        n: Number of units.
+    The ends are ``None`` with one unit, which says nothing of how units differ.
     """
 
     mean: float
@@ -65,11 +61,8 @@ def with_first(
 ) -> dict[str, tuple[Interval, Interval | None]]:
     """Return each name's mean over its units, and its difference from the first name over the units of both.
 
-    Args:
-        values: Value of each unit, by name; names without units are left out.
-
-    Returns:
-        The difference is ``None`` for the first name, and without common units.
+    ``values`` has the value of each unit, by name; names without units are left out. The difference is
+    ``None`` for the first name, and without common units.
     """
     found = {}
     first = next(iter(values), "")

@@ -26,7 +26,6 @@ class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
     """Result of a Fitts test: the headline, and every movement, from which all figures can be had again.
 
     Attributes:
-        person: Participant ID.
         preset: Rules of the levels.
         decoder: Name of the decoder; with the rules, the preset's too.
         options: Its options, as JSON.
@@ -34,12 +33,10 @@ class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
         dwell_s: So long the cursor had to stay.
         timeout_s: After so long the next target came.
         cursor_step: Closure between neighbouring places of the cursor.
-        throughput_bits_s: Mean over the conditions.
         completion_percent: Movements that hit.
         path_efficiency_percent: Path efficiency of the hits; left out without any.
-        overshoots: Per movement.
-        movements: A row a movement: distance, width, centre, start, entry, end-point (-1: none), time_s, path,
-            overshoots, 1 where it began inside its target.
+        movements: A row a movement: distance, width, centre, start, entry, end-point (-1: none), time_s,
+            path, overshoots, 1 where it began inside its target.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -63,11 +60,7 @@ class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
     movements: tuple[tuple[float, ...], ...]
 
     def score(self) -> FittsScore:
-        """Return the figures of the movements.
-
-        Raises:
-            CalibrationError: A row is not one of a movement.
-        """
+        """Return the figures of the movements; a row of no movement raises :class:`CalibrationError`."""
         return fitts_score([_moved(row) for row in self.movements], cursor_step=self.cursor_step)
 
 
@@ -108,11 +101,7 @@ def keep_record(record: FittsRecord | VestSkillRecord, folder: CalibrationFolder
 
 
 def kept_records(kind: type[_Kept], folder: CalibrationFolder, person: str | None = None) -> list[_Kept]:
-    """Return the results of a person, or of everybody, oldest first.
-
-    Raises:
-        CalibrationError: A file is damaged.
-    """
+    """Return the results of a person, or of everybody, oldest first."""
     who = "*" if person is None else folder.person(person).name
     files = sorted(folder.path.glob(f"people/{who}/{_place(kind)}/*.toml"))
     return sorted((read_record(file, kind) for file in files), key=lambda record: record.made)
@@ -127,14 +116,11 @@ class DecoderSkill(msgspec.Struct, frozen=True, kw_only=True):
     """Skill with one decoder, beside that with the first one named.
 
     Attributes:
-        decoder: Its name.
         person: Participant ID; ``None``: over people.
-        tests: How many tests.
         unit: Unit of the intervals: ``conditions`` of one person, or ``people``.
-        throughput_bits_s: Mean and interval.
         completion: Share of movements, mean over the tests.
         path_efficiency: Mean over the tests; ``None`` without a hit.
-        overshoots: A movement, likewise.
+        overshoots: A movement, mean over the tests.
         difference_bits_s: Throughput less that of the first decoder, paired by unit; ``None`` for the first.
     """
 
@@ -152,12 +138,8 @@ class DecoderSkill(msgspec.Struct, frozen=True, kw_only=True):
 def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -> list[DecoderSkill]:
     """Compare decoders: within each person over the conditions, and over people where there are two or more.
 
-    Args:
-        records: Results.
-        decoders: Names of the decoders; the others are compared with the first. None means all, by name.
-
-    Raises:
-        CalibrationError: There is no result.
+    The decoders named are compared with the first of them; none named means all, by name. No result raises
+    :class:`CalibrationError`.
     """
     if not records:
         raise CalibrationError("no Fitts test was kept", "tega-teleop emg fitts SETTINGS.toml --person ID")
@@ -208,9 +190,7 @@ class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
     """Error of force tracking with one decoder.
 
     Attributes:
-        decoder: Its name.
         person: Participant ID; ``None``: over people.
-        practices: How many.
         unit: Unit of the intervals: ``practices`` of one person, or ``people``.
         rms_error_levels: Root of the mean square of level less curve, mean over the units.
         in_target: Share of the time on the level asked for, mean over the practices.
@@ -229,9 +209,8 @@ class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
 def compare_tracked(records: Sequence[PracticeRecord], decoders: Sequence[str] = ()) -> list[TrackingSkill]:
     """Compare decoders: within each person over practices, and over people where there are two or more.
 
-    Args:
-        records: Practices; those of earlier versions, without a decoder, are passed over.
-        decoders: Names of the decoders; the others are compared with the first. None means all, by name.
+    Records of earlier versions, without a decoder, are passed over. The decoders named are compared with the
+    first of them; none named means all, by name.
     """
     found = []
     for person, practices in by_person([one for one in records if one.decoder], decoders):

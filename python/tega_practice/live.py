@@ -43,23 +43,12 @@ def fitts_test(
 ) -> tuple[FittsRecord, FittsScore, Path]:
     """Let a calibrated person hit targets with the closure that the decoder makes of the muscles.
 
-    Args:
-        config: The settings, with ``calibration.person``.
-        guide: Shows.
-        movements: That count, of each distance and width.
-        dwell_s: So long the cursor has to stay in a target.
-        timeout_s: After so long the next target comes anyway.
-        seed: Seed of the order.
-        settings: How the settings file is named in the commands that are suggested.
-
-    Returns:
-        The saved record, its figures, and its path.
-
-    Raises:
-        ConfigError: The settings have no EMG.
-        CalibrationError: The person is not calibrated on this source.
-        DeviceUnavailableError: The source went away, or sends nothing.
-        InvalidValueError: No movement counts.
+    ``config`` has ``calibration.person``. ``movements`` count, of each distance and width; the cursor has to
+    stay in a target for ``dwell_s``, and after ``timeout_s`` the next one comes anyway. ``seed`` is that of
+    the order; ``settings`` is how the settings file is named in the commands that are suggested. Returns the
+    saved record, its figures, and its path. A person who is not calibrated on this source raises
+    :class:`CalibrationError`, a source that went away or sends nothing :class:`DeviceUnavailableError`, a
+    test in which no movement counts :class:`InvalidValueError`.
     """
     person, folder = whose(config.calibration)
     course = FittsCourse(fitts_plan(seed, movements=movements), dwell_s=dwell_s, timeout_s=timeout_s)

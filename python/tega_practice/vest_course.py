@@ -37,14 +37,10 @@ _SETTLING = 2
 
 
 class TwoDownOneUp:
-    """Makes a difference smaller after two right answers and larger after a wrong one: it settles where 71 % are right.
+    """Makes a difference smaller after two right answers and larger after a wrong one.
 
-    Attributes:
-        difference: The next one to ask about.
-        n_asked: Questions answered so far.
-
-    Raises:
-        InvalidValueError: The differences are not positive, or not in order.
+    It settles where 71 % are right. ``difference`` is the next one to ask about, ``n_asked`` the number of
+    questions answered. ``least``, ``start`` and ``most`` must be positive and in order.
     """
 
     def __init__(self, *, start: float, least: float, most: float) -> None:
@@ -76,11 +72,7 @@ class TwoDownOneUp:
         return math.exp(sum(map(math.log, turns)) / len(turns)) if len(turns) >= 2 else None
 
     def answer(self, *, right: bool) -> None:
-        """Take the answer to the question about ``difference``.
-
-        Raises:
-            InvalidValueError: It has ended.
-        """
+        """Take the answer to the question about ``difference``; not after the end."""
         if self.ended:
             raise InvalidValueError("the staircase has ended: there is no question to answer")
         self.n_asked += 1
@@ -112,23 +104,15 @@ def learn_vest(
     test_only: bool = False,
     clock: Clock | None = None,
 ) -> tuple[VestSkillRecord, Path]:
-    """Teach and test a person, and keep the score.
+    """Teach and test a person; return the score, and where it is kept.
 
-    The lesson covers only differences that the mapping shows: other questions are not asked. Practice goes on until
-    four answers in a row are right, twelve questions at most; a staircase finds the smallest perceptible difference
-    of firmness. The test gives no feedback on answers.
+    The lesson covers only differences that the mapping shows: other questions are not asked. Practice goes on
+    until four answers in a row are right, twelve questions at most; a staircase finds the smallest
+    perceptible difference of firmness. The test gives no feedback on answers.
 
-    Args:
-        config: The settings, with ``calibration.person``.
-        vest: The open vest, with the rest of the person's dose for the day.
-        guide: Shows and asks.
-        questions: How many the test has, at least two for each thing that can be shown.
-        seed: Seed of the order.
-        test_only: Leave out lesson, practice and staircase.
-        clock: Time.
-
-    Returns:
-        The score, and where it is kept.
+    ``config`` has ``calibration.person``; ``vest`` is open, with the rest of the person's dose for the day.
+    ``questions``, those of the test, are at least two for each thing that can be shown; ``seed`` is that of
+    their order. With ``test_only``, lesson, practice and staircase are left out.
 
     Raises:
         Undecided: No participant is there to answer.

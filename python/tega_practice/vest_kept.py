@@ -10,14 +10,7 @@ from tega.errors import CalibrationError
 
 
 class AspectScore(NamedTuple):
-    """Answers to one kind of question.
-
-    Attributes:
-        aspect: Aspect of touch in question.
-        asked: How many.
-        right: Share of right answers, 0 to 1.
-        chance: Share that guessing gives.
-    """
+    """Answers to one kind of question: ``right`` is their share, 0 to 1, ``chance`` that of guessing."""
 
     aspect: str
     asked: int
@@ -31,14 +24,11 @@ class VestSkillRecord(
     """Result of a test of the vest, and of the staircase before it.
 
     Attributes:
-        person: Participant ID.
-        mapping: Name of the mapping.
-        options: Its options, as JSON.
-        seed: Seed of the order.
+        options: The mapping's options, as JSON.
         right_percent: Right answers of the test.
         chance_percent: What guessing gives.
-        difference_percent: Difference of firmness that is perceived in 71 % of pairs, of the maximum; left out if the
-            staircase did not settle, or was not run.
+        difference_percent: Difference of firmness that is perceived in 71 % of pairs, of the maximum; left
+            out if the staircase did not settle, or was not run.
         dose_s: What lesson and test used of the day of the most driven motor, seconds of full drive.
         answers: A row a question of the test: aspect, shown cue, answer, number of choices.
     """
@@ -61,11 +51,7 @@ class VestSkillRecord(
     answers: tuple[tuple[str, str, str, int], ...]
 
     def scores(self) -> list[AspectScore]:
-        """Return the score of each aspect, in the order of their first questions.
-
-        Raises:
-            CalibrationError: There is no answer.
-        """
+        """Return the score of each aspect, in the order of their first questions; there must be an answer."""
         if not self.answers:
             raise CalibrationError("the record has no answer", "do the test again")
         aspects = dict.fromkeys(row[0] for row in self.answers)

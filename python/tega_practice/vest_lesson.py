@@ -33,13 +33,8 @@ class TaughtTouch(NamedTuple):
 class Cue(NamedTuple):
     """One contact that a person learns to recognize.
 
-    Attributes:
-        key: Key to type for it.
-        words: Description.
-        finger: Which finger touches.
-        press: How, to begin with.
-        then: How from the middle on.
-        slips: Whether the object slips in the middle.
+    ``key`` is the key to type for it. The finger touches as ``press`` to begin with and as ``then`` from the
+    middle on, where the object also slips if ``slips``.
     """
 
     key: str
@@ -123,17 +118,11 @@ def all_aspects(fingers: Sequence[str]) -> tuple[Aspect, ...]:
 
 
 class Lesson:
-    """Plays cues on a vest by the mapping of some settings.
+    """Plays cues on a vest by the mapping of some settings, whose threshold and step are the person's.
 
-    Args:
-        config: The settings; threshold and step of the vest are the person's.
-
-    Attributes:
-        aspects: Aspects of touch that the mapping shows differently, and questions can cover.
-
-    Raises:
-        ConfigError: The mapping shows a value that only a real metric measures, such as a force.
-        CalibrationError: The mapping shows nothing differently.
+    ``aspects`` are those of touch that the mapping shows differently, and questions can cover; none raises
+    :class:`CalibrationError`. A mapping that shows a value that only a real metric measures, such as a force,
+    raises :class:`ConfigError`.
     """
 
     def __init__(self, config: SessionConfig, vest: VestSink, clock: Clock | None = None) -> None:
@@ -158,10 +147,8 @@ class Lesson:
     def play(self, displayed: Cue) -> None:
         """Play a cue, 2.6 s; the vest is silent after it, however it ends.
 
-        Raises:
-            DeviceUnavailableError: The vest went away.
-            CalibrationError: Motors are warm, or the person's dose of the day is nearly used up: the vest would be
-                weaker than commanded, and teach something wrong.
+        Where motors are warm, or the person's dose of the day is nearly used up, :class:`CalibrationError` is
+        raised: the vest would be weaker than commanded, and teach something wrong.
         """
         lowered = self._lowered()
         with self.silence():

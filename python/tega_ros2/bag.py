@@ -24,19 +24,12 @@ _VERSION = 9
 
 @reports_damage
 def export_bag(path: Path, folder: Path) -> Path:
-    """Write one recording as a bag.
+    """Write one recording as a bag; its folder must not exist yet.
 
-    Topics have the recording's names. Viewers' schemas become standard messages, TEGA's own records become messages
-    of ``tega_msgs``; the bag holds their definitions, with units as comments. Messages are in the order and have the
-    log times of the recording; headers have the time of the record.
-
-    Args:
-        path: The recording.
-        folder: Folder of the bag, which does not exist yet.
-
-    Raises:
-        RecordingError: The recording cannot be read, or a message has no form in ROS 2; no bag is left behind.
-        MissingExtraError: A package of the extra ``ros2`` is not installed.
+    Topics have the recording's names. Viewers' schemas become standard messages, TEGA's own records become
+    messages of ``tega_msgs``; the bag holds their definitions, with units as comments. Messages are in the
+    order and have the log times of the recording; headers have the time of the record. A message that has no
+    form in ROS 2 raises :class:`RecordingError`; no bag is left behind.
     """
     bags = load_rosbags("rosbag2")
     reader = McapReader(path)

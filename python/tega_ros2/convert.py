@@ -17,13 +17,7 @@ _LOG_LEVELS: Final = (0, 10, 20, 30, 40, 50)
 
 
 class Converted(NamedTuple):
-    """One ROS 2 message.
-
-    Attributes:
-        topic: Its topic.
-        kind: Its type, such as ``sensor_msgs/msg/JointState``.
-        value: Message of rosbags.
-    """
+    """One ROS 2 message; ``kind`` is its type, as ``sensor_msgs/msg/JointState``, ``value`` rosbags' own."""
 
     topic: str
     kind: str
@@ -33,9 +27,8 @@ class Converted(NamedTuple):
 class Converter:
     """Converts the messages of one recording or run.
 
-    Attributes:
-        definitions: Message types that were used so far.
-        epoch_ns: As given; a run that has just begun sets it with its first record.
+    ``definitions`` are the message types that were used so far; a run that has just begun sets ``epoch_ns``
+    with its first record.
     """
 
     def __init__(self, source: str, epoch_ns: int) -> None:
@@ -53,11 +46,7 @@ class Converter:
         }
 
     def convert(self, message: Message) -> list[Converted]:
-        """Return the ROS 2 messages of a message: itself, then those that standard tools display beside it.
-
-        Raises:
-            RecordingError: It has no form in ROS 2.
-        """
+        """Return the ROS 2 messages of a message: itself, then those that standard tools show beside it."""
         standard = self._standard.get(message.schema)
         if standard is not None:
             return [Converted(message.topic, *standard(message))]

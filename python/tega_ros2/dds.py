@@ -42,11 +42,7 @@ def _sample_of(kind: Any, /, data: bytes, **_how: Any) -> Any:
 
 
 def domain_id(environment: Mapping[str, str] = os.environ) -> int:
-    """Return the number of ``ROS_DOMAIN_ID``, 0 where it is not set.
-
-    Raises:
-        ConfigError: It is no number of a domain.
-    """
+    """Return the number of ``ROS_DOMAIN_ID``, 0 where it is not set; no number is a :class:`ConfigError`."""
     text = environment.get("ROS_DOMAIN_ID", "") or "0"
     if not (text.isascii() and text.isdecimal() and len(text) < 4 and int(text) <= _MOST_DOMAIN):
         raise ConfigError(
@@ -74,10 +70,7 @@ def dds_topic(topic: str) -> str:
 class Received(NamedTuple):
     """One message that was received.
 
-    Attributes:
-        cdr: Its bytes.
-        sender: Identity of the program that published it.
-        sent_ns: When it was published by the clock of its publisher, nanoseconds since 1970.
+    ``sender`` is the identity of the program that published it; ``sent_ns`` is by its clock, since 1970.
     """
 
     cdr: bytes
@@ -86,13 +79,7 @@ class Received(NamedTuple):
 
 
 class DdsNode:
-    """A participant of the domain, with writers and readers of ROS 2's messages.
-
-    Raises:
-        ConfigError: ``ROS_DOMAIN_ID`` is no number of a domain.
-        DeviceUnavailableError: The domain cannot be joined.
-        MissingExtraError: A package of the extra ``ros2`` is not installed.
-    """
+    """A participant of the domain, with writers and readers of ROS 2's messages."""
 
     def __init__(self, definitions: Definitions) -> None:
         self._definitions, self._types = definitions, dict[str, Any]()
@@ -142,12 +129,9 @@ class DdsNode:
         self.type(kind).__idl__.fill_type_data()
 
     def writer(self, topic: str, kind: str, *, sensor: bool) -> Any:
-        """Return a writer of a topic.
+        """Return a writer of a topic, named and typed as in ROS 2, such as ``/hand/joints``.
 
-        Args:
-            topic: Name in ROS 2, such as ``/hand/joints``.
-            kind: Type in ROS 2.
-            sensor: If true, QoS of sensor data (best effort, depth 5); else reliable, depth 10.
+        If ``sensor``, its QoS is that of sensor data (best effort, depth 5); else reliable, depth 10.
         """
         qos = self._endpoint(kind, reliable=not sensor, depth=_SENSOR_DEPTH if sensor else _DEPTH)
         return self._pub.DataWriter(self._participant, self._topic(topic, kind), qos=qos)

@@ -37,11 +37,7 @@ _MESSAGE: Final = re.compile(r"[A-Z][A-Za-z0-9]*")
 
 
 def load_rosbags(module: str) -> Any | ModuleType:
-    """Import a module of rosbags.
-
-    Raises:
-        MissingExtraError: It is not installed.
-    """
+    """Import a module of rosbags."""
     return require(f"rosbags.{module}", driver="ros2", extra="ros2")
 
 
@@ -66,12 +62,8 @@ class Definitions:
     def own(self, descriptor: Any, *, header: bool = True) -> str:
         """Return the ROS type of a protobuf message of TEGA's own, defined at its first use.
 
-        Args:
-            descriptor: Its descriptor.
-            header: Whether it has a header; a part of another message has none.
-
-        Raises:
-            RecordingError: Names or types that ROS 2 does not have, or two messages of one name.
+        A part of another message has no ``header``. Names or types that ROS 2 does not have, or two messages
+        of one name, raise :class:`RecordingError`.
         """
         name = descriptor.name
         if not _MESSAGE.fullmatch(name):

@@ -31,10 +31,8 @@ _KINDS: Final = {"hand": "sensor_msgs/msg/JointState", "arm": "geometry_msgs/msg
 class Ros2Part(Part):
     """Takes commands by DDS, in a thread of its own, and hands them to the loop.
 
-    The program that commands first leads until it leaves. Its dead-man and clutch are the settings' own inputs.
-
-    Raises:
-        ConfigError: Another table lets clients lead the same.
+    The program that commands first leads until it leaves. Its dead-man and clutch are the settings' own
+    inputs.
     """
 
     def __init__(self, context: PartContext, table: Ros2Table) -> None:
@@ -60,12 +58,7 @@ class Ros2Part(Part):
         self._thread: threading.Thread | None = None
 
     def open(self) -> None:
-        """Subscribe, and print the topics.
-
-        Raises:
-            DeviceUnavailableError: The domain cannot be joined.
-            MissingExtraError: A package of the extra ``ros2`` is not installed.
-        """
+        """Subscribe, and print the topics."""
         node = DdsNode(self._definitions)
         readers = {name: node.reader(topic, _KINDS[name]) for name, topic in self._topics.items() if topic}
         where = f"domain {node.domain_id}" + (", this machine" if loopback_only() else "")

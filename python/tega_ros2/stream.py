@@ -29,13 +29,11 @@ _SENSOR_KINDS: Final = frozenset({"sensor_msgs/msg/CompressedImage", "sensor_msg
 class Ros2Stream:
     """Publishes a run's records as ROS 2 does; use as a context manager.
 
-    Pictures have the QoS of sensor data (best effort), everything else ROS 2's default (reliable, volatile, depth 10).
-    A record waits in a queue for a thread of its own; the oldest is dropped when the queue is full, and a message is
-    dropped that a subscriber does not acknowledge in time.
-
-    Attributes:
-        url: The domain; empty while closed.
-        n_dropped: Messages that were dropped for slow subscribers; records that were dropped before, when closed.
+    Pictures have the QoS of sensor data (best effort), everything else ROS 2's default (reliable, volatile,
+    depth 10). A record waits in a queue for a thread of its own; the oldest is dropped when the queue is
+    full, and a message is dropped that a subscriber does not acknowledge in time. ``url`` is the domain,
+    empty while closed; ``n_dropped`` counts messages that were dropped for slow subscribers and, when closed,
+    the records dropped before.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -48,13 +46,7 @@ class Ros2Stream:
         self.url, self.n_dropped = "", 0
 
     def __enter__(self) -> Self:
-        """Join the domain and subscribe to the run.
-
-        Raises:
-            ConfigError: ``ROS_DOMAIN_ID`` is no number of a domain.
-            DeviceUnavailableError: The domain cannot be joined.
-            MissingExtraError: A package of the extra ``ros2`` is not installed.
-        """
+        """Join the domain and subscribe to the run; errors are those of :class:`tega_ros2.dds.DdsNode`."""
         converter = Converter("ros2", 0)
         definitions = converter.definitions
         definitions.set_units(unit_table())

@@ -28,11 +28,9 @@ _AHEAD_NS: Final = 20_000_000
 def hand_closure(message: Any, scale: ClosureScale) -> float:
     """Return the closure that a ``JointState`` asks for, 0 to 1.
 
-    It names either ``closure`` alone or all joints of the hand, in any order, rad. Joint angles are clipped to the
-    hand's limits, and the closure is that of the nearest pose between open and closed.
-
-    Raises:
-        MessageError: Names or lengths do not fit, or a value is not finite or far outside.
+    It names either ``closure`` alone or all joints of the hand, in any order, rad. Joint angles are clipped
+    to the hand's limits, and the closure is that of the nearest pose between open and closed. Names or
+    lengths that do not fit, or a value not finite or far outside, raise :class:`MessageError`.
     """
     names, position = list(message.name), np.asarray(message.position, np.float64)
     if len(position) != len(names):
@@ -64,8 +62,7 @@ def hand_closure(message: Any, scale: ClosureScale) -> float:
 def arm_pose(message: Any) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Return position, m, and orientation, a unit quaternion x, y, z, w, of a ``PoseStamped``.
 
-    Raises:
-        MessageError: A value is not finite or far outside, or the quaternion has not unit length.
+    A value not finite or far outside, or another length, raises :class:`MessageError`.
     """
     place, turn = message.pose.position, message.pose.orientation
     position, quaternion = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
@@ -81,13 +78,8 @@ def arm_pose(message: Any) -> tuple[tuple[float, float, float], tuple[float, flo
 def age_ns(message: Any, *, sent_ns: int, now_ns: int) -> int:
     """Return the age of a message by its header, or by when it was published where the header has no time.
 
-    Args:
-        message: A message with a header.
-        sent_ns: When it was published, nanoseconds since 1970, by the publisher's clock.
-        now_ns: The time of day, nanoseconds since 1970.
-
-    Raises:
-        MessageError: Its time is ahead of this machine's.
+    Both times are since 1970: ``sent_ns`` by the publisher's clock, ``now_ns`` the time of day here. One
+    ahead of this machine's raises :class:`MessageError`.
     """
     stamp = message.header.stamp
     stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec

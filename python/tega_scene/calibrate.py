@@ -29,12 +29,7 @@ _TILT: Final = 0.06
 
 
 class BoardView(NamedTuple):
-    """The board in one picture.
-
-    Attributes:
-        ids: int (n,), corners of the chessboard that are seen.
-        corners: float32 (n, 2), where, pixels.
-    """
+    """Chessboard corners that one picture shows: ``ids``, int (n,), and where, float32 (n, 2), pixels."""
 
     ids: NDArray[np.int32]
     corners: NDArray[np.float32]
@@ -63,11 +58,7 @@ class LensCalibration:
         self._signs: list[NDArray[np.float64]] = []
 
     def take(self, image: NDArray[np.uint8]) -> bool:
-        """Look at a picture, uint8 (H, W) or (H, W, 3); return whether it shows the board as no view before.
-
-        Raises:
-            CalibrationError: It has another size.
-        """
+        """Look at a picture, uint8 (H, W[, 3]); return whether it shows the board as no view before."""
         if image.shape[1::-1] != self._size:
             raise CalibrationError(
                 f"a picture is {image.shape[1]}×{image.shape[0]}, the first was {self._size[0]}×{self._size[1]}",
@@ -106,11 +97,7 @@ class LensCalibration:
         return ""
 
     def solve(self) -> Lens:
-        """Return the lens.
-
-        Raises:
-            CalibrationError: There are too few views, or they do not fit a flat board.
-        """
+        """Return the lens; too few views, or none that fit a flat board, raise :class:`CalibrationError`."""
         if len(self.views) < N_VIEWS // 2:
             raise CalibrationError(
                 f"{len(self.views)} views of the board, at least {N_VIEWS // 2} are needed", self.wish()

@@ -64,14 +64,11 @@ class TagFinder:
     def find(
         self, image: NDArray[np.uint8], *, within: tuple[int, int, int, int] | None = None
     ) -> dict[int, NDArray[np.float64]]:
-        """Return each tag's corners.
+        """Return each tag's corners by number.
 
-        Args:
-            image: uint8 (H, W) or (H, W, 3).
-            within: Part to look at: left, top, right, bottom, pixels; all of it where ``None``.
-
-        Returns:
-            float64 (4, 2) by number, pixels across and down: upper left, upper right, lower right, lower left.
+        They are float64 (4, 2), pixels across and down: upper left, upper right, lower right, lower left.
+        ``image`` is uint8 (H, W) or (H, W, 3); ``within`` the part to look at: left, top, right, bottom,
+        pixels; ``None``: all of it.
         """
         grey = image if image.ndim == 2 else self._cv2.cvtColor(image, self._cv2.COLOR_BGR2GRAY)
         left, top, right, bottom = within or (0, 0, grey.shape[1], grey.shape[0])

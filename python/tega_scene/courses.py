@@ -30,8 +30,8 @@ class SceneCourses(NamedTuple):
     Attributes:
         t_s: float64 (n,), a hundred a second.
         height: Height of the object's grip point over its place at the start, metres.
-        lowest: Height of the lowest point of its base over its place at the start, metres. It is straight from frame
-            to frame, since a fitted line would blur the moment of lift-off.
+        lowest: Height of the lowest point of its base over its place at the start, metres. It is straight
+            from frame to frame, since a fitted line would blur the moment of lift-off.
         slip: How far its grip point is lower than the palm, against the start, metres.
         width: How much wider it is than untouched, metres.
     """
@@ -46,12 +46,10 @@ class SceneCourses(NamedTuple):
 def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTrack:
     """Return poses of an object that stands upright on the table while it rests at the trial's start.
 
-    A box on its lid is never quite parallel to it: the tilt at rest is removed, about the middle of its tags. The
-    base is then over or under the table by the error of the place, nearly all of it along the view. It is moved along
-    the view by that part (conditional mean of a normal error), and by the remainder straight down.
-
-    Raises:
-        RecordingError: The object is not seen at the start, so that there is nothing to measure against.
+    A box on its lid is never quite parallel to it: the tilt at rest is removed, about the middle of its tags.
+    The base is then over or under the table by the error of the place, nearly all of it along the view. It is
+    moved along the view by that part (conditional mean of a normal error), and by the remainder straight
+    down. An object not seen at the start raises :class:`RecordingError`: there is nothing to measure against.
     """
     body = track.object
     rest = (track.t_s >= begin_s) & (track.t_s <= begin_s + REST_S) & np.isfinite(body.position_m[:, 0])
@@ -78,13 +76,9 @@ def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTra
 
 
 def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s: float) -> SceneCourses:
-    """Return the rule's input.
+    """Return the rule's input from poses that are :func:`righted`.
 
-    Args:
-        track: Poses, :func:`righted`.
-        layout: Which tags are where.
-        begin_s: Start of the trial on the video's clock; the object stands untouched for a moment from then on.
-        end_s: Its end.
+    Times are on the video's clock; the object stands untouched for a moment from ``begin_s`` on.
     """
     t_s, thing = track.t_s, track.object
     grip, grip_error = heights(track, thing, layout.object, np.array([0, 0, layout.object.grip_mm / 1000]))
@@ -110,18 +104,13 @@ def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s
 def heights(
     track: SceneTrack, pose: BodyTrack, body: TagBody, at_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a point's height over the table in each picture, and its standard error there, float64 (n,), metres.
+    """Return a point's height over the table in each picture, and its standard error, float64 (n,), metres.
 
-    A camera measures positions across its view some ten times better than along it, and looks down, so noise along
-    the view enters the height. But an object's distance from the camera on level ground hardly changes while it is
-    lifted, slips or falls. That distance is smoothed over time, and the height is taken where each frame's ray has
-    that distance.
-
-    Args:
-        track: Where the camera stands.
-        pose: Poses of the body.
-        body: Its tags; the ray is that to their middle.
-        at_m: The point, float64 (3,), in the body's axes.
+    A camera measures positions across its view some ten times better than along it, and looks down, so noise
+    along the view enters the height. But an object's distance from the camera on level ground hardly changes
+    while it is lifted, slips or falls. That distance is smoothed over time, and the height is taken where
+    each frame's ray, the one to the middle of the body's tags, has that distance. ``at_m`` is float64 (3,),
+    in the body's axes.
     """
     middle = np.mean([tag.at_mm for tag in body.all_tags() if not any(tag.slides)], axis=0) / 1000
     place, cov = pose.point(middle)

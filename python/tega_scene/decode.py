@@ -26,9 +26,7 @@ _AV1_BEFORE: Final = frozenset({2, 5, 15})
 class SceneDecoder:
     """Decodes packets as they come, and converts the picture that is asked for, no other.
 
-    Raises:
-        RecordingError: It is neither ``h264`` nor ``av1``.
-        MissingExtraError: PyAV is not installed.
+    ``video`` is ``h264`` or ``av1``.
     """
 
     def __init__(self, video: str = "h264") -> None:
@@ -46,8 +44,7 @@ class SceneDecoder:
     def take(self, t_ns: int, packet: bytes) -> None:
         """Decode the next packet: one picture, which no later one is needed for.
 
-        Raises:
-            RecordingError: The packet is damaged, or of a picture that is larger than 3840 x 2176 pixels.
+        A damaged one, or a picture larger than 3840 x 2176 pixels, raises :class:`RecordingError`.
         """
         if not packet:
             raise RecordingError("a picture of the video is empty", "the recording is damaged")
@@ -61,11 +58,7 @@ class SceneDecoder:
             self._newest = t_ns if frame.pts is None else frame.pts, frame
 
     def image(self) -> tuple[int, NDArray[np.uint8]] | None:
-        """Return the newest picture once: its time, and uint8 (H, W, 3) in blue, green, red; ``None`` without one.
-
-        Raises:
-            RecordingError: It cannot be converted.
-        """
+        """Return the newest picture once: its time, and uint8 (H, W, 3) BGR; ``None`` without one."""
         newest, self._newest = self._newest, None
         if newest is None:
             return None

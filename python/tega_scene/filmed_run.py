@@ -41,18 +41,9 @@ _AGAIN_S: Final = (1.0, 10.0)
 class RunCameras:
     """Films from :meth:`begin` to :meth:`end`.
 
-    Args:
-        bus: Receives every encoded frame, and small frames if there is a viewer.
-        stack: Ends the processes, should the run not begin.
-        stop: Asked whether to give up.
-
-    Raises:
-        KeyboardInterrupt: ``stop`` said so.
-        DeviceUnavailableError: A camera does not open, or has another size.
-        RecordingError: A file is not there, or is no video.
-        CalibrationError: A file of intrinsics is not there, or is none.
-        ConfigError: A layout file is not there, or is not valid.
-        MissingExtraError: OpenCV or PyAV is not installed.
+    ``bus`` receives every encoded frame, and small frames if there is a viewer. ``stack`` ends the processes,
+    should the run not begin. Intrinsics, layouts and cameras are opened here; ``stop`` is asked meanwhile
+    whether to give up, which raises :class:`KeyboardInterrupt`.
     """
 
     def __init__(
@@ -82,7 +73,7 @@ class RunCameras:
             one.end()
 
     def problem(self) -> str:
-        """Say which cameras are away, and why; ``""`` while all of them film."""
+        """Return which cameras are away, and why; ``""`` while all of them film."""
         return "; ".join(
             f"{one.camera.name}: {one.tally.trouble}" for one in self._cameras if one.tally.trouble
         )
@@ -99,7 +90,7 @@ class RunCameras:
         }
 
     def notes(self) -> list[str]:
-        """Say in sentences what of the film is not there."""
+        """Return in sentences what of the film is not there."""
         notes = []
         for one in self._cameras:
             name, tally = one.camera.name, one.tally

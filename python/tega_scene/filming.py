@@ -46,7 +46,6 @@ class CameraTally(msgspec.Struct):
         seen: Pictures that came from the camera.
         dropped: Those of them that the encoder had no time for.
         missed: Pictures that the camera's rate says are missing in gaps between those that came.
-        longest_gap_s: Longest time between two pictures.
         lost: How often the camera went away.
         trouble: Why filming stopped, or the camera is away; ``""`` after a requested end.
     """
@@ -61,16 +60,11 @@ class CameraTally(msgspec.Struct):
 
 
 class Filming:
-    """Films with one camera from :meth:`begin` to :meth:`leave`.
+    """Films with one camera from :meth:`begin` to :meth:`leave`; ``tally`` is what came of it so far.
 
-    Args:
-        give: Called in a thread with encoded data: times on the monotonic clock and packets.
-        show: Called in another thread with a small frame five times a second, uint8 (H, W, 3) BGR; ``None`` for no
-            viewer.
-        reopens: If true, look for a lost camera until :meth:`leave`; else filming ends with it.
-
-    Attributes:
-        tally: What came of it so far.
+    ``give`` is called in a thread with encoded data, times on the monotonic clock and packets; ``show`` in
+    another thread with a small frame five times a second, uint8 (H, W, 3) BGR (``None``: no viewer). With
+    ``reopens``, a lost camera is looked for until :meth:`leave`; else filming ends with it.
     """
 
     def __init__(
@@ -98,12 +92,7 @@ class Filming:
         self.tally = CameraTally()
 
     def open(self) -> None:
-        """Open the camera or the file.
-
-        Raises:
-            DeviceUnavailableError: The camera does not open, or has another size.
-            RecordingError: There is no such file, it is no video, or has another size.
-        """
+        """Open the camera or the file; a camera or video of another size than the settings' is an error."""
         camera = self._camera
         pictures = open_pictures(camera.source, camera.size, camera.rate_hz)
         if self._live:

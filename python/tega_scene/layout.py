@@ -63,8 +63,7 @@ class PlacedTag(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One tag on a body.
 
     Attributes:
-        id: Its number in the family.
-        size_mm: Side of its black square, millimetres.
+        size_mm: Side of its black square.
         at_mm: Its middle, in the body's axes.
         x: Direction of its right side.
         y: Direction of its upper side, at right angles to that.
@@ -90,8 +89,7 @@ class TagCube(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         first: Number of the top's tag; the others follow.
-        edge_mm: Edge of the box, millimetres.
-        tag_mm: Side of a tag's black square, millimetres.
+        tag_mm: Side of a tag's black square.
         at_mm: Middle of the box, in the body's axes.
     """
 
@@ -113,11 +111,9 @@ class TagBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A rigid body that carries tags.
 
     Attributes:
-        tags: Single tags.
         cube: A box of five, where it has one.
-        base_mm: Diameter of its flat base about the origin, millimetres; 0 where it does not stand.
-        grip_mm: Height over the base at which the hand holds it, millimetres: what moves there against the palm
-            is slip.
+        base_mm: Diameter of its flat base about the origin; 0 where it does not stand.
+        grip_mm: Height over the base at which the hand holds it: what moves there against the palm is slip.
     """
 
     tags: tuple[PlacedTag, ...] = ()
@@ -133,11 +129,7 @@ class TagBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class TagLayout(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Layout of printed tags on table, object and hand.
 
-    Attributes:
-        table: Tags that lie on the table; they say where up is.
-        object: Tags of the lifted object.
-        hand: Those of the hand, on whatever moves with its palm.
-        family: Kind of tag.
+    The table's tags lie on it, and determine where up is; the hand's are on whatever moves with its palm.
     """
 
     table: TagBody
@@ -153,9 +145,8 @@ class TagLayout(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def load_layout(file: Path) -> TagLayout:
     """Read a tag layout.
 
-    Raises:
-        ConfigError: It is missing, is no TOML, a value is out of range, a tag's sides are not two directions at right
-            angles, or a number is given twice.
+    A value out of range, a tag's sides not at right angles, or a number that is given twice, raise
+    :class:`ConfigError`.
     """
     try:
         tree = parse_toml(read_words(file, error=ConfigError))
@@ -226,14 +217,11 @@ def check_layout(layout: TagLayout, name: str) -> None:
 def example_layout(*, height_mm: float = 260.0, base_mm: float = 82.0) -> TagLayout:
     """Return the layout that the sheets of ``tega-teleop scene tags`` are for.
 
-    Four tags of 50 mm are on the table about the marked place, all on one sheet. A box of 50 mm with tags of 38 mm is
-    on a post of 15 mm on the object, and one on the hand. Two tags of 25 mm on the object's wall, to both sides as
-    the camera sees it, measure its width. The camera looks from between +x and +y and from above, so that it sees
-    three sides of each box.
-
-    Args:
-        height_mm: Height of the object, which is held half way up.
-        base_mm: Diameter of the object's base.
+    Four tags of 50 mm are on the table about the marked place, all on one sheet. A box of 50 mm with tags of
+    38 mm is on a post of 15 mm on the object, and one on the hand. Two tags of 25 mm on the object's wall, to
+    both sides as the camera sees it, measure its width. The camera looks from between +x and +y and from
+    above, so that it sees three sides of each box. The object is held half way up its height; ``base_mm`` is
+    its base's diameter.
     """
     corners = [(-105.0, 65.0, 0.0), (105.0, 65.0, 0.0), (-105.0, -65.0, 0.0), (105.0, -65.0, 0.0)]
     width_mm = base_mm + 80

@@ -29,7 +29,7 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         cx: Where the optical axis meets the picture, pixels from its left; the first pixel's middle is 0.
         cy: The same from its top.
         distortion: k1, k2, p1, p2, k3.
-        rms_px: How far the board's corners were from where these numbers put them, root mean square, pixels.
+        rms_px: How far the board's corners were from where these numbers put them, root mean square.
         n_views: Pictures of the board that they come from.
     """
 
@@ -48,10 +48,9 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     def rays(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return where straight rays through pixels meet the plane at depth 1, float64 (n, 2), distortion undone.
+        """Return where undistorted rays through pixels meet the plane at depth 1, float64 (n, 2).
 
-        Args:
-            pixels: (n, 2), across and down.
+        ``pixels`` is (n, 2), across and down.
         """
         cv2 = load_cv2("scene")
         points = np.asarray(pixels, np.float64).reshape(-1, 1, 2)
@@ -65,8 +64,7 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def pixels(self, points_m: ArrayLike) -> NDArray[np.float64]:
         """Return where points before the camera are seen, float64 (n, 2), pixels.
 
-        Args:
-            points_m: (n, 3), metres in the camera's axes: x right, y down, z forward.
+        ``points_m`` is (n, 3), in the camera's axes: x right, y down, z forward.
         """
         cv2 = load_cv2("scene")
         points = np.asarray(points_m, np.float64).reshape(-1, 1, 3)
@@ -79,11 +77,7 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_lens(file: Path) -> Lens:
-    """Read an intrinsics file (JSON).
-
-    Raises:
-        CalibrationError: It is missing, or is no such file.
-    """
+    """Read an intrinsics file (JSON)."""
     try:
         return parse_json(read_foreign(file, most_mib=1, error=CalibrationError), Lens)
     except (OSError, msgspec.DecodeError) as error:

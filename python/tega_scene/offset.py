@@ -50,14 +50,10 @@ def flash_light(
     wait: Callable[[float], object] = time.sleep,
     clock_ns: Callable[[], int] = time.monotonic_ns,
 ) -> None:
-    """Make a terminal white and black by turns, and write down when.
+    """Make a terminal white and black by turns, ``n_flashes`` times white, and write down when.
 
-    Args:
-        out: The file, CSV with the columns ``t_ns`` and ``on``.
-        write: Called with text for the terminal, which must appear at once.
-        n_flashes: How often it gets white.
-        wait: Waits for seconds.
-        clock_ns: The machine's monotonic clock.
+    ``out`` is CSV with the columns ``t_ns``, on the machine's monotonic clock, and ``on``. ``write`` is
+    called with text for the terminal, which must appear at once; ``wait`` waits for seconds.
     """
     # Times that no camera's rate and no lamp's mains repeat; the same in every run.
     held_s = np.random.default_rng(23).uniform(*_HELD_S, 2 * n_flashes + 1)
@@ -77,8 +73,7 @@ def flash_light(
 def read_flashes(path: Path) -> list[tuple[int, bool]]:
     """Read when a light was switched: the columns ``t_ns``, rising, and ``on``, 1 and 0 by turns.
 
-    Raises:
-        RecordingError: It is no such file, or holds fewer than six switchings.
+    Fewer than six switchings raise :class:`RecordingError`.
     """
     try:
         head, *rows = csv.reader(io.StringIO(read_words(path)))
@@ -99,12 +94,7 @@ def read_flashes(path: Path) -> list[tuple[int, bool]]:
 
 @reports_damage
 def measure_offset(recording: Path, name: str, flashes: Path) -> CameraOffset:
-    """Estimate a camera's offset from its recorded video.
-
-    Raises:
-        RecordingError: The recording is damaged or has no such camera, or no part of its pictures follows the light.
-        MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
-    """
+    """Estimate a camera's offset from its recorded video; see :func:`estimate_offset`."""
     edges = read_flashes(flashes)
     reader = McapReader(recording)
     topic = f"/scene/{name}/video"
@@ -131,13 +121,9 @@ def estimate_offset(
 ) -> CameraOffset:
     """Estimate the delay of frames in which some parts get light and dark.
 
-    Args:
-        t_s: float64 (n,), times of the pictures, seconds, rising.
-        shades: float64 (n, m), grey of m parts of each.
-        edges: When the light was switched, nanoseconds on the same clock, and whether it was on from then.
-
-    Raises:
-        RecordingError: No part follows the light, or too few switchings were filmed.
+    ``t_s`` are the pictures' times, float64 (n,), rising; ``shades``, float64 (n, m), grey of m parts of
+    each. ``edges`` are when the light was switched, nanoseconds on the same clock, and whether it was on from
+    then. If no part follows the light, or too few switchings were filmed, :class:`RecordingError` is raised.
     """
     at_s = np.array([t_ns for t_ns, _ in edges]) / 1e9
     on = np.array([is_on for _, is_on in edges])

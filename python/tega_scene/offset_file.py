@@ -18,10 +18,8 @@ MOST_LATE_S, LEAST_LATE_S = 2.0, -0.1
 class CameraOffset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Delay of a camera.
 
-    Attributes:
-        late_s: How much later than the middle of its exposure a picture has its time, seconds.
-        error_s: Standard error of that.
-        n_edges: Switchings of the light that it comes from.
+    ``late_s`` is how much later than the middle of its exposure a picture has its time, ``error_s`` its
+    standard error, ``n_edges`` the switchings of the light that it comes from.
     """
 
     late_s: Annotated[float, msgspec.Meta(ge=LEAST_LATE_S, le=MOST_LATE_S)]
@@ -40,11 +38,7 @@ def offsets_path(recording: Path) -> Path:
 
 
 def read_offsets(recording: Path) -> dict[str, CameraOffset]:
-    """Return the offsets of a scene recording by camera; none where none were estimated.
-
-    Raises:
-        RecordingError: The file beside the recording is no such file.
-    """
+    """Return the offsets of a scene recording by camera; none where none were estimated."""
     path = offsets_path(recording)
     if not path.exists():
         return {}

@@ -40,12 +40,12 @@ class SceneEvent(msgspec.Struct, frozen=True):
     """One outcome, as measured.
 
     Attributes:
-        kind: What; ``lifted`` is stable at 0.2 m, ``put_down`` stands on the table again, ``placed`` stands on the
+        kind: ``lifted`` is stable at 0.2 m, ``put_down`` stands on the table again, ``placed`` stands on the
             second mark, upright and still for a second, and let go of.
         t_s: When, on the video's clock; ``lifted`` and ``placed``: when it was complete.
         t_error_s: Standard error of that.
-        size_m: Slip: way slid. Deformation: largest narrowing. Put down and placed: distance from the mark in the end,
-            from the first one where no second is given. Else 0.
+        size_m: Slip: way slid. Deformation: largest narrowing. Put down and placed: distance from the mark in
+            the end, from the first one where no second is given. Else 0.
         size_error_m: Standard error of that.
     """
 
@@ -57,27 +57,23 @@ class SceneEvent(msgspec.Struct, frozen=True):
 
 
 class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """Outcome of a trial as a camera measured it.
+    """Outcome of a trial as a camera measured it; each error is a standard error.
 
     Attributes:
         events: In the order of time.
-        success: Whether it was lifted to 0.2 m, was stable there for a second, within the window, and not dropped;
-            with a second mark, whether it was placed there as well.
-        slid_m: Way slid in all, metres.
-        slid_error_m: Standard error of that.
-        narrowing_m: Largest narrowing; not there where its tags were not seen.
-        narrowing_error_m: Standard error of that.
-        height_m: Largest height, metres.
-        along_mm: Standard error of the object's place along the view, millimetres, one picture of those that place it.
-        across_mm: Standard error of the object's place across the view, millimetres, in the same way.
+        success: Whether it was lifted to 0.2 m, was stable there for a second, within the window, and not
+            dropped; with a second mark, whether it was placed there as well.
+        slid_m: Way slid in all.
+        narrowing_m: Largest narrowing; ``None``, and its error, where its tags were not seen.
+        along_mm: Standard error of the object's place along the view, one picture of those that place it.
+        across_mm: Standard error of the object's place across the view, in the same way.
         seen: Share of the pictures in which the object was seen.
         placed: Share of the pictures that place it (:data:`~tega_scene.resting.PLACED_M`).
         hand_seen: Share in which the hand was.
         longest_gap_s: Longest time without the object, between two sights of it.
         notes: What to look at before these numbers are believed.
         rest: Where it stands at the end; ``None`` where it was not put down, or not seen then.
-        off_mark_m: How far from the second mark that is, metres; ``None`` without a mark.
-        off_mark_error_m: Standard error of that.
+        off_mark_m: How far from the second mark that is; ``None`` without a mark.
         on_mark: Whether it was placed on the second mark; ``None`` without a mark.
     """
 
@@ -112,18 +108,10 @@ def score_scene(
 ) -> SceneOutcome:
     """Score a trial by rule.
 
-    Args:
-        track: Poses.
-        layout: Which tags are where.
-        begin_s: Start of the trial on the video's clock; the first picture where ``None``.
-        end_s: Its end; the last picture where ``None``.
-        harm_m: Narrowing from which the object counts as deformed, metres.
-        mark_m: Second mark, on which the object is to be put down: x and y from the first one in the table's axes,
-            metres. ``None`` where it is not asked for.
-
-    Raises:
-        InvalidValueError: The mark is no place on the table.
-        RecordingError: See :func:`righted`.
+    ``begin_s`` and ``end_s`` are on the video's clock; ``None`` is the first and the last picture. ``harm_m``
+    is the narrowing from which the object counts as deformed. ``mark_m`` is the second mark, on which the
+    object is to be put down: x and y from the first one in the table's axes; ``None`` where it is not asked
+    for. One that is no place on the table raises :class:`InvalidValueError`. See also :func:`righted`.
     """
     if mark_m is not None:
         checked_mark(mark_m)
@@ -203,14 +191,9 @@ def score_scene(
 class SceneRule:
     """Feeds the measured courses to the rule of a trial, moment by moment.
 
-    Args:
-        harm_m: Narrowing from which the object counts as deformed, metres.
-        window_s: End of the window of the lift on the video's clock, seconds.
-
-    Attributes:
-        scorer: The rule; its times are those of the video.
-        stands_s: Times at which the object stood again after it had left the table.
-        aloft: Whether it is off the table.
+    ``harm_m`` is the narrowing from which the object counts as deformed, ``window_s`` the end of the window
+    of the lift on the video's clock. The ``scorer``'s times are the video's. ``stands_s`` are times at which
+    the object stood again after it had left the table; ``aloft`` is whether it is off the table.
     """
 
     def __init__(self, courses: SceneCourses, harm_m: float, *, window_s: float = LIFT_WINDOW_S) -> None:

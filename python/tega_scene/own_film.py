@@ -18,10 +18,7 @@ _LENS, _LAYOUT = "lens-{}.json", "layout-{}.toml"
 class OwnFilm(NamedTuple):
     """What one camera filmed of one run.
 
-    Attributes:
-        video: The video, with its time code beside it.
-        lens: The camera's intrinsics, as the recording has them; ``None`` without.
-        layout: Which tags are where, likewise.
+    ``video`` has its time code beside it. ``lens`` and ``layout`` are the recording's; ``None`` without.
     """
 
     camera: str
@@ -31,11 +28,7 @@ class OwnFilm(NamedTuple):
 
 
 def own_recording(folder: Path) -> Path:
-    """Return the recording in a trial's folder.
-
-    Raises:
-        RecordingError: There is none, or more than one.
-    """
+    """Return a trial's one recording; none, or more, raises :class:`RecordingError`."""
     files = sorted(folder.glob("*.mcap"))
     if len(files) != 1:
         raise RecordingError(f"{folder.name}: {len(files) or 'no'} recordings", "each trial has one")
@@ -43,11 +36,7 @@ def own_recording(folder: Path) -> Path:
 
 
 def filmed_cameras(reader: McapReader) -> list[str]:
-    """Pass over a recording, and return the names of the scene cameras that it holds video of, sorted.
-
-    Raises:
-        RecordingError: It cannot be read.
-    """
+    """Pass over a recording, and return the names of the scene cameras that it holds video of, sorted."""
     topics = {
         one.topic for one in reader.messages(lambda _topic: False) if one.schema == "foxglove.CompressedVideo"
     }
@@ -55,17 +44,10 @@ def filmed_cameras(reader: McapReader) -> list[str]:
 
 
 def own_film(recording: Path, camera: str | None, beside: Path) -> OwnFilm:
-    """Write a recorded camera's film of a run as a video with a time code.
+    """Write a recorded camera's film of a run as a video with a time code, into the folder ``beside``.
 
-    Args:
-        recording: The run's.
-        camera: Its name; ``None`` for the only one, or the only one that has a lens.
-        beside: Folder for the video.
-
-    Raises:
-        RecordingError: There is no such camera, or more than one to choose from.
-        CalibrationError: The recording's intrinsics are damaged.
-        ConfigError: Its layout is.
+    ``camera`` of ``None`` is the only one, or the only one that has a lens; :class:`RecordingError` where
+    there are more to choose from.
     """
     reader = McapReader(recording)
     names = filmed_cameras(reader)

@@ -26,11 +26,8 @@ def times_path(video: Path) -> Path:
 def read_times(path: Path) -> list[int]:
     """Read a time code: the columns ``picture`` and ``t_ns``, a line a picture.
 
-    Returns:
-        Nanoseconds on the clock of the machine that recorded, rising.
-
-    Raises:
-        RecordingError: It is no such file, or the times do not rise.
+    Returns nanoseconds on the clock of the machine that recorded; times that do not rise raise
+    :class:`RecordingError`.
     """
     try:
         head, *rows = csv.reader(io.StringIO(read_words(path, most_mib=_MOST_TIMES_MIB)))
@@ -56,18 +53,11 @@ def read_times(path: Path) -> list[int]:
 def read_pictures(
     video: Path, *, begin_s: float = -np.inf, end_s: float = np.inf
 ) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-    """Return times and pictures of a video file.
+    """Return times, seconds, and pictures, uint8 (H, W, 3) BGR, of a video file.
 
-    With a time code beside it (:func:`times_path`) times are those of the machine that recorded; without one they are
-    seconds from the beginning of the file, as the file says.
-
-    Returns:
-        Seconds, and uint8 (H, W, 3), blue, green, red.
-
-    Raises:
-        RecordingError: It is missing, is no video, has fewer pictures than its header or its time code, or its time
-            code is damaged.
-        MissingExtraError: PyAV is not installed.
+    With a time code beside it (:func:`times_path`) times are those of the machine that recorded; without one
+    they are seconds from the beginning of the file, as the file says. Fewer pictures than the header or the
+    time code says raise :class:`RecordingError`.
     """
     frames = VideoFrames(video)
     number, code = 0, times_path(video)

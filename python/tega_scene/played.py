@@ -33,11 +33,8 @@ _NO_KEY: Final = "no picture of its video stands alone, as one of H.264 or AV1 d
 class PlayedCamera(Follower):
     """Decodes a camera's video up to the playhead, and converts the one picture that is to be seen.
 
-    Args:
-        topic: Topic of its video, ``/scene/NAME/video``.
-        keys_ns: When pictures came that stand alone, rising, time of the recording.
-        bus: Receives each frame.
-        delay_ns: Delay of the video after what it shows, nanoseconds.
+    ``topic`` is ``/scene/NAME/video``. ``keys_ns`` is when pictures came that stand alone, rising, time of
+    the recording; ``delay_ns`` the delay of the video after what it shows.
     """
 
     def __init__(self, topic: str, keys_ns: Iterable[int], bus: Bus, *, delay_ns: int = 0) -> None:
@@ -61,11 +58,7 @@ class PlayedCamera(Follower):
             self.since_ns = self._decoded_ns + 1
 
     def take(self, message: Message, known_ns: int, snapshot: PlayedMoment) -> None:  # noqa: ARG002  # it is told in settle
-        """Decode the next picture.
-
-        Raises:
-            RecordingError: It is damaged, or of a format that cannot be decoded.
-        """
+        """Decode the next picture."""
         if self._decoder is None:
             self._decoder = SceneDecoder(message.value.format)
         self._decoder.take(known_ns, message.value.data)
@@ -74,8 +67,7 @@ class PlayedCamera(Follower):
     def settle(self, snapshot: PlayedMoment) -> None:
         """Report the newest frame, and that there is none once it is a second old.
 
-        Raises:
-            RecordingError: It cannot be converted; once, that there is none.
+        A frame that cannot be converted raises :class:`RecordingError`; that there is none raises it once.
         """
         if self._reports_none:
             self._reports_none = False
@@ -103,15 +95,8 @@ class PlayedCamera(Follower):
 def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int) -> FollowedFile:
     """Open a scene recording, to be played beside a recording of the same machine.
 
-    Args:
-        path: The MCAP file that ``scene record`` wrote.
-        bus: Receives their frames.
-        start_ns: The machine's clock at the beginning of the recording.
-        end_ns: Length of the recording.
-
-    Raises:
-        RecordingError: It is no scene recording, is damaged, or is of another time.
-        MissingExtraError: A package of the extra ``record`` is not installed.
+    ``path`` is the MCAP file of ``scene record``; ``start_ns`` the machine's clock at the recording's
+    beginning, ``end_ns`` the recording's length. One of another time raises :class:`RecordingError`.
     """
     reader = open_indexed(path)
     keys: dict[str, array[int]] = {}
@@ -148,11 +133,7 @@ def _cameras(path: Path, keys: Mapping[str, Iterable[int]], zero_ns: int, bus: B
 
 
 def camera_delays(path: Path) -> dict[str, int]:
-    """Return how late the cameras of a recording are, nanoseconds, by their topics, where that was estimated.
-
-    Raises:
-        RecordingError: The file of the estimates is damaged.
-    """
+    """Return how late the cameras of a recording are, nanoseconds, by topic, where that was estimated."""
     return {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
 
 

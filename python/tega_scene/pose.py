@@ -37,9 +37,9 @@ class FittedPose(NamedTuple):
         position_m: float64 (3,), where the body's origin is.
         rotation: float64 (3, 3), from the body's axes to the camera's.
         covariance: float64 (6, 6), of position (m²) and of a small turn about the camera's axes (rad²).
-        rms_px: Root mean square of the corners' residuals, pixels.
+        rms_px: Root mean square of the corners' residuals.
         n_tags: Tags that were used.
-        width_m: How much wider the object is than untouched, metres; not a number where its tags are not seen.
+        width_m: How much wider the object is than untouched; not a number where its tags are not seen.
         width_error_m: Standard error of that.
     """
 
@@ -68,12 +68,10 @@ class _Sight(NamedTuple):
 
 
 class BodyFitter:
-    """Fits the poses of one body.
+    """Fits the poses of one body, whose tags are ``ids``.
 
-    Attributes:
-        ids: Numbers of its tags.
-        corners_m: Corners of those that do not slide, float64 (4, 3) by number, in the body's axes; may be replaced.
-        strange_px: Residual from which a tag is left out, pixels.
+    ``corners_m``, float64 (4, 3) by number, in the body's axes, are those of tags that do not slide; they may
+    be replaced. ``strange_px`` is the residual from which a tag is left out.
     """
 
     def __init__(self, body: TagBody, lens: Lens) -> None:
@@ -91,15 +89,11 @@ class BodyFitter:
     def fit(
         self, seen: dict[int, NDArray[np.float64]], before: FittedPose | None = None
     ) -> FittedPose | None:
-        """Return the pose.
+        """Return the pose; ``None`` where no tag of the body is seen, or none fits.
 
-        Args:
-            seen: Corners of tags, (4, 2) pixels by number, as :meth:`~tega_scene.corners.TagFinder.find` says them.
-            before: The pose in the picture before: with one tag alone two turns fit nearly as well, and the one
-                nearer to it is taken.
-
-        Returns:
-            ``None`` where no tag of the body is seen, or none fits.
+        ``seen`` are corners by tag, (4, 2) pixels, as of :meth:`~tega_scene.corners.TagFinder.find`.
+        ``before`` is the pose in the picture before: with one tag alone two turns fit nearly as well, and the
+        one nearer to it is taken.
         """
         used = [number for number in self.corners_m if number in seen]
         while used:
@@ -146,10 +140,10 @@ class BodyFitter:
         position: NDArray[np.float64],
         rotation: NDArray[np.float64],
     ) -> FittedPose | None:
-        """Say how exact the pose is, and measure the width against it.
+        """Add to the pose its covariance, and the width as measured against it.
 
-        The tags of the width have no say in the pose: how they sit on their stalks would move it whenever one of them
-        is hidden.
+        The tags of the width have no say in the pose: how they sit on their stalks would move it when one is
+        hidden.
         """
         left, slope = sight.residuals(position, rotation)
         rms_px = float(np.sqrt((left**2).sum() / max(1, len(left) - 6))) * self._lens.fx

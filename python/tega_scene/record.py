@@ -48,19 +48,9 @@ def record_cameras(
 ) -> dict[str, CameraTally]:
     """Record until a stop is requested, or until every camera has stopped.
 
-    Args:
-        out: The MCAP file; it must not exist.
-        cameras: Number, device, address or video file by name.
-        size: Width and height of the pictures, pixels.
-        rate_hz: Pictures a second.
-        stop: Asked twenty times a second.
-        video: Format of the stream.
-
-    Raises:
-        DeviceUnavailableError: A camera does not open; nothing is recorded then.
-        InvalidValueError: A name is not plain, or a size cannot be encoded.
-        RecordingError: The file cannot be made.
-        MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
+    ``out`` is the MCAP file, which must not exist. ``cameras`` are number, device, address or video file by
+    plain name; where one does not open, nothing is recorded. ``size`` is width and height, pixels;
+    ``rate_hz`` pictures a second. ``stop`` is asked twenty times a second.
     """
     films: dict[str, Filming] = {}
     writers: dict[str, _Writer] = {}
@@ -109,21 +99,10 @@ def _write(
 
 @reports_damage
 def export_camera(recording: Path, name: str, out: Path) -> int:
-    """Write a camera of a recording as MP4, without re-encoding, and its time code beside it.
+    """Write a camera of a recording as MP4, without re-encoding; return how many pictures.
 
-    The times are less the camera's offset, where one was estimated (:mod:`tega_scene.offset`).
-
-    Args:
-        recording: The MCAP file.
-        name: The camera's name.
-        out: The MP4 file; its time code is ``out`` with the suffix ``.times.csv``.
-
-    Returns:
-        How many pictures.
-
-    Raises:
-        RecordingError: The recording is damaged, or has no such camera.
-        MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
+    The time code beside it is ``out`` with the suffix ``.times.csv``. The times are less the camera's offset,
+    where one was estimated (:mod:`tega_scene.offset`).
     """
     av = require("av", driver="export", extra="lerobot")
     plain_name(name, subject="camera", source=recording.name)
@@ -169,10 +148,8 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
 def scene_epoch(reader: McapReader) -> int:
     """Return the log time at which the machine's monotonic clock was 0, by a recording that has been read.
 
-    For a session that filmed itself, the session's own start determines it.
-
-    Raises:
-        RecordingError: It does not say.
+    For a session that filmed itself, the session's own start determines it. A recording without either raises
+    :class:`RecordingError`.
     """
     table = reader.metadata.get(TABLE, {})
     if not table and "start_ns" in (session := reader.metadata.get("tega", {})):

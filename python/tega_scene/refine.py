@@ -34,16 +34,10 @@ def refined_corners(
     poses: Sequence[FittedPose | None],
     lens: Lens,
 ) -> dict[int, NDArray[np.float64]]:
-    """Return where the tags' corners are on the body.
+    """Return where the tags' corners are on the body, float64 (4, 3) by tag.
 
-    Args:
-        corners_m: Where the layout says they are, (4, 3) by tag, metres.
-        seen: Corners of each picture, (4, 2) by tag, pixels.
-        poses: The body's pose in each picture, as fitted with the layout.
-        lens: Lens of the camera.
-
-    Returns:
-        float64 (4, 3) by tag; the layout's own where too few pictures show two tags at once.
+    They are the layout's own, ``corners_m``, (4, 3) by tag, where too few pictures show two tags at once.
+    ``seen`` are each picture's corners, (4, 2) pixels by tag; ``poses`` the body's in each, by the layout.
     """
     tags = sorted(corners_m)
     useful = [

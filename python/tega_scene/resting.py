@@ -41,12 +41,12 @@ class SceneRest(msgspec.Struct, frozen=True, kw_only=True):
     """Where the object stands in the end.
 
     Attributes:
-        at_mm: Its grip point over the table, x and y from the first mark, millimetres.
+        at_mm: Its grip point over the table, x and y from the first mark.
         error_mm: Standard errors of that.
-        lean_deg: How far its axis is from upright, degrees.
+        lean_deg: How far its axis is from upright.
         since_s: From when on it was no farther from there than 2 mm, on the video's clock.
         error_s: Standard error of that.
-        stood_s: How long that was, seconds.
+        stood_s: How long that was.
         let_go: Whether the hand has gone away from it since; ``None`` where the hand was not seen.
     """
 
@@ -81,10 +81,9 @@ class SceneRest(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def checked_mark(mark_m: tuple[float, float]) -> tuple[float, float]:
-    """Return a second mark that can be on the table, x and y from the first one, metres.
+    """Return a second mark that can be on the table, x and y from the first one.
 
-    Raises:
-        InvalidValueError: It is no number, or farther away than a table that a camera sees.
+    No number, or one farther away than a table that a camera sees, raises :class:`InvalidValueError`.
     """
     x_mm, y_mm = (1000 * value for value in mark_m)
     if not (math.isfinite(x_mm) and math.isfinite(y_mm)):
@@ -107,28 +106,20 @@ def placed(pose: BodyTrack, at_m: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def likely_error(ray: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the covariance, float64 (3, 3), m², that is thought likely of where all pictures have the object's tags.
+    """Return the likely covariance, float64 (3, 3), m², of where all pictures have the object's tags.
 
-    A box is never folded as drawn: it looks larger or smaller, which is along the view, and less so across it.
-
-    Args:
-        ray: Direction from the camera to them, float64 (3,), of length 1.
+    A box is never folded as drawn: it looks larger or smaller, which is along the view, and less so across
+    it. ``ray`` is the direction from the camera to them, float64 (3,), of length 1.
     """
     along, across = _ALONG_M**2, _ACROSS_M**2
     return (along - across) * np.outer(ray, ray) + across * np.eye(3)
 
 
 def resting(track: SceneTrack, layout: TagLayout, *, stood_s: float, end_s: float) -> SceneRest | None:
-    """Return where the object stands at the end, by the pictures of the last second.
+    """Return where the object stands at the end, by the pictures of the last second; ``None`` if unseen then.
 
-    Args:
-        track: Poses of an object that was set upright at the trial's start, :func:`tega_scene.courses.righted`.
-        layout: Which tags are where.
-        stood_s: When it was put down, on the video's clock.
-        end_s: End of the trial.
-
-    Returns:
-        The place; ``None`` where the object was not seen in that time.
+    ``track`` is :func:`tega_scene.courses.righted`; ``stood_s``, when it was put down, and ``end_s``, the
+    trial's end, are on the video's clock.
     """
     t_s, thing = track.t_s, track.object
     grip = np.array([0, 0, layout.object.grip_mm / 1000])

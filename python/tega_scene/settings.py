@@ -81,11 +81,9 @@ def is_camera(source: str) -> bool:
 def full_source(source: str) -> str:
     """Return an address with its environment variables in their places; any other source as it is.
 
-    Only variables with names that begin with ``TEGA_`` are inserted. Otherwise a foreign settings file could send the
-    content of any variable to the host in its address.
-
-    Raises:
-        InvalidValueError: One is not set, or has another name.
+    Only variables with names that begin with ``TEGA_`` are inserted. Otherwise a foreign settings file could
+    send the content of any variable to the host in its address. One of another name, or not set, raises
+    :class:`InvalidValueError`.
     """
 
     def value(found: re.Match[str]) -> str:
@@ -105,10 +103,8 @@ def full_source(source: str) -> str:
 def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tuple[SceneConfig, ...]:
     """Return the cameras of settings with absolute paths.
 
-    Raises:
-        ConfigError: Two have one name or one device, a side is odd, a password is written out, or the
-            session does not keep to the clock.
-        UnsafeNameError: A name cannot be that of a file.
+    :class:`ConfigError`: two have one name or one device, a side is odd, a password is written out, or the
+    session does not keep to the clock. :class:`UnsafeNameError`: a name cannot be that of a file.
     """
     if len(cameras) > MOST_CAMERAS:
         raise ConfigError(f"scene: {len(cameras)} cameras", f"{MOST_CAMERAS} are the most")

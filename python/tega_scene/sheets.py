@@ -23,14 +23,7 @@ _CUT_MM: Final = 0.1
 
 
 class PrintedRect(NamedTuple):
-    """A filled rectangle; millimetres from the page's upper left corner.
-
-    Attributes:
-        x: Left.
-        y: Top.
-        width: Across.
-        height: Down.
-    """
+    """A filled rectangle; ``x`` and ``y`` are millimetres from the page's upper left corner."""
 
     x: float
     y: float
@@ -39,12 +32,7 @@ class PrintedRect(NamedTuple):
 
 
 class PrintedPage(NamedTuple):
-    """A page.
-
-    Attributes:
-        ink: Black rectangles.
-        words: Left and baseline, millimetres, and a line of text.
-    """
+    """A page: black rectangles, and lines of text with their left and baseline in millimetres."""
 
     ink: list[PrintedRect]
     words: list[tuple[float, float, str]]
@@ -55,11 +43,7 @@ def modules_mm(
 ) -> list[PrintedRect]:
     """Return the dark squares of a pattern, joined along rows.
 
-    Args:
-        bits: bool (n, n), dark where true.
-        x: Left, millimetres.
-        y: Top.
-        pitch: Side of one square, millimetres.
+    ``bits`` is bool (n, n), dark where true; ``x``, ``y`` and ``pitch``, a square's side, are millimetres.
     """
     found = []
     for row, line in enumerate(bits):
@@ -90,10 +74,8 @@ def _headed(title: str) -> PrintedPage:
 def tag_pages(layout: TagLayout) -> list[PrintedPage]:
     """Return pages with all tags of a layout, each with a white margin to cut along.
 
-    A box's tags are cut with the box's edge as side, so that the five cover it.
-
-    Raises:
-        InvalidValueError: A tag is wider than the page.
+    A box's tags are cut with the box's edge as side, so that the five cover it. No tag may be wider than the
+    page.
     """
     pages: list[PrintedPage] = []
     x = y = row_mm = 0.0
@@ -225,14 +207,7 @@ def pages_pdf(pages: list[PrintedPage]) -> bytes:
 
 
 def write_pages(file: Path, pages: list[PrintedPage]) -> list[Path]:
-    """Write pages as ``file.pdf``, or as ``file.svg`` and, for more, ``file-2.svg`` and so on.
-
-    Returns:
-        The files.
-
-    Raises:
-        InvalidValueError: The name ends neither in .pdf nor in .svg.
-    """
+    """Write pages as ``file.pdf``, or ``file.svg``, ``file-2.svg`` and so on; return the files."""
     kind = file.suffix.lower()
     if kind == ".pdf":
         write_whole(file, pages_pdf(pages))

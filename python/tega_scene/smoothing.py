@@ -24,12 +24,9 @@ _THIRD: Final = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 class Course(NamedTuple):
-    """One measured quantity on a regular grid.
+    """One measured quantity on a regular grid, float64 (n,) each.
 
-    Attributes:
-        value: float64 (n,).
-        slope: float64 (n,), per second.
-        error: float64 (n,), standard error of the value.
+    ``slope`` is per second; ``error`` is the standard error of the value.
     """
 
     value: NDArray[np.float64]
@@ -45,13 +42,8 @@ def smoothed(
 ) -> Course:
     """Fit a straight line about each moment, with Gaussian weights of 35 ms and by the values' errors.
 
-    Where fewer than three values are near, the nearest ones to both sides are used.
-
-    Args:
-        t_s: (n,), rising, seconds.
-        values: (n,); NaN is skipped.
-        errors: (n,), standard errors.
-        at_s: (m,), moments.
+    Where fewer than three values are near, the nearest ones to both sides are used. ``t_s``, rising,
+    ``values``, of which NaN is skipped, and their standard ``errors`` are (n,); the moments ``at_s`` (m,).
     """
     good = np.isfinite(values) & np.isfinite(errors)
     if good.sum() < 3:
@@ -86,15 +78,10 @@ def trended(
 ) -> Course:
     """Fit pieces of parabolas with few changes of acceleration.
 
-    The minimised cost is half the sum of squared residuals over errors, plus a cost of the sum of the absolute third
-    differences over the median error, by iteratively reweighted least squares. Errors that the residuals contradict
-    are scaled up once. The error of the course is that of one frame, an upper bound.
-
-    Args:
-        t_s: As of :func:`smoothed`, as the next two.
-        values: Measured values.
-        errors: Its standard errors.
-        at_s: (m,), moments in equal steps.
+    The minimised cost is half the sum of squared residuals over errors, plus a cost of the sum of the
+    absolute third differences over the median error, by iteratively reweighted least squares. Errors that the
+    residuals contradict are scaled up once. The error of the course is that of one frame, an upper bound.
+    Arguments are as of :func:`smoothed`, but ``at_s`` must be in equal steps.
     """
     good = np.isfinite(values) & np.isfinite(errors)
     if good.sum() < 3 or len(at_s) < 4:

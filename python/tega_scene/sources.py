@@ -25,16 +25,11 @@ _MOST_PICTURES: Final = 3000
 
 
 def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Any:
-    """Open a camera, and return OpenCV's capture.
+    """Open a camera, ``source`` a number, device or address, and return OpenCV's capture.
 
-    Args:
-        source: A number, a device or an address.
-        size: Width and height to request from a local camera, pixels; an address has a size that its sender chooses.
-        rate_hz: Pictures a second to ask for, likewise.
-
-    Raises:
-        DeviceUnavailableError: It does not open, or gives another size.
-        MissingExtraError: OpenCV is not installed.
+    ``size``, width and height in pixels, and ``rate_hz``, pictures a second, are requested from a local
+    camera; an address has those that its sender chooses. A camera of another size raises
+    :class:`DeviceUnavailableError`.
     """
     # A camera that says nothing any more blocks a read for so many seconds; read by OpenCV at the first capture.
     os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", str(_READ_MS // 1000))
@@ -72,14 +67,9 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
 def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Generator[NDArray[np.uint8]]:
     """Open a camera, a video or a folder, and return its pictures; those of a camera have no end.
 
-    Args:
-        source: A number, a device, an address, a video file or a folder of pictures.
-        size: Width and height to ask a camera for, pixels.
-        rate_hz: Pictures a second to ask it for.
-
-    Raises:
-        DeviceUnavailableError: The camera does not open; later: it stopped.
-        RecordingError: The folder has no pictures; later: there is no such video, or it is damaged.
+    ``source`` is a number, a device, an address, a video file or a folder of pictures; ``size``, width and
+    height in pixels, and ``rate_hz`` are asked of a camera. A camera that stops, or a video that is missing
+    or damaged, raises while the pictures are read.
     """
     if is_camera(source):
         return _filmed(open_camera(source, size, rate_hz), source)
@@ -107,13 +97,7 @@ def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
 
 
 def calibrate_from(source: str, size: tuple[int, int], *, notify: Callable[[str], None]) -> Lens:
-    """Calibrate a lens from a camera, a video or a folder, and say meanwhile where the board is wanted.
-
-    Raises:
-        CalibrationError: There are too few views, or they do not fit a flat board.
-        DeviceUnavailableError: The camera does not open, or stops.
-        RecordingError: There is no such file, or it has no pictures.
-    """
+    """Calibrate a lens from a camera, video or folder, and report meanwhile where the board is wanted."""
     calibration: LensCalibration | None = None
     text = ""
     live = is_camera(source)

@@ -63,9 +63,8 @@ class SceneTrack(NamedTuple):
         t_s: float64 (n,), times of the pictures.
         view: float64 (3,), direction in which the camera looks, in the table's axes.
         eye_m: float64 (3,), where it stands.
-        table_rms_px: Residual of the table's tags.
-        n_moved: Pictures in which all of the table's tags, two or more, stood more than two pixels off: the camera was
-            pushed.
+        n_moved: Pictures in which all of the table's tags, two or more, stood more than two pixels off: the
+            camera was pushed.
     """
 
     t_s: NDArray[np.float64]
@@ -78,11 +77,9 @@ class SceneTrack(NamedTuple):
 
 
 class SceneSightings(NamedTuple):
-    """Tags that were seen in n pictures.
+    """Tags that were seen in n pictures, their times rising.
 
-    Attributes:
-        t_s: Times of the pictures, seconds, rising.
-        corners: Corners of each frame: (4, 2) pixels by tag. Tags of the table are present only now and then.
+    ``corners`` are (4, 2) pixels by tag, for each picture. Tags of the table are present only now and then.
     """
 
     t_s: list[float]
@@ -94,14 +91,8 @@ def track_scene(
 ) -> SceneTrack:
     """Follow the bodies of a layout through pictures: :func:`sight_tags`, then :func:`follow_bodies`.
 
-    Args:
-        pictures: Time in seconds, rising, and picture, uint8 (H, W) or (H, W, 3).
-        lens: Lens of the camera.
-        layout: Which tags are where.
-
-    Raises:
-        RecordingError: There is no picture, one has another size than the lens was calibrated for, or the table's tags
-            are never seen.
+    ``pictures`` are time in seconds, rising, and uint8 (H, W) or (H, W, 3). :class:`RecordingError`: there is
+    none, one has another size than the lens was calibrated for, or the table's tags are never seen.
     """
     return follow_bodies(sight_tags(pictures, lens, layout), lens, layout)
 
@@ -141,11 +132,9 @@ def sight_tags(
 def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> SceneTrack:
     """Fit the bodies of a layout to the tags that were seen.
 
-    The table's tags are taken over all pictures together: the camera stands still. Where each tag truly sits on its
-    body is found from the pictures, too (:mod:`tega_scene.refine`).
-
-    Raises:
-        RecordingError: The table's tags are never seen.
+    The table's tags are taken over all pictures together: the camera stands still. Where each tag truly sits
+    on its body is found from the pictures, too (:mod:`tega_scene.refine`). Tags of the table that are never
+    seen raise :class:`RecordingError`.
     """
     fitters = {name: BodyFitter(body, lens) for name, body in layout.bodies().items()}
     table_ids = fitters["table"].ids

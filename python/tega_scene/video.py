@@ -47,18 +47,10 @@ def _options(video: VideoFormat, crf: int, rate_hz: float) -> dict[str, str]:
 
 
 class SceneEncoder:
-    """Encodes the pictures of one camera.
+    """Encodes the pictures of one camera, whose sides, pixels, must be even.
 
-    Args:
-        width: Width of the frames, pixels, even.
-        height: Height of the frames, pixels, even.
-        rate_hz: About how many come a second: one of so many stands alone.
-        video: Format.
-        crf: Quality, smaller is better.
-
-    Raises:
-        InvalidValueError: A side is odd.
-        MissingExtraError: PyAV is not installed, or its wheel has no such encoder.
+    About ``rate_hz`` come a second: one of so many stands alone. A smaller ``crf`` is better quality. A PyAV
+    wheel without the encoder raises :class:`MissingExtraError`.
     """
 
     def __init__(
@@ -83,11 +75,7 @@ class SceneEncoder:
         self._last = -1
 
     def encode(self, image: NDArray[np.uint8], t_ns: int) -> list[tuple[int, bytes]]:
-        """Add a frame, uint8 (H, W, 3) BGR, or (H, W) grey; return the finished packets with their times.
-
-        Raises:
-            RecordingError: The encoder refuses it.
-        """
+        """Add a frame, uint8 (H, W, 3) BGR, or (H, W) grey; return the finished packets with their times."""
         order = "gray" if image.ndim == 2 else "bgr24"
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format=order)
         # Rising by at least one tick, whatever the camera's clock says.
@@ -110,11 +98,7 @@ class SceneEncoder:
 
 
 def shrunk(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """Return a picture, uint8 (H, W, 3), no wider than asked for: each pixel is the mean of those that it stands for.
-
-    Raises:
-        MissingExtraError: OpenCV is not installed.
-    """
+    """Return a picture, uint8 (H, W, 3), at most ``width`` wide: each pixel the mean of what it covers."""
     if image.shape[1] <= width:
         return image
     cv2 = load_cv2("scene")

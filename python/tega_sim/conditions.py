@@ -73,11 +73,8 @@ ReflexReports: TypeAlias = Literal["none", "touch", "true slips"]
 class Arm(NamedTuple):
     """One condition of a comparison.
 
-    Attributes:
-        reports: Content of the frames.
-        sham: Change between these frames and the worn ones, see :func:`tega_sim.operator.sham_vest`.
-        skin: Skin under the motors.
-        reflex: Source of the reflex's slips, if there is a reflex.
+    ``reports`` is the content of the frames, ``sham`` what changes them before they are worn
+    (:func:`tega_sim.operator.sham_vest`), and ``reflex`` the source of a reflex's slips.
     """
 
     reports: Reports = "touch"
@@ -132,13 +129,6 @@ def worn(
 ) -> Sham:
     """Return the function that turns the frames that were made into those that are worn.
 
-    Args:
-        condition: The arm.
-        layout: The vest's layout.
-        seed: Seed of the shams that use random numbers.
-        recorded: For ``replayed``: times in seconds and frames of another trial.
-
-    Raises:
-        InvalidValueError: ``replayed`` has nothing to replay.
+    ``seed`` is that of random shams; ``replayed`` needs ``recorded``: seconds and frames of another trial.
     """
     return sham_vest(ARMS[condition].sham, seed=seed, layout=layout, recorded=recorded)

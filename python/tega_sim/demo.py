@@ -35,11 +35,9 @@ class TrialPicture(NamedTuple):
     """Contacts and course of one trial, to be drawn.
 
     Attributes:
-        title: Heading of its row.
         touch: Firmest contact by finger; a finger that touched nothing has an untouched picture.
-        course: Touch and level over time.
-        height_t_s: Times of the heights, seconds, float64 (n,).
-        height_m: Height of the object, metres, float64 (n,).
+        height_t_s: Times of the heights, float64 (n,).
+        height_m: Height of the object, float64 (n,).
         events: Kind and time of each event.
     """
 
@@ -52,11 +50,7 @@ class TrialPicture(NamedTuple):
 
 
 def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> None:
-    """Write the picture of simulated trials.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Write the picture of simulated trials."""
     figure = new_figure(figsize=(16, 0.5 + 2.4 * len(trials)))
     figure.suptitle(title, fontsize=12)
     rows: list[SubFigure] = list(figure.subfigures(len(trials), 1, squeeze=False)[:, 0])
@@ -87,13 +81,9 @@ class DemoReport(msgspec.Struct, frozen=True, kw_only=True):
     """Result of a demo. Everything in it is simulated.
 
     Attributes:
-        simulated_s: Time simulated, seconds.
-        wall_s: Time that took, from the first physics step to the last trial's end: rendering, mapping, scoring and the
-            building of the scenes in between included.
-        real_time_factor: Their ratio.
-        trials: The results.
-        format: Always ``tega-demo``.
-        version: Version of the format.
+        wall_s: Time that took, from the first physics step to the last trial's end: rendering, mapping,
+            scoring and the building of the scenes in between included.
+        real_time_factor: ``simulated_s`` over ``wall_s``.
     """
 
     simulated_s: float
@@ -118,19 +108,10 @@ def run_demo(
 ) -> tuple[DemoReport, list[Streams]]:
     """Run trials one after the other.
 
-    Args:
-        plans: The trials.
-        person: Operator of all trials, instead of their plans' operator.
-        real_time: Whether to keep to the machine's clock.
-        observer: Called with the state to display, thirty times a second of simulated time.
-        recorder: What records each trial.
-        next_object: Asked all the time whether another object is wanted at once; the running trial is then left.
-        stop: Asked all the time whether to end; the running trial then counts as it stands.
-        paused: Asked all the time whether to stand still.
-        muted: Returns whether the user has switched the vest off.
-
-    Raises:
-        MissingExtraError: A package of the extra ``sim`` is not installed.
+    ``person`` operates all trials instead of their plans' operators. ``observer`` is called thirty times a
+    second of simulated time. The callables are asked all the time: ``next_object`` for another object that is
+    wanted at once (the running trial is then left), ``stop`` for the end (the running trial then counts as it
+    stands), ``paused`` whether to stand still, ``muted`` whether the user has switched the vest off.
     """
     left = list(plans)
     results: list[TrialResult] = []
@@ -171,11 +152,7 @@ def run_demo(
 
 
 def prepare_demo(plans: Sequence[TrialPlan]) -> None:
-    """Do what belongs to no trial's time: calibrate the simulated people, and load the physics.
-
-    Raises:
-        MissingExtraError: MuJoCo is not installed.
-    """
+    """Do what belongs to no trial's time: calibrate the simulated people, and load the physics."""
     for plan in plans:
         lab_of(plan.seed, plan.preset, plan.settings)
     import_mujoco()
@@ -198,11 +175,7 @@ def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> 
 
 
 def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
-    """Draw every trial: each finger's firmest contact, and the course of touch, pose and height.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Draw every trial: each finger's firmest contact, and the course of touch, pose and height."""
     rows = []
     for result, streams in zip(report.trials, courses, strict=True):
         lab = lab_of(result.seed, result.preset, result.settings)

@@ -24,8 +24,8 @@ _STREAM: Final = 7919
 class Filling:
     """Weight of what has been filled in during one hold.
 
-    Args:
-        seed: Seed of the first portion's time, within 0.6 s of the hold's beginning; the others follow every 0.6 s.
+    ``seed`` draws the first portion's time, within 0.6 s of the hold's beginning; the others follow every
+    0.6 s.
     """
 
     def __init__(self, seed: int) -> None:
@@ -35,11 +35,9 @@ class Filling:
         self._force_n = 0.0
 
     def force_n(self, t_s: float, *, holding: bool) -> float:
-        """Return the weight at a time, newtons; it stays when the hold is over.
+        """Return the weight at a time; it stays when the hold is over.
 
-        Args:
-            t_s: Now, seconds.
-            holding: Whether the object is being held; the first such time is the hold's beginning.
+        The first call with ``holding`` is the hold's beginning.
         """
         if holding:
             self._since_s = t_s if self._since_s is None else self._since_s

@@ -98,24 +98,21 @@ class Gel:
     ) -> NDArray[np.uint8]:
         """Return the picture of these shapes pressed in; :attr:`truth` is then of this press.
 
-        Where nothing touches nothing is solved, and nothing shaded unless something is left of an earlier press: the
-        picture is the still one and new noise, so that no two frames are equal. Ask :meth:`press` first to leave such
-        frames out altogether.
+        Where nothing touches nothing is solved, and nothing shaded unless something is left of an earlier
+        press: the picture is the still one and new noise, so that no two frames are equal. Ask :meth:`press`
+        first to leave such frames out altogether.
 
         Args:
-            indenters: What presses, at most 8; one with a force of 0 does not. ``pose_mm``'s z does not matter: each
+            indenters: At most 8; one with a force of 0 does not press. ``pose_mm``'s z does not matter: each
                 shape goes in until the gel carries its force.
-            index: Number of the frame: picks its noise and how far the colours have drifted (60 frames a second).
-            t_s: When, seconds, for a gel with ``memory``; ``None`` is ``index`` / 60.
-            out: Where to write, uint8 (320, 240, 3) without gaps; ``None`` makes a new array.
+            index: Number of the frame: picks its noise and how far the colours have drifted (60 frames a
+                second).
+            t_s: When, for a gel with ``memory``, never before the latest one; ``None`` is ``index`` / 60.
+            out: Where to write, uint8 (320, 240, 3) without gaps, and what is then returned; ``None`` makes a
+                new array.
 
         Returns:
-            uint8 (320, 240, 3), BGR, upright; ``out`` where given.
-
-        Raises:
-            InvalidValueError: A shape is not known, a number is out of range, ``out`` cannot be written, or a gel with
-                memory is asked for a time before the latest one.
-            ShapeError: ``pose_mm`` is not (3, 4) or ``out`` not as above.
+            uint8 (320, 240, 3), BGR, upright.
         """
         if out is None:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
@@ -127,21 +124,18 @@ class Gel:
     def sums(
         self, indenters: Sequence[Indenter], index: int, *, t_s: float | None = None
     ) -> NDArray[np.int16]:
-        """Return the sums over cells of 8 x 8 pixels of the picture that :meth:`frame` would paint, equal to the bit.
+        """Return the sums over cells of 8 x 8 pixels of the picture of :meth:`frame`, equal to the bit.
 
-        What does not hang on single pixels is not worked out pixel by pixel: it takes a fraction of the time.
-        Args and errors are those of :meth:`frame`.
-
-        Returns:
-            int16 (3, 1200): blue, green and red, each 40 rows of 30 cells, one after the other.
+        int16 (3, 1200): blue, green and red, each 40 rows of 30 cells, one after the other. What does not
+        hang on single pixels is not worked out pixel by pixel: it takes a fraction of the time.
         """
         t_s = index / CAMERA_HZ if t_s is None else t_s
         return self._gel.sums(_poses(indenters), index, t_s=t_s)
 
     def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
-        """Press shapes in without making a picture; :attr:`truth` and the arrays below are then of this press.
+        """Press shapes in, making no picture; :attr:`truth` and the arrays below are then of this press.
 
-        Args and errors are those of :meth:`frame`; without ``t_s`` no time passes.
+        Arguments are those of :meth:`frame`; without ``t_s`` no time passes.
         """
         t_s = (self._gel.last_s() or 0.0) if t_s is None else t_s
         self._gel.press(_poses(indenters), t_s)
@@ -196,14 +190,11 @@ def ball(
     centre_xy: tuple[float, float] = (119.5, 159.5),
     on: Gel | None = None,
 ) -> Indenter:
-    """Return a ball that presses at a place of the picture.
+    """Return a ball that presses at a place of the picture, ``centre_xy`` in pixels (column, row).
 
-    Args:
-        force_n: Normal force, newtons.
-        radius_mm: The ball's radius; 4.4 is that of the recorded presses.
-        centre_xy: Where, pixels (column, row).
-        on: The gel that it is to touch first at that place; ``None`` has it so on a flat one. On a rounded gel a ball
-            beside the middle touches nearer to the middle than its own is.
+    A radius of 4.4 is that of the recorded presses. ``on`` is the gel that the ball is to touch first at that
+    place; ``None`` has it so on a flat one. On a rounded gel a ball beside the middle touches nearer to the
+    middle than its own is.
     """
     x, y = ((at - middle) / PX_PER_MM for at, middle in zip(centre_xy, (119.5, 159.5), strict=True))
     if on is not None:

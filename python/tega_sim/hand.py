@@ -33,10 +33,7 @@ def encoded(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
 class SimulatedAllegro:
     """The real controller on the angles that the simulated hand's encoders show: steps of 0.0888 mrad.
 
-    Args:
-        controller: The controller, with the poses of the bench.
-        read_angles_rad: Gives the true angles, float64 (16,), as they are now.
-        device_id: The hand's number on its bus, 0 to 3.
+    ``read_angles_rad`` returns the true angles, float64 (16,), as they are now; ``device_id`` is 0 to 3.
     """
 
     label = "simulated: torques from the angles of a simulated hand"
@@ -63,12 +60,7 @@ class SimulatedAllegro:
         return self._controller.target_rad
 
     def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
-        """Go on by one tick of 3 ms.
-
-        Args:
-            level: Closure level, 1 to 5.
-            added: Levels that a reflex adds.
-        """
+        """Go on by one tick of 3 ms. ``level`` is 1 to 5; ``added`` are levels that a reflex adds."""
         frames = self._controller.step_encoded(self._read(), level, added=added, device_id=self._device_id)
         return [_tuple(CanFrame, frame) for frame in frames]
 
@@ -80,13 +72,8 @@ class SimulatedAllegro:
 class SimulatedBus:
     """Stands in for the firmware on the hand's bus: torques move the joints, SERVO OFF lets go.
 
-    Args:
-        apply_torques: Takes torques, float64 (16,).
-        full_duty: Torque of a motor at full duty, in the unit of ``apply_torques``.
-        device_id: The hand's number on its bus, 0 to 3.
-
-    Attributes:
-        n_rejected: Frames that were no message for this hand.
+    ``apply_torques`` takes float64 (16,), in the unit of ``full_duty``, a motor's torque at full duty.
+    ``device_id`` is 0 to 3; ``n_rejected`` counts frames that were no message for this hand.
     """
 
     def __init__(

@@ -62,14 +62,10 @@ BASELINE_FRAMES = 30
 class Lab:
     """Gels, electrodes and calibration of one person, which last longer than a trial.
 
-    Args:
-        preset: Readings of the loop.
-        parameters: Parameters of the population; ``None`` means the package's own.
-        settings: Settings of the loop, see :class:`tega_sim.plan.TrialPlan`.
+    ``parameters`` of ``None`` are the package's own; ``settings`` are as in :class:`tega_sim.plan.TrialPlan`.
 
     Attributes:
-        gels: The four fingertips' gels and cameras.
-        baselines: Their untouched pictures, as recorded before the session.
+        baselines: The gels' untouched pictures, as recorded before the session.
         touch: What counts as full, by finger.
         calibrated: The EMG maxima, and the effort that they stand for.
     """
@@ -96,7 +92,7 @@ class Lab:
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
 
     def digest(self, rules: RulesVersion) -> str:
-        """Return the first digits of the SHA-256 that says who the people are who follow these rules."""
+        """Return the first digits of the SHA-256 that identifies the people who follow these rules."""
         return people_digest(self._parameters.digest, rules)[:16]
 
     def emg(self, lift: str) -> ForearmEmg:
@@ -104,11 +100,7 @@ class Lab:
         return ForearmEmg(self._someone, seed=self._seed, label=lift, rate_hz=EMG_HZ)
 
     def person(self, plan: TrialPlan) -> Operator | ScriptedOperator:
-        """Return the plan's operator.
-
-        Raises:
-            InvalidValueError: The plan's is at a keyboard.
-        """
+        """Return the plan's operator; one at a keyboard raises :class:`InvalidValueError`."""
         full_effort = self.calibrated.full_effort
         if plan.operator == "scripted":
             return ScriptedOperator(COURSES[plan.task], full_effort=full_effort)

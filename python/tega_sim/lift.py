@@ -54,23 +54,20 @@ class Lift:
 
     Args:
         lab: The person's lab.
+        plan: Plan of the trial.
+        person: The operator.
         number: Number of the lift in the trial; another number gives other random numbers.
         fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
         streams: Where to keep truth and sensors.
+        recorder: What records the lift.
         watched: Whether :meth:`go` has an observer.
         muted: Returns whether the user has switched the vest off.
-        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
-            that is felt, kept or looked at hangs on their pictures.
+        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where
+            nothing that is felt, kept or looked at hangs on their pictures.
         lift_by_s: When it is over unless the object was lifted by then, seconds.
-
-    Attributes:
-        layout: Which motors the vest has.
-        rig: The simulated world, person and sensors.
-        scorer: Counts what happens.
 
     Raises:
         InvalidValueError: Mass, stiffness or friction is out of range, or the truth was to be recorded.
-        MissingExtraError: A package of the extra ``sim`` is not installed.
     """
 
     def __init__(

@@ -29,23 +29,21 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     Attributes:
         object: Name in :data:`tega_sim.world.OBJECTS`, or of ``spec``.
-        condition: Condition of the vest.
         seed: Seed of the person and of all random numbers: the same for all objects and conditions.
-        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``: a
-            user at the keys, who is given to :func:`run_trial`.
+        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course.
+            ``keyboard``: a user at the keys, who is given to :func:`run_trial`.
         practice: Lifts of the same object under the same condition before the one that counts.
-        preset: Readings of the loop.
         mass_kg: Instead of the object's own, as the following.
         stiffness_n_m: Stiffness of the object's wall.
         friction: Between object and gel.
         settings: Settings of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
             :data:`tega.config.LOOP_KEYS`.
-        rules: Version of the rules that a simulated person follows, see :data:`tega_sim.operator.RulesVersion`; by 2
-            and 3 the person practises with object and vest first, see :mod:`tega_sim.practice`.
+        rules: Version of a simulated person's rules, see :data:`tega_sim.operator.RulesVersion`; by 2 and 3
+            the person practises with object and vest first, see :mod:`tega_sim.practice`.
         view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
-        task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
-            ``fill``: held for ten seconds while it is filled, see :mod:`tega_sim.filling`.
+        task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place
+            before that. ``fill``: held for ten seconds while it is filled, see :mod:`tega_sim.filling`.
     """
 
     object: str
@@ -65,11 +63,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @property
     def object_spec(self) -> ObjectSpec:
-        """The object, with the changes of the plan.
-
-        Raises:
-            InvalidValueError: A value is out of range.
-        """
+        """The object, with the changes of the plan."""
         changes = {name: value for name, value in self.changes.items() if value is not None}
         return (self.spec or OBJECTS[self.object]).with_(**changes)
 
@@ -99,11 +93,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @classmethod
     def checked(cls, fields: dict[str, Any]) -> Self:
-        """Make a plan of plain values.
-
-        Raises:
-            InvalidValueError: A value is unknown or out of range.
-        """
+        """Make a plan of plain values, and check them."""
         name, spec = fields.get("object"), fields.get("spec")
         if name not in OBJECTS if spec is None else getattr(spec, "name", None) != name:
             raise InvalidValueError(f"object = {name!r} is not known", nearest_hint(str(name), OBJECTS))
@@ -122,15 +112,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 def loop_settings(preset: Literal["paper", "live"], settings: Sequence[str]) -> SessionConfig:
-    """Return the settings of a trial's loop.
-
-    Args:
-        preset: The preset.
-        settings: What differs from it, as ``key=value``.
-
-    Raises:
-        ConfigError: A key is not one of the loop's, unknown, of a wrong type or out of range.
-    """
+    """Return the settings of a trial's loop: the preset's, with the loop's ``key=value`` of ``settings``."""
     for item in settings:
         key = item.partition("=")[0].strip()
         if not key.startswith("stages.") and key not in LOOP_KEYS:
@@ -145,24 +127,23 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
     """Outcome of a trial, with its plan repeated.
 
     Attributes:
-        success: Lifted to 0.2 m and held there for 1 s within 15 s, and not dropped; in a task ``place`` put down on
-            its mark as well.
+        success: Lifted to 0.2 m and held there for 1 s within 15 s, and not dropped; in a task ``place`` put
+            down on its mark as well.
         slips: Visible slips after lift-off, until it was put down.
         deformations: Times the object was narrowed more than is good for it.
         drops: 1 if it was lifted and fell.
         duration_s: From the start until the person was done, or the trial was ended.
-        peak_force_n: Largest normal force on one fingertip, newtons.
+        peak_force_n: Largest normal force on one fingertip.
         lift_off_s: When it left the table; ``None`` if it didn't.
         lifted_s: When it had been at the height for a second; ``None`` if it hadn't.
-        slid_m: Way slid in all, metres.
-        deformation_m: Largest narrowing, metres.
+        deformation_m: Largest narrowing.
         mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
-        simulated_s: Time simulated, practice included, seconds.
-        person: First digits of the SHA-256 of the people's parameters and, from version 2, the version of their rules;
-            empty without a simulated person.
-        placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not dropped;
-            ``None`` in other tasks.
-        off_mark_m: How far from that mark it is in the end, metres.
+        simulated_s: Time simulated, practice included.
+        person: First digits of the SHA-256 of the people's parameters and, from version 2, the version of
+            their rules; empty without a simulated person.
+        placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not
+            dropped; ``None`` in other tasks.
+        off_mark_m: How far from that mark it is in the end.
     """
 
     success: bool

@@ -31,11 +31,7 @@ _COURSE = (
 
 
 class LevelScript(ScriptedOperator):
-    """Goes through the levels of the practice and keeps the vest's frames.
-
-    Attributes:
-        vest: The worn frame at each look, a hundred times a second.
-    """
+    """Goes through the levels of the practice; ``vest`` are the worn frames, a hundred a second."""
 
     def __init__(self, *, full_effort: float) -> None:
         super().__init__(_COURSE, full_effort=full_effort)
@@ -51,9 +47,7 @@ def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) 
     """Let a person of the second version of the rules practise with a trial's object and vest; others do not.
 
     A person without a vest, or with one that pulses at events, learns nothing, and the bench is not run.
-
-    Returns:
-        Time simulated, seconds.
+    Returns the time simulated, seconds.
     """
     from tega_sim.lift import Lift
 

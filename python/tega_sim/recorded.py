@@ -22,19 +22,11 @@ _NAME = "simulated"
 
 
 class LiftRecorder:
-    """Records each lift into a file of one session folder.
+    """Records each lift into a file of one session folder, made where it is missing.
 
-    Args:
-        folder: The session's; made where it is missing.
-        settings: How to record; ``dir`` does not count.
-        real_time: Whether lifts keep to the machine's clock; otherwise a lift waits for the disk.
-
-    Attributes:
-        reported: Outcome of each file, in their order.
-
-    Raises:
-        MissingExtraError: A package of the extra ``record`` is not installed.
-        ConfigError: The folder holds something else.
+    ``dir`` of ``settings`` does not count. Without ``real_time``, lifts do not keep to the machine's clock,
+    and a lift waits for the disk. ``reported`` is the outcome of each file, in order. A folder that holds
+    something else raises :class:`ConfigError`.
     """
 
     def __init__(
@@ -46,14 +38,7 @@ class LiftRecorder:
         self.reported: list[dict[str, Any]] = []
 
     def begin(self, lab: Lab, bus: Bus, *, stages: StagesSection, layout: Layout) -> None:
-        """Begin the file of a lift.
-
-        Args:
-            lab: The person's lab.
-            bus: The lift's.
-            stages: Stages of the lift; its condition may have a mapping of its own.
-            layout: Which motors the vest has.
-        """
+        """Begin the file of a lift; ``stages`` are its own, since its condition may have another mapping."""
         replace = msgspec.structs.replace
         config = replace(
             lab.config,

@@ -22,12 +22,7 @@ FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
 class TrueSlipArc(ReflexArc):
     """A reflex arc that receives the truth, on every finger that bears a force, and no events.
 
-    It receives the speed of the slide.
-
-    Args:
-        snapshot: As of :class:`tega.loop.reflex.ReflexArc`.
-        slip_mm_s: Returns the present speed of the object through the grasp, mm/s.
-        forces_n: Returns the true force on each pad, newtons, thumb first.
+    It receives the speed of the slide through the grasp; ``forces_n`` are the true ones, thumb first.
     """
 
     def __init__(
@@ -71,13 +66,8 @@ def trial_reflex(
 ) -> ReflexArc | None:
     """Make the reflex of a trial; ``None`` where neither its condition nor the settings have one.
 
-    Args:
-        config: The trial's settings.
-        reports: Source of its slips, by the condition.
-        bus: Receives every addition.
-        closure: Returns the hand's closure by its joints, levels.
-        slip_mm_s: Returns the speed of the object's slide, mm/s.
-        forces_n: Returns the true force on each pad, newtons, thumb first.
+    ``bus`` receives every addition. ``closure`` returns the hand's closure by its joints, levels;
+    ``slip_mm_s`` the speed of the object's slide; ``forces_n`` the true force on each pad, thumb first.
     """
     stages = config.stages
     if reports != "none" and stages.reflex.name is None:

@@ -20,10 +20,9 @@ REMOVED_FIELDS: Final[Mapping[str, Removed]] = {
 
 
 def trial_fields(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a trial, and of its object, without those that were taken out and not in use.
+    """Return the fields of a trial and its object, less those that were taken out and not in use.
 
-    Raises:
-        ConfigError: A field that was taken out was in use.
+    A field that was taken out and was in use raises :class:`ConfigError`.
     """
     fields = without_removed(table, REMOVED_FIELDS)
     if isinstance(spec := fields.get("spec"), dict):

@@ -77,6 +77,7 @@ class TrialRig:
         world: Hand and object, at the trial's beginning.
         poses_rad: The hand's closure poses, float64 (5, 16).
         decoder: Turns EMG into levels.
+        person: The operator.
         emg: Turns excitation into EMG.
         worn: The vest, in the trial's condition.
         scorer: Counts what happens.
@@ -84,21 +85,18 @@ class TrialRig:
         end_s: When the trial is over whatever happens, seconds.
         muted: Returns whether the user has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
-        with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
-        painted: Whether every frame is painted, for readers of :attr:`frames`; else only those that a subscriber on
-            the bus wants, or for a metric that needs pixels.
+        with_cameras: Whether there are pictures; without them the loop feels nothing, all else is the same.
+        painted: Whether every frame is painted, for readers of :attr:`frames`; else only those that a
+            subscriber on the bus wants, or for a metric that needs pixels.
         filling: What is filled into the object while it is held.
         on_act: Called with the percept and the action after every 10 ms.
 
     Attributes:
-        contacts: Stream of measured frames, by finger, for the loop.
-        levels: Stream of intents, for the loop.
         frames: The newest picture of each finger that was painted.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
-        act: The person's current action.
         truth: The true state, as of the person's last look.
-        t_ns: Time that has passed, nanoseconds.
+        t_ns: Time that has passed.
     """
 
     def __init__(
@@ -265,13 +263,10 @@ class TrialRig:
 class SimulatedPacer(Pacer):
     """Waits for a deadline on the clock, then lets simulated time pass up to it.
 
-    No tick is left out. A loop that falls more than 100 ms behind shifts the deadlines that are left instead: the
-    simulation runs late then, and its results are the same at every pace.
-
-    Args:
-        clock: A manual clock to run as fast as can be computed, the machine's to run in real time; in a pausable one
-            the world stands still with it.
-        advance: Makes the simulated world go on until a time in nanoseconds.
+    No tick is left out. A loop that falls more than 100 ms behind shifts the deadlines that are left instead:
+    the simulation runs late then, and its results are the same at every pace. ``clock`` is a manual one to
+    run as fast as can be computed, the machine's to run in real time; in a pausable one the world stands
+    still with it. ``advance`` makes the simulated world go on until a time in nanoseconds.
     """
 
     def __init__(self, clock: Clock, advance: Callable[[int], None]) -> None:

@@ -29,8 +29,8 @@ class TrialEvent(msgspec.Struct, frozen=True):
     """Lift-off, slip, deformation or drop in a trial.
 
     Attributes:
-        kind: What: ``lift_off``, ``lifted`` (stable at the height), ``slip``, ``deformation`` or ``drop``.
-        t_s: When it began, seconds since the trial's start; ``lifted``: when it was complete.
+        kind: ``lifted`` is stable at the height.
+        t_s: When it began, from the trial's start; ``lifted``: when it was complete.
         size_m: Slip: way slid. Deformation: narrowing at its largest. Else 0.
     """
 
@@ -42,12 +42,9 @@ class TrialEvent(msgspec.Struct, frozen=True):
 class TrialScorer:
     """Counts the events of a trial; receives the truth about a hundred times a second.
 
-    Attributes:
-        rule: The rule of lift and hold.
-        events: What happened; in the order of its beginning once the trial is closed.
-        peak_force_n: Largest normal force on one pad so far, newtons.
-        slid_m: Way slid since the object left the table, metres.
-        deformation_m: Largest narrowing so far, metres.
+    ``rule`` is that of lift and hold. ``events`` are in the order of their beginning once the trial is
+    closed. ``peak_force_n``, on one pad, and ``deformation_m``, the narrowing, are the largest so far;
+    ``slid_m`` is the way slid since the object left the table.
     """
 
     def __init__(self, harm_m: float, *, window_s: float = LIFT_WINDOW_S) -> None:

@@ -22,11 +22,10 @@ class Indenter(NamedTuple):
     """A rigid shape that presses a fingertip's gel.
 
     Attributes:
-        shape: Its kind.
         size_mm: Sphere: radius, 0, 0. Cylinder and capsule: radius, half length along its own z, 0. Box: half
             lengths along its own axes. Plane: zeros; its own z is its outward normal.
-        pose_mm: float64 (3, 4), rotation and translation from the shape's own frame to the pad frame, millimetres.
-        force_n: Normal force of this shape on the gel, newtons, 0 or more.
+        pose_mm: float64 (3, 4), rotation and translation from the shape's own frame to the pad frame.
+        force_n: Normal force of this shape on the gel, 0 or more.
     """
 
     shape: Literal["sphere", "cylinder", "capsule", "box", "plane"]
@@ -36,19 +35,18 @@ class Indenter(NamedTuple):
 
 
 class WorldTruth(NamedTuple):
-    """True state of the simulated world, whatever a sensor says.
+    """True state of the simulated world, whatever a sensor reports.
 
     Attributes:
-        t_s: Simulated time since the trial began, seconds.
-        object_height_m: Height of the object over where it stood, metres.
-        lift_off: Whether the object has left the table.
-        pad_force_n: Normal force on each pad, newtons, thumb first.
-        slip_m: How far the object has slid down through the grasp since it left the table, metres.
-        slip_m_s: Speed of that, metres per second.
-        deformation_m: How much narrower the object is than unloaded, metres.
-        damage_m: How much of that stays when let go, metres.
+        t_s: Simulated time since the trial began.
+        object_height_m: Height of the object over where it stood.
+        pad_force_n: Normal force on each pad, thumb first.
+        slip_m: How far the object has slid down through the grasp since it left the table.
+        slip_m_s: Speed of that.
+        deformation_m: How much narrower the object is than unloaded.
+        damage_m: How much of that stays when let go.
         dropped: Whether the object was lifted and lies on the table, or below, again.
-        hand_to_object_m: Distance of the grasp's centre from the object's, metres.
+        hand_to_object_m: Distance of the grasp's centre from the object's.
     """
 
     t_s: float
@@ -67,10 +65,9 @@ class Percept(NamedTuple):
     """Sights and vibrations that reach the person now; delays and thresholds are the person's own.
 
     Attributes:
-        t_s: Simulated time since the trial began, seconds.
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
-        closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None`` where it is not shown.
-        angles_rad: Its 16 joint angles, for logs of the sensors only; no person sees them. ``None`` in the same case.
+        closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None``: not shown.
+        angles_rad: Its 16 joint angles, for logs of the sensors only: no person sees them; ``None`` likewise.
     """
 
     t_s: float
@@ -85,8 +82,8 @@ class Act(NamedTuple):
 
     Attributes:
         excitation: Drive of the grip muscles as a share of the strongest, 0 to 1.15; EMG follows it.
-        forearm_m: Where the person moves the hand: height over the grasp pose and distance back from it, metres.
-        phase: Phase of the person's task: ``reach``, ``grasp``, ``lift``, ``hold``, ``place``, ``release``, ``done``.
+        forearm_m: Where the person moves the hand: height over the grasp pose and distance back from it.
+        phase: ``reach``, ``grasp``, ``lift``, ``hold``, ``place``, ``release`` or ``done``.
     """
 
     excitation: float

@@ -52,11 +52,10 @@ _AT_NEED = ("values", "beside-contacts", "beside-values", "beside-levels")
 class Streams:
     """Keeps the course of one lift; give it to :func:`tega_sim.trial.run_trial`.
 
-    Attributes:
-        rows: By table, each a list of rows; the first number of a row is the time in seconds. ``truth`` a hundred
-            times a second, with the person's actions; ``contacts`` every frame; ``levels`` every EMG block; ``vest``
-            every frame that the loop sent; ``values`` additional measurements of a metric; ``beside-…`` answers of
-            stages beside the connected ones.
+    ``rows`` are lists of rows by table; the first number of a row is the time in seconds. Tables: ``truth`` a
+    hundred times a second, with the person's actions; ``contacts`` every frame; ``levels`` every EMG block;
+    ``vest`` every frame that the loop sent; ``values`` additional measurements of a metric; ``beside-…``
+    answers of stages beside the connected ones.
     """
 
     def __init__(self) -> None:
@@ -117,13 +116,7 @@ class Streams:
         return ("t_s", *self._motors) if table == "vest" else _COLUMNS[table]
 
     def array(self, table: str, column: str, *, where: tuple[str, object] | None = None) -> NDArray[Any]:
-        """Return one column.
-
-        Args:
-            table: Its table.
-            column: Its name.
-            where: Only rows that have this value in that column, such as ``("finger", "thumb")``.
-        """
+        """Return one column; ``where``, as ``("finger", "thumb")``, limits it to rows with that value."""
         names = self.columns(table)
         index = names.index(column)
         rows = self.rows[table]
@@ -147,8 +140,7 @@ class Streams:
     def course(self, *, pose_base: int = 1) -> SessionCourse:
         """Return touch, as the mean over the fingers in contact, and level over time.
 
-        Args:
-            pose_base: Number of the most open level as it is drawn, 0 or 1.
+        ``pose_base`` is the number of the most open level as it is drawn, 0 or 1.
         """
         at: dict[float, list[tuple[float, float]]] = {}
         for t_s, _, _, _, cci_norm, eda_norm, _, in_contact, *_ in self.rows["contacts"]:

@@ -142,11 +142,7 @@ class SyntheticTouch(Opened):
         self._next += n_frames
 
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # never keeps one waiting
-        """Return the next frame.
-
-        Raises:
-            DeviceUnavailableError: The source is not open.
-        """
+        """Return the next frame."""
         if self._gel is None:
             raise DeviceUnavailableError("synthetic-touch is not open", "open it first")
         if self.ended:
@@ -223,11 +219,7 @@ class SyntheticEmg(Opened):
         return self._next >= self._n_samples
 
     def read(self, timeout_s: float) -> EmgChunk | None:  # noqa: ARG002  # never keeps one waiting
-        """Return the next twentieth of a second.
-
-        Raises:
-            DeviceUnavailableError: The source is not open.
-        """
+        """Return the next twentieth of a second."""
         if self._forearm is None:
             raise DeviceUnavailableError("synthetic-emg is not open", "open it first")
         if self.ended:

@@ -48,12 +48,8 @@ def run_trial(
         stop: Asked all the time whether to end; the trial then counts as it stands.
         paused: Asked all the time whether to stand still.
         muted: Called at every vest frame; returns whether the user has switched the vest off.
-        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
-            that is felt, kept or looked at hangs on their pictures; the results are the same.
-
-    Raises:
-        InvalidValueError: The object is not known, or its mass, stiffness or friction is out of range.
-        MissingExtraError: A package of the extra ``sim`` is not installed.
+        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where
+            nothing that is felt, kept or looked at hangs on their pictures; the results are the same.
     """
     lab = lab_of(plan.seed, plan.preset, plan.settings)
     someone = lab.person(plan) if person is None else person

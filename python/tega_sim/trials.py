@@ -36,20 +36,10 @@ def plan_trials(
 ) -> list[TrialPlan]:
     """Plan every object, with every mass, stiffness and friction, under every condition with every seed.
 
-    A seed is a person with all their chance: trials that differ only in object or condition are of the same person,
-    and those that differ only in mass, stiffness, friction or condition have the same chance, too.
-
-    Args:
-        objects: Names in :data:`tega_sim.world.OBJECTS`, or other objects by name.
-        conditions: The arms to compare.
-        seeds: Seeds, 0 or more.
-        mass_kg: Masses of each object; ``None`` is its own, as with the following.
-        stiffness_n_m: Stiffness of its wall.
-        friction: Between it and the gel.
-        settings: Further attributes of :class:`TrialPlan`, the same for all.
-
-    Raises:
-        InvalidValueError: A name, condition or setting is unknown or out of range.
+    A seed is a person with all their chance: trials that differ only in object or condition are of the same
+    person, and those that differ only in mass, stiffness, friction or condition have the same chance, too.
+    ``None`` as a mass, stiffness or friction is the object's own. ``settings`` are further attributes of
+    :class:`TrialPlan`, the same for all.
     """
     plans = []
     specs: Mapping[str, ObjectSpec] = objects if isinstance(objects, Mapping) else {}
@@ -70,16 +60,10 @@ def run_trials(
 ) -> list[TrialResult]:
     """Run trials, or those of them that ``out`` does not hold yet.
 
-    Args:
-        plans: What to run.
-        jobs: Worker processes; 0 for as many as there are cores. One runs in this process.
-        out: A file of results, one JSON object a line; trials it holds already are not run again, and new ones are
-            added as they end. Results of other plans in it are kept.
-        progress: Called with the number of finished trials.
-
-    Raises:
-        MissingExtraError: A package of the extra ``sim`` is not installed.
-        RecordingError: ``out`` holds something else, or results of persons with other parameters or rules.
+    ``jobs`` are worker processes, 0 for as many as there are cores; one runs in this process. ``out`` has one
+    JSON object a line; new results are added as they end, and results of other plans in it are kept. One that
+    holds something else, or results of persons with other parameters or rules, raises
+    :class:`RecordingError`. ``progress`` is called with the number of finished trials.
     """
     known = read_results(out) if out is not None else {}
     if out is not None:
@@ -109,8 +93,7 @@ def run_trials(
 def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
     """Read a file of results; a last line that was cut off is passed over, a missing file holds none.
 
-    Raises:
-        RecordingError: Another line is no result of this version.
+    Another line that is no result of this version raises :class:`RecordingError`.
     """
     if not path.exists():
         return {}
@@ -158,18 +141,9 @@ def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialR
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """One object under one condition.
+    """One object, with the changes of the plan, under one condition.
 
-    Attributes:
-        object: Name of the object, with the changes of the plan.
-        condition: The arm.
-        n: Trials.
-        success: Share of them that were lifted and held.
-        slips: Mean per trial, as the others.
-        deformations: Mean number of deformations.
-        drops: Mean number of drops.
-        duration_s: Mean duration, seconds.
-        peak_force_n: Mean peak force, newtons.
+    ``success`` is the share of the ``n`` trials that were lifted and held; the others are means per trial.
     """
 
     object: str

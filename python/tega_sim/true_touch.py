@@ -39,18 +39,13 @@ _DISPLAYED: Final[dict[Reports, StageConfig]] = {
 class TrueTouch(TouchLoop):
     """Makes vest frames of the world's truth, and everything else of the measured contacts.
 
-    A slip begins when the object, off the table, slides down through the grasp at 5 mm/s, the speed by which slips
-    are counted, and is over when it has rested for 0.2 s. It is shown at once. Counted slips last at least 30 ms and
-    reach 3 mm, which cannot be known at the start.
+    A slip begins when the object, off the table, slides down through the grasp at 5 mm/s, the speed by which
+    slips are counted, and is over when it has rested for 0.2 s. It is shown at once. Counted slips last at
+    least 30 ms and reach 3 mm, which cannot be known at the start.
 
-    Args:
-        maxima: As of :class:`tega.loop.touch.TouchLoop`, like the following.
-        mirror: Which faces have their columns reversed.
-        felt: Thresholds and steps of the wearer, where they are known.
-        mapping: Makes the mapping of measured contacts, for display.
-
-    Raises:
-        InvalidValueError: That is no truth.
+    ``mirror`` is which faces have their columns reversed, ``felt`` the wearer's thresholds and steps where
+    they are known; ``mapping`` makes the mapping of measured contacts, for display. ``reports`` that are no
+    truth raise :class:`InvalidValueError`.
     """
 
     def __init__(

@@ -21,16 +21,9 @@ _POLL_S = 0.2
 def over_cores(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:
     """Do the jobs in processes of their own; results come as they are ready.
 
-    A signal that ends this process, even SIGKILL, ends the workers within a second: they check their parent. (Windows
-    does not report it; there the workers of a killed program finish their job.)
-
-    Args:
-        work: What to do with a job; a function of a module.
-        jobs: Which.
-        workers: How many processes; one, or one job, is done in this process.
-
-    Raises:
-        MissingExtraError: joblib is not installed.
+    A signal that ends this process, even SIGKILL, ends the workers within a second: they check their parent.
+    (Windows does not report it; there the workers of a killed program finish their job.) ``work`` must be a
+    function of a module. With one worker, or one job, it is called in this process.
     """
     if workers == 1 or len(jobs) < 2:
         yield from map(work, jobs)

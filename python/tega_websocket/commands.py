@@ -23,19 +23,12 @@ SWITCHES: Final = ("dead_man", "clutch", "recover")
 class Commands:
     """Takes commands of the leading client, in the server's thread, and hands them to the loop.
 
-    A command names the newest time of the session that its client has received, so its age is known without a common
-    clock: it includes the way there and back. One that is older than the time-to-live is refused, and one that waits
-    here longer lapses.
+    A command names the newest time of the session that its client has received, so its age is known without a
+    common clock: it includes the way there and back. One that is older than the time-to-live is refused, and
+    one that waits here longer lapses.
 
-    Args:
-        ttl_ms: The time-to-live, milliseconds.
-        hand: Whether clients may lead the hand.
-        arm: Axes of the arm's mapping; ``None`` where clients may not lead the arm.
-        clock: Returns the monotonic time, nanoseconds.
-        name: Table of the settings, for messages.
-
-    Attributes:
-        refused: Commands that were not obeyed, by reason.
+    ``arm`` is the axes of the arm's mapping; ``None`` where clients may not lead the arm. ``name`` is the
+    settings' table, for messages; ``refused`` counts commands that were not obeyed, by reason.
     """
 
     def __init__(
@@ -79,11 +72,9 @@ class Commands:
         return {name: Seat(source, None) for name, source in made.items()}
 
     def begin(self, start_ns: int, stamp: Callable[[int, int], None] | None) -> None:
-        """Obey from now on.
+        """Obey from now on; ``start_ns`` is the session's start on the monotonic clock.
 
-        Args:
-            start_ns: Start of the session on the monotonic clock.
-            stamp: Receives time and arrival of each level; ``None`` where latency is not traced.
+        ``stamp`` receives time and arrival of each level; ``None`` where latency is not traced.
         """
         with self._lock:
             self._start_ns = start_ns
@@ -125,14 +116,9 @@ class Commands:
     # The server's side.
 
     def obey(self, client: int, command: Hand | Arm) -> None:
-        """Hand a command to the loop.
+        """Hand a command to the loop; :class:`MessageError`, with the reason, if it is not obeyed.
 
-        Args:
-            client: Number of the client; the first one that commands leads until it releases or is gone.
-            command: The command.
-
-        Raises:
-            MessageError: It is not obeyed; the text says why.
+        The first client that commands leads until it releases or is gone.
         """
         stream = "hand" if isinstance(command, Hand) else "arm"
         with self._lock:

@@ -26,12 +26,9 @@ _Unit = Annotated[float, msgspec.Meta(ge=-1.001, le=1.001)]
 
 
 class Hand(msgspec.Struct, tag=True, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Request for a closure of the hand.
+    """Request for a closure of the hand: ``level``, 1 to 5, or ``closure``, 0 (open) to 1 (closed).
 
-    Attributes:
-        t_ns: ``t_ns`` of the newest ``State`` that the client has received.
-        level: Closure level, 1 to 5; or
-        closure: 0 (open) to 1 (closed).
+    ``t_ns`` is that of the newest ``State`` that the client has received.
     """
 
     t_ns: _Time
@@ -44,7 +41,7 @@ class Arm(msgspec.Struct, tag=True, frozen=True, kw_only=True, forbid_unknown_fi
 
     Attributes:
         t_ns: ``t_ns`` of the newest ``State`` that the client has received.
-        position_m: x, y, z in the axes of ``arm.mapping.frame``, metres.
+        position_m: x, y, z in the axes of ``arm.mapping.frame``.
         quaternion_xyzw: Orientation, unit length.
         valid: Whether the pose is measured, not guessed.
         dead_man: Whether the dead-man is held.
@@ -66,11 +63,7 @@ class Release(msgspec.Struct, tag=True, frozen=True, forbid_unknown_fields=True)
 
 
 class Mark(msgspec.Struct, tag=True, frozen=True, forbid_unknown_fields=True):
-    """Marker, recorded with its arrival.
-
-    Attributes:
-        text: Its text.
-    """
+    """Marker, recorded with its arrival."""
 
     text: Annotated[str, msgspec.Meta(max_length=1000)]
 
@@ -81,15 +74,11 @@ _DECODER: Final[msgspec.json.Decoder[Command]] = msgspec.json.Decoder(Command)
 
 
 class MessageError(ValueError):
-    """A client's message cannot be used; the text says why."""
+    """A client's message cannot be used; the text is the reason."""
 
 
 def decode(data: str | bytes) -> Command:
-    """Return a client's message.
-
-    Raises:
-        MessageError: It is no such message, or a value is out of range.
-    """
+    """Return a client's message; another, or a value out of range, raises :class:`MessageError`."""
     try:
         command = _DECODER.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

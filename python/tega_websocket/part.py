@@ -69,11 +69,7 @@ class WebSocketPart(Part):
         context.stack.callback(backlog.close)
 
     def open(self) -> None:
-        """Serve, and print the address.
-
-        Raises:
-            DeviceUnavailableError: The address cannot be served.
-        """
+        """Serve, and print the address."""
         table = self._table
         self._server.open(table.host, table.port)
         host = f"[{table.host}]" if ":" in table.host else table.host

@@ -47,12 +47,7 @@ class Served(NamedTuple):
 
 
 class Client:
-    """One client: its connection, and messages that wait for it.
-
-    Args:
-        number: Its number, from 1.
-        most: Messages that wait at most; the oldest is dropped beyond that.
-    """
+    """One client, numbered from 1: its connection and up to ``most`` waiting messages, the oldest dropped."""
 
     def __init__(self, number: int, connection: Any, most: int) -> None:
         self.number, self.connection, self._most = number, connection, most
@@ -81,16 +76,9 @@ class Client:
 class Server:
     """A WebSocket server; use :meth:`open` and :meth:`close`.
 
-    Args:
-        token: First part of the path of the address.
-        served: The run's side.
-        origins: Web pages that may connect besides those of this address.
-        remote: Whether the address is reached from other machines.
-        buffer: Messages that wait for each client.
-
-    Attributes:
-        port: TCP port, once open.
-        n_dropped: Messages dropped for clients that are gone.
+    ``token`` is the first part of the path of the address. ``origins`` are web pages that may connect besides
+    those of this address, ``remote`` is whether it is reached from other machines, ``buffer`` how many
+    messages wait for each client. ``n_dropped`` counts messages dropped for clients that are gone.
     """
 
     def __init__(
@@ -118,11 +106,7 @@ class Server:
         return bool(self._clients)
 
     def open(self, host: str, port: int) -> None:
-        """Serve from now on.
-
-        Raises:
-            DeviceUnavailableError: The address cannot be served.
-        """
+        """Serve from now on."""
         ready = _Ready()
         work = run_realtime("beside")(lambda: self._run(host, port, ready))
         self._thread = threading.Thread(target=work, name="tega-websocket", daemon=True)

@@ -62,8 +62,8 @@ class WebSocketTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 def check_table(table: WebSocketTable, context: TableContext) -> WebSocketTable:
     """Check the table against the other settings, and make its path absolute.
 
-    Raises:
-        ConfigError: Two inputs claim hand or arm, or the address leaves this machine without a token of its own.
+    Two inputs that claim hand or arm, or an address that leaves this machine without a token of its own,
+    raise :class:`ConfigError`.
     """
     config = context.config
     if not table.on_this_machine and table.token_file is None:
@@ -80,8 +80,7 @@ def check_table(table: WebSocketTable, context: TableContext) -> WebSocketTable:
 def check_claims(name: str, config: SessionConfig, *, hand: bool, arm: bool) -> None:
     """Check the claims of a table to lead hand or arm against the other settings.
 
-    Raises:
-        ConfigError: Two inputs claim hand or arm, there is no arm, or the session is not in real time.
+    Two inputs that claim hand or arm, no arm, or a session not in real time raise :class:`ConfigError`.
     """
     claims = (
         ("hand", hand and config.emg is not None, "[emg]"),
@@ -103,11 +102,7 @@ def check_claims(name: str, config: SessionConfig, *, hand: bool, arm: bool) -> 
 
 
 def read_token(path: Path) -> str:
-    """Return the token of a file.
-
-    Raises:
-        ConfigError: The file cannot be read, or its token is too short or not of printable ASCII.
-    """
+    """Return the token of a file; one too short, or not of printable ASCII, raises :class:`ConfigError`."""
     try:
         with path.open("rb") as file:
             text = file.read(4096).decode("ascii").strip()

@@ -44,14 +44,12 @@ class TegaRobotConfig(RobotConfig):
 
 
 class TegaRobot(Seated, Robot):
-    """Robot ``tega``. An action is a closure, 0 (open) to 1 (closed), and with an arm the pose where its end is to go.
+    """Robot ``tega``: an action is a closure, 0 (open) to 1 (closed), and with an arm its end's pose.
 
-    Both pass TEGA's guard and limits. Where the settings name a tracker, the person's forearm leads the arm, and the
-    teleoperator of the same session gives its target.
-
-    Raises:
-        ConfigError: The settings are wrong, ``observe`` names a feature that they do not have, or LeRobot would lead
-            an arm without ``arm.mapping.absolute``.
+    Both pass TEGA's guard and limits. Where the settings name a tracker, the person's forearm leads the arm,
+    and the teleoperator of the same session gives its target. An ``observe`` that names a feature that they
+    do not have, or an arm that LeRobot would lead without ``arm.mapping.absolute``, raises
+    :class:`ConfigError`.
     """
 
     config_class = TegaRobotConfig
@@ -88,11 +86,7 @@ class TegaRobot(Seated, Robot):
         return {**numbers, **dict.fromkeys(self._fingers, shape)}
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
-        """Begin the session, and wait for a value of everything that is observed.
-
-        Raises:
-            TegaError: The session cannot begin, or something observed is missing.
-        """
+        """Begin the session, and wait for a value of everything that is observed."""
         self._begin(self._names, self._fingers)
 
     def get_observation(self) -> dict[str, Any]:
@@ -102,18 +96,13 @@ class TegaRobot(Seated, Robot):
         return {**live.numbers(list(self._names)), **pictures}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Have the hand close to a level, and lead the arm; without a new action both lapse after half a second.
+        """Close the hand to a level, and lead the arm; both lapse after half a second without a new action.
 
-        Args:
-            action: ``closure``, clipped to 0 (open) to 1 (closed); the grasp level follows from it. With an arm
-                ``arm_target.x_m`` and so on; its quaternion is brought to unit length.
-
-        Returns:
-            The action as it was sent; the arm's part is the run's own target where a tracker leads it.
-
-        Raises:
-            ConfigError: A tracker leads the arm, and no teleoperator has joined the session.
-            InvalidValueError: A number is not finite or out of range.
+        ``action`` has ``closure``, clipped to 0 (open) to 1 (closed); the grasp level follows from it. With
+        an arm it has ``arm_target.x_m`` and so on; its quaternion is brought to unit length. Returns the
+        action as it was sent; the arm's part is the run's own target where a tracker leads it. If no
+        teleoperator has joined the session then, :class:`ConfigError` is raised; for a number not finite or
+        out of range, :class:`InvalidValueError`.
         """
         session, live = self._seat.run
         level = 1 + 4 * float(np.clip(float(action["closure"]), 0, 1))

@@ -34,13 +34,8 @@ _RUNS: dict[tuple[Any, ...], _Run] = {}
 class Seat:
     """Place of one device of LeRobot in a session.
 
-    Args:
-        settings: TEGA's settings file.
-        sets: Settings to override.
-        person: Person with the calibration to use; ``None`` for that of the settings.
-
-    Attributes:
-        leads_arm: Whether a device of LeRobot leads the arm, and no tracker.
+    ``person`` of ``None`` is that of the settings. ``leads_arm`` is whether a device of LeRobot leads the
+    arm, and no tracker.
     """
 
     def __init__(self, settings: Path, sets: list[str], person: str | None) -> None:
@@ -61,12 +56,7 @@ class Seat:
         return self._run is not None and self._run.n_users > 1
 
     def take(self) -> None:
-        """Join the session of these settings, or begin it.
-
-        Raises:
-            DeviceAlreadyConnectedError: The device is connected.
-            TegaError: The session cannot begin.
-        """
+        """Join the session of these settings, or begin it; never while connected."""
         if self.taken:
             raise DeviceAlreadyConnectedError("tega is connected")
         run = _RUNS.get(self._key)
@@ -81,9 +71,7 @@ class Seat:
     def run(self) -> tuple[ProgramSession, Live]:
         """The session and its newest values.
 
-        Raises:
-            DeviceNotConnectedError: The device is not connected, or the run has ended.
-            TegaError: The run has ended with an error.
+        A run that has ended raises :class:`DeviceNotConnectedError`, or the error with which it ended.
         """
         if self._run is None:
             raise DeviceNotConnectedError("tega is not connected")

@@ -30,11 +30,7 @@ class TegaTeleoperatorConfig(TeleoperatorConfig):
 
 
 class TegaTeleoperator(Seated, Teleoperator):
-    """Teleoperator ``tega``.
-
-    Raises:
-        ConfigError: The settings are wrong, or name no EMG.
-    """
+    """Teleoperator ``tega``; settings without EMG raise :class:`ConfigError`."""
 
     config_class = TegaTeleoperatorConfig
     name = "tega"
@@ -52,19 +48,14 @@ class TegaTeleoperator(Seated, Teleoperator):
         return {}
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
-        """Begin the session, and wait for the first intent, and with an arm for its pose.
-
-        Raises:
-            TegaError: The session cannot begin, or no intent comes.
-        """
+        """Begin the session, and wait for the first intent, and with an arm for its pose."""
         wanted = ["observation.emg_levels"] + ["observation.arm"] * (self._seat.config.arm is not None)
         self._begin(dict.fromkeys(wanted), ())
 
     def get_action(self) -> dict[str, Any]:
-        """Return the closure that the muscles ask for now, the grasp level nearest to it, and the arm's target.
+        """Return the closure that the muscles ask for now, the nearest grasp level, and the arm's target.
 
-        Raises:
-            DeviceUnavailableError: The muscles gave none for a second, or the arm no pose.
+        If there was none for a second, :class:`DeviceUnavailableError` is raised.
         """
         _, live = self._seat.run
         closure = dict(zip(CLOSURE, live.closure_numbers(), strict=True))

@@ -55,12 +55,7 @@ def object_options(function: _Function) -> _Function:
 
 
 def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]:
-    """Return the objects of these names in a file, or in the package's own.
-
-    Raises:
-        ConfigError: The file is not valid.
-        InvalidValueError: It has no such object.
-    """
+    """Return the objects of these names in a file; ``None`` means the package's own."""
     from tega_sim.world.objects import read_objects
 
     known = read_objects(file)
@@ -100,11 +95,7 @@ def loop_options(function: _Function) -> _Function:
 
 
 def loop_sets(config: Path | None, sets: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the settings of a simulated trial's loop as ``key=value``: a file's, then the single ones.
-
-    Raises:
-        ConfigError: The file cannot be read, or a setting in it is unknown, of a wrong type or out of range.
-    """
+    """Return the settings of a simulated trial's loop as ``key=value``: a file's, then the single ones."""
     if config is None:
         return sets
     return (*file_sets(config), *sets)

@@ -118,14 +118,9 @@ class Operator:
     def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
         """Start a trial.
 
-        Args:
-            name: Name of the object; beliefs from earlier trials with it are remembered.
-            width_m: Its width, metres: plain to see.
-            trial: Number of the trial; another number, other random draws.
-            rest_s: How long the person has rested, seconds.
-
-        Raises:
-            InvalidValueError: The width is not above 0, or the rest is negative.
+        Beliefs from earlier trials with an object of this name are remembered; its width is plain to see.
+        Another number of the trial gives other random draws. ``rest_s`` is how long the person has rested, 0
+        or more.
         """
         if not width_m > 0 or not rest_s >= 0:
             raise InvalidValueError(
@@ -134,14 +129,7 @@ class Operator:
         self._start(name, width_m, trial, rest_s)
 
     def act(self, percept: Percept) -> Act:
-        """Take in a percept and return the person's action.
-
-        Args:
-            percept: The percept at this moment; time must not go back within a trial.
-
-        Raises:
-            InvalidValueError: Time went back.
-        """
+        """Take in a percept and return the person's action; time must not go back within a trial."""
         trial, t_s = self._trial or self._start("object", 0.07, 0, 0.0), percept.t_s
         dt_s = t_s - trial.last_s
         if dt_s <= 0:
@@ -171,13 +159,11 @@ class Operator:
         return Act(excitation, grip.forearm.step(t_s), grip.phase)
 
     def practise(self, name: str, displayed: Callable[[float, float], MotorLevels | None]) -> None:
-        """Close and open the hand on an object level by level, watching it and feeling the vest, before it is lifted.
+        """Before the lift, close and open the hand level by level, watching the object and feeling the vest.
 
-        The first version of the rules learns nothing from it, the others only what each panel does at each closure.
-
-        Args:
-            name: Name of the object.
-            displayed: Frames sent to the vest, by the time in seconds and the closure in levels.
+        The first version of the rules learns nothing from it, the others only what each panel does at each
+        closure. ``displayed`` returns the frame sent to the vest, by the time in seconds and the closure in
+        levels.
         """
         belief = self._recall(name, 0.0)
         if not self._feels or not isinstance(belief.closure, ConfirmedClosure):

@@ -24,8 +24,7 @@ _LEAST_CLOSED, _MOST_CLOSED = 0.5, 5.5
 def above(mean: float, sd: float, x: float, var: float, floor: float) -> tuple[float, float]:
     """Update a Gaussian on learning that it lies above ``x``, itself known with variance ``var``.
 
-    Returns:
-        Mean and standard deviation of the truncated Gaussian, the latter not below ``floor``.
+    Returns mean and standard deviation of the truncated Gaussian, the latter not below ``floor``.
     """
     u = math.sqrt(sd * sd + var)
     z = (x - mean) / u
@@ -122,11 +121,8 @@ class Closure:
 class ObjectBelief:
     """Belief about one object.
 
-    Attributes:
-        grip: The person's numbers.
-        closure: Belief about the hand's closure on it, and about the vest at that closure.
-        need: Closure it needs, and the standard deviation of that.
-        harm: Closure that harms it, likewise.
+    ``closure`` is about the hand's closure on it and the vest at that closure; ``need`` and ``harm`` are the
+    closures that it needs and that harm it, each with its standard deviation.
     """
 
     grip: GripSection
@@ -142,8 +138,7 @@ class ObjectBelief:
     def fade(self, felt_var: float) -> None:
         """Forget a little, as between two trials.
 
-        Args:
-            felt_var: How much the felt strength of the vest may have changed, variance of the logarithm.
+        ``felt_var`` is how much the vest's felt strength may have changed, variance of the logarithm.
         """
         self.closure.fade(felt_var)
         forgotten = self.grip.between_sd**2

@@ -37,14 +37,9 @@ class Calibrated(NamedTuple):
 def calibrate(
     person: PersonNumbers, *, seed: int, rate_hz: float = 1000.0, tau_s: float = 0.1, preset: Preset = "live"
 ) -> Calibrated:
-    """Take the maxima of three strong squeezes through the real chain.
+    """Take the maxima of three strong squeezes through the real chain, in blocks of ``tau_s``.
 
-    Args:
-        person: The simulated person.
-        seed: Seed of the EMG's noise.
-        rate_hz: Samples per second.
-        tau_s: Length of a block.
-        preset: Percentile that is used: the largest block for ``paper``, the 95th for ``live``.
+    ``preset`` picks the percentile that is used: the largest block for ``paper``, the 95th for ``live``.
     """
     effort, tau = person.motor.calibration_effort, round(tau_s * rate_hz)
     forearm = ForearmEmg(person, seed=seed, label="calibration", rate_hz=rate_hz, settled=True)

@@ -46,16 +46,14 @@ def effect_parameters() -> dict[str, dict[str, Parameter]]:
 
 
 class Disturbance:
-    """Effects on a stretch of EMG.
+    """Effects on a stretch of EMG; an unknown name raises :class:`InvalidValueError`.
 
     Every draw comes from a stream named after the effect, so that no other draw of the session changes.
 
     Attributes:
         muscle_gain: By which each muscle works more for the same grip.
-        turned: Weights of the former electrode signals in each electrode's signal, (3, 3); ``None``: not turned.
-
-    Raises:
-        InvalidValueError: There is no such effect.
+        turned: Weights of the former electrode signals in each electrode's signal, (3, 3); ``None``: not
+            turned.
     """
 
     def __init__(self, names: Collection[str], *, seed: int, label: str | int, tick_s: float) -> None:
@@ -94,8 +92,8 @@ class Disturbance:
     def step(self) -> tuple[tuple[float, float, float], NDArray[np.float64] | None]:
         """Go on by a tick.
 
-        Returns:
-            What each muscle works more, share of the strongest; gain of each electrode, (3,), ``None`` for 1.
+        Returns what each muscle works more, share of the strongest, and each electrode's gain, (3,), ``None``
+        for 1.
         """
         self._n += 1
         added = self._load

@@ -101,8 +101,8 @@ class ForearmEmg:
     def samples(self, act: Act) -> NDArray[np.float64]:
         """Return the samples of the hundredth of a second during which the person does ``act``.
 
-        Returns:
-            Microvolts, float64 (n, 3), columns as :data:`CHANNELS`; n is the rate over 100 (floor of the running sum).
+        Microvolts, float64 (n, 3), columns as :data:`CHANNELS`; n is the rate over 100 (floor of the running
+        sum).
         """
         moved = math.dist(act.forearm_m, self._at_m) * TICK_HZ if self._tick else 0.0
         self._at_m = act.forearm_m
@@ -111,14 +111,8 @@ class ForearmEmg:
     def course(self, excitation: ArrayLike) -> NDArray[np.float64]:
         """Return the samples of a whole course of excitation with the forearm at rest in the grasp pose.
 
-        Args:
-            excitation: One value per hundredth of a second, (n,).
-
-        Returns:
-            Microvolts, float64 (samples, 3).
-
-        Raises:
-            ShapeError: The course is not one-dimensional.
+        ``excitation`` has one value per hundredth of a second, (n,); the samples are microvolts, float64
+        (samples, 3).
         """
         values = np.asarray(excitation, np.float64)
         if values.ndim != 1:

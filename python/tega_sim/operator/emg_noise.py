@@ -41,12 +41,8 @@ class Second(NamedTuple):
 class NoiseMaker:
     """Makes one second after the other; filters run on across them.
 
-    Args:
-        emg: The person's numbers.
-        rate_hz: Samples per second.
-        seed: Seed of everything random.
-        label: Which stretch of the session.
-        turned: Weights of the former electrode signals in each electrode's signal, (3, 3); ``None``: not turned.
+    ``label`` is which stretch of the session. ``turned`` are the weights of the former electrode signals in
+    each electrode's signal, (3, 3); ``None``: not turned.
     """
 
     def __init__(

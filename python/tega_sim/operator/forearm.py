@@ -14,8 +14,7 @@ FARTHEST_M: Final = 0.2
 class SimulatedForearm:
     """Moves the hand as a whole from place to place, with minimum jerk.
 
-    Args:
-        start_m: Height over the grasp pose and distance back from it, metres.
+    ``start_m`` is height over the grasp pose and distance back from it.
     """
 
     def __init__(self, start_m: tuple[float, float]) -> None:

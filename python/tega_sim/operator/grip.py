@@ -27,11 +27,8 @@ LOOSEST = 2
 class Decision(NamedTuple):
     """A command of the person.
 
-    Attributes:
-        t_s: When.
-        level: The level aimed at.
-        why: The rule: ``close``, ``slip``, ``weaker``, ``deformation``, ``cost``, ``open``.
-        change: Levels by which the present closure is corrected; ``None`` for a new movement to the level.
+    ``why`` is the rule: ``close``, ``slip``, ``weaker``, ``deformation``, ``cost``, ``open``. ``change`` is
+    by how many levels the present closure is corrected; ``None`` for a new movement to ``level``.
     """
 
     t_s: float
@@ -43,8 +40,7 @@ class Decision(NamedTuple):
 class GripDecisions:
     """One trial's course of decisions.
 
-    Attributes:
-        away_m: How far back the place is where the object is put down, metres; 0 is where it stood.
+    ``away_m`` is how far back the place is where the object is put down; 0 is where it stood.
     """
 
     def __init__(self, person: PersonNumbers, belief: ObjectBelief, forearm: SimulatedForearm) -> None:
@@ -107,16 +103,9 @@ class GripDecisions:
             self.closure.observe(*seen)
 
     def decide(self, t_s: float, dt_s: float, events: list[SeenEvent], scene: WorldTruth) -> Decision | None:
-        """Go on by one decision interval.
+        """Go on by one decision interval, ``dt_s`` after the last; return the new command, if there is one.
 
-        Args:
-            t_s: Now, seconds.
-            dt_s: Since the last decision, seconds.
-            events: What can be acted on now.
-            scene: The scene in view, for the course of the task.
-
-        Returns:
-            The new command, if there is one.
+        ``events`` are those that can be acted on now; ``scene`` is read for the course of the task.
         """
         self.closure.drift(self._grip.closure_drift**2 * dt_s)
         kinds = {event.kind for event in events}

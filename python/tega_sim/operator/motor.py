@@ -27,11 +27,8 @@ def level_effort(motor: MotorSection, level: int) -> float:
 class MuscleMotor:
     """Muscles under a command.
 
-    Args:
-        motor: The person's numbers.
-        full_effort: Excitation that makes a channel's mean Emax, as practised with the calibrated system.
-        aim: Stream of the aim errors.
-        sense: Stream of the sense of effort.
+    ``full_effort`` is the excitation that makes a channel's mean Emax, as practised with the calibrated
+    system; ``aim`` and ``sense`` are the streams of the aim errors and of the sense of effort.
     """
 
     def __init__(

@@ -31,13 +31,9 @@ _FIRST_ODDS, _MOST_ODDS = -3.0, 6.0
 class ConfirmedClosure(Closure):
     """Belief about the closure and about the panels' curves (extended Kalman filter), with trust.
 
-    Args:
-        grip: The person's numbers.
-        threshold: Intensity that is felt in half of the looks, share of full drive; the intensity of a panel that
-            does not follow the closure lies anywhere between this and 1, in ln.
-
-    Attributes:
-        log_odds: That a panel follows the closure, by panel.
+    ``threshold`` is the intensity felt in half of the looks, share of full drive; the intensity of a panel
+    that does not follow the closure lies anywhere between this and 1, in ln. ``log_odds``, by panel, are that
+    it follows it.
     """
 
     def __init__(self, grip: GripSection, threshold: float) -> None:
@@ -90,14 +86,11 @@ class ConfirmedClosure(Closure):
         self._take(level - self.x, h, var, share=1.0, learns=True)
 
     def feel(self, panel: Panel, y: float, var: float, *, fresh: bool = True) -> None:
-        """Take in one mean log intensity of a panel; moves the closure by as much as the panel is trusted.
+        """Take in a panel's mean log intensity; moves the closure by as much as the panel is trusted.
 
-        Args:
-            panel: Which.
-            y: The mean.
-            var: Its variance.
-            fresh: Whether the command is so recent that the closure aimed at is a fair guess of the real one. Only
-                then curve and trust are learned; later, muscles having slackened, a change is one of the closure.
+        ``fresh`` is whether the command is so recent that the closure aimed at is a fair guess of the real
+        one. Only then curve and trust are learned; later, muscles having slackened, a change is one of the
+        closure.
         """
         h = self._curve(panel)
         surprise = y - float(h @ self._mean)

@@ -48,13 +48,9 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     Attributes:
         value: Mean over people; median where ``law`` is ``lognormal``.
-        low: Lower bound.
-        high: Upper bound.
         unit: Its unit; empty for a pure number.
         mark: How well it is known: F, A, M, G or P, as the file's head explains.
-        source: Where it comes from.
         sd: Spread over people, of the value or of its logarithm; 0 if it is the same for all.
-        law: Distribution over people.
     """
 
     value: float
@@ -68,11 +64,9 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class Parameters(msgspec.Struct, frozen=True):
-    """All parameters of the population, as the parameter file has them.
+    """All parameters of the population, by section and name.
 
-    Attributes:
-        sections: By section and name.
-        digest: SHA-256 of the file's bytes; reports carry it.
+    ``digest`` is the SHA-256 of the file's bytes; reports carry it.
     """
 
     sections: dict[str, dict[str, Parameter]]
@@ -117,14 +111,9 @@ class Parameters(msgspec.Struct, frozen=True):
 class PersonNumbers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One person's numbers; units as in the parameter file.
 
-    Attributes:
-        body: Age, and what follows from it.
-        vision: Noticing and delays of sight.
-        vest: Sense of the vest on the torso.
-        grip: Guesses, costs and pace.
-        motor: Commands to excitation.
-        forearm: Movements of the hand as a whole.
-        emg: Muscles, electrodes and amplifier.
+    ``body`` is the age and what follows from it, ``vision`` noticing and delays of sight, ``vest`` the sense
+    of the vest on the torso, ``grip`` guesses, costs and pace, ``motor`` the way from commands to excitation,
+    ``forearm`` movements of the hand as a whole, ``emg`` muscles, electrodes and amplifier.
     """
 
     body: BodySection
@@ -137,14 +126,9 @@ class PersonNumbers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_parameters(path: Path | None = None) -> Parameters:
-    """Read a parameter file.
+    """Read a parameter file; ``None`` means the package's own.
 
-    Args:
-        path: The file; none means the one that belongs to the package.
-
-    Raises:
-        ConfigError: The file is not valid, misses a parameter or has one that is not known, or a value lies
-            outside its own bounds.
+    A missing or unknown parameter, or a value outside its own bounds, raises :class:`ConfigError`.
     """
     source = files("tega_sim.operator") / "parameters.toml" if path is None else path
     content = source.read_bytes() if path is None else read_foreign(path, most_mib=1, error=ConfigError)
@@ -170,13 +154,10 @@ def typical_person(parameters: Parameters | None = None) -> PersonNumbers:
 
 
 def draw_person(seed: int, parameters: Parameters | None = None) -> PersonNumbers:
-    """Draw one person from the population, each parameter from its own stream.
+    """Draw one person from the population (``None``: the package's own), each parameter from its own stream.
 
-    Reaction times to touch and to sight are correlated, and both grow with age.
-
-    Args:
-        seed: Seed of the person; the same seed is the same person.
-        parameters: The population; none means the package's own.
+    Reaction times to touch and to sight are correlated, and both grow with age. The same seed is the same
+    person.
     """
     parameters = parameters or load_parameters()
     values = _values(parameters.sections)
@@ -220,13 +201,10 @@ def clear_skin(person: PersonNumbers) -> PersonNumbers:
 
 
 def people_digest(parameters: str, version: RulesVersion) -> str:
-    """Return the SHA-256 that names the people: their parameters, and from version 2 on the version of their rules.
+    """Return the SHA-256 of the people: their parameters, and from version 2 on the version of their rules.
 
-    No source text is in it: people with the same parameters and rules are the same, however the program is written.
-
-    Args:
-        parameters: SHA-256 of the parameter file; by version 1 that is all.
-        version: Version of the rules.
+    No source text is in it: people with the same parameters and rules are the same, however the program is
+    written. By version 1 it is ``parameters``, the SHA-256 of the parameter file.
     """
     if version == 1:
         return parameters
@@ -234,13 +212,9 @@ def people_digest(parameters: str, version: RulesVersion) -> str:
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:
-    """Return the random stream of one named process.
+    """Return the random stream of one named process: ``names`` are operator, object, trial, process.
 
     Streams of different names are independent, so that a draw more in one changes nothing in another.
-
-    Args:
-        seed: Seed of the run.
-        names: Purpose of the stream: operator, object, trial, process.
     """
     key = hashlib.blake2b("\x1f".join(map(str, names)).encode(), digest_size=16).digest()
     words = [int.from_bytes(key[n : n + 4], "little") for n in range(0, 16, 4)]

@@ -93,9 +93,7 @@ _CAUSED_BY_TIGHTENING = {"deformation": True, "slip": False}
 class JudgingEyes(Eyes):
     """One person's sight during a trial; the person knows the limit of the object.
 
-    Args:
-        bears_m: Narrowing from which the object counts as harmed, metres; 0 if unknown.
-        sight: As of :class:`Eyes`.
+    ``bears_m`` is the narrowing from which the object counts as harmed; 0 if unknown.
     """
 
     def __init__(self, *args: Any, bears_m: float, **sight: Any) -> None:

@@ -17,12 +17,8 @@ from tega_sim.seams import Act, Percept
 class Step(NamedTuple):
     """One step of a script.
 
-    Attributes:
-        t_s: When it begins.
-        phase: Name of the phase.
-        level: Level aimed at, 1 to 5; fractions lie between.
-        forearm_m: Where the hand goes: height over the grasp pose, distance back from it, metres.
-        move_s: How long that takes.
+    ``level`` is 1 to 5; fractions lie between. ``forearm_m`` is where the hand goes, height over the grasp
+    pose and distance back from it, within ``move_s``.
     """
 
     t_s: float

@@ -43,17 +43,12 @@ def sham_vest(
 ) -> Sham:
     """Return an arm of the study.
 
-    Args:
-        name: ``informative``: unchanged. ``off``: not worn. ``silent``: worn, all motors still. ``constant``: all at
-            50 % from the start. ``unrelated``: front and back follow slow random processes. ``replayed``:
-            the vest of another trial. ``permuted``: finger columns exchanged, by the seed. ``inverted``: strong
-            becomes weak wherever anything is felt. ``half``: half as strong, for a vest that is turned down.
-        seed: Seed of ``unrelated`` and ``permuted``.
-        layout: Layout of the frames that are made here.
-        recorded: For ``replayed``: times and frames of the other trial, in order.
-
-    Raises:
-        InvalidValueError: The name is not known, or ``replayed`` has nothing to replay.
+    ``informative``: unchanged. ``off``: not worn. ``silent``: worn, all motors still. ``constant``: all at
+    50 % from the start. ``unrelated``: front and back follow slow random processes, by the seed.
+    ``replayed``: ``recorded``, times and frames of another trial in order, which must not be empty then.
+    ``permuted``: finger columns exchanged, by the seed. ``inverted``: strong becomes weak wherever anything
+    is felt. ``half``: half as strong, for a vest that is turned down. ``layout`` is that of the frames that
+    are made here.
     """
     level = _CONSTANT_PERCENT if name == "constant" else 0.0
     still = vest_frame([level] * 4, [level] * 4, layout=layout)

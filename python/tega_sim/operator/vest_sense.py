@@ -24,13 +24,7 @@ POLL_S = 0.05
 
 
 class Glance(NamedTuple):
-    """One look at the vest.
-
-    Attributes:
-        t_s: When.
-        front: Log intensity of the front as felt; none where nothing was.
-        back: The same for the back.
-    """
+    """One look at the vest: log intensity of front and back as felt, ``None`` where nothing was."""
 
     t_s: float
     front: float | None
@@ -128,10 +122,8 @@ class Skin:
     def weaker(self, t_s: float, falls: tuple[bool | None, bool | None]) -> SeenEvent | None:
         """Compare the last half second with the one before, a few times a second.
 
-        Args:
-            t_s: Now, seconds.
-            falls: For front and back, whether weaker means looser; the person may have learned the contrary, or
-                may not heed the panel (``None``).
+        ``falls`` is, for front and back, whether weaker means looser; the person may have learned the
+        contrary, or may not heed the panel (``None``).
         """
         if t_s < self._next_compare_s or len(self.looks) < (self.looks.maxlen or 0):
             return None

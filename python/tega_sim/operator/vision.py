@@ -42,10 +42,7 @@ def blur(eccentricity_deg: float) -> float:
 class SeenEvent(NamedTuple):
     """Slip, deformation or other event that the person notices.
 
-    Attributes:
-        due_s: When the person can act on it.
-        kind: Kind of event.
-        began_s: When it was there to be noticed.
+    ``began_s`` is when it was there to be noticed, ``due_s`` when the person can act on it.
     """
 
     due_s: float
@@ -74,12 +71,9 @@ def reaction_s(
 class Eyes:
     """One person's sight during a trial.
 
-    Args:
-        width_m: Width of the object, metres: plain to see.
-        looks: Stream of detections at a look.
-        poses: Stream of how the hand's pose is misread.
-        reaction: Stream of the reaction times.
-        view: Where the eyes are while the object is held.
+    The object's width is plain to see; ``view`` is where the eyes are while it is held. Random streams:
+    ``looks`` of detections at a look, ``poses`` of how the hand's pose is misread, ``reaction`` of the
+    reaction times.
     """
 
     def __init__(
@@ -104,15 +98,11 @@ class Eyes:
     def observe(
         self, t_s: float, dt_s: float, scene: WorldTruth, *, carried: bool, lifting: bool, held: bool = False
     ) -> list[SeenEvent]:
-        """Return the events that have been noticed since the last call.
+        """Return the events that have been noticed since the last call, ``dt_s`` ago.
 
-        Args:
-            t_s: Now, seconds.
-            dt_s: Since the last call, seconds.
-            scene: The scene in view.
-            carried: Whether the hand is moving the object about: the eyes are less on it.
-            lifting: Whether the hand is going up, so that an object that stays behind is seen to move against it.
-            held: Whether the person takes the object to be in the hand.
+        While ``carried``, the hand moving the object about, the eyes are less on it; while ``lifting``, the
+        hand going up, an object that stays behind is seen to move against it. ``held`` is whether the person
+        takes the object to be in the hand.
         """
         events: list[SeenEvent] = []
         self._elsewhere = held and self._aside_deg > 0
@@ -149,12 +139,7 @@ class Eyes:
         return found
 
     def _dented(self, share: float, drawn: float) -> bool:
-        """Whether a look takes the object for deformed.
-
-        Args:
-            share: Narrowing, share of the width.
-            drawn: Chance of this look, 0 to 1.
-        """
+        """Whether a look of chance ``drawn``, 0 to 1, finds a narrowing by a share of the width."""
         return share > 0 and drawn < self._seen(share, self._p.deform_theta * self._blurred)
 
     def _seen(self, share: float, middle: float) -> float:

@@ -23,10 +23,8 @@ _ORIGIN: Final = np.array([0.5, 0.0, 0.0])
 class BenchBody:
     """The bench's arm with its hand open, before an object on a table; time passes as it passes. Simulated.
 
-    The base's origin is on the table's plane, 0.5 m behind where the object stands; x is along the fingers, z up.
-
-    Args:
-        options: ``object``, a name of :data:`tega_sim.world.OBJECTS`.
+    The base's origin is on the table's plane, 0.5 m behind where the object stands; x is along the fingers, z
+    up. ``options`` has ``object``, a name of :data:`tega_sim.world.OBJECTS`.
     """
 
     success_rate: float | None = None
@@ -38,12 +36,7 @@ class BenchBody:
         self.facts: tuple[str, ...] = (f"simulated: the bench's Panda before a {self._object}, no robot",)
 
     def open(self) -> None:
-        """Build the scene.
-
-        Raises:
-            MissingExtraError: mujoco-core is not installed.
-            InvalidValueError: There is no such object.
-        """
+        """Build the scene."""
         from tega_sim.world import FULL_DUTY_NM, World, hand_controller
 
         self._world = World(self._object, seed=0, start_m=(0.0, _BACK_M))

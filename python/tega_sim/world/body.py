@@ -23,11 +23,7 @@ _WEDGE: Final = 0.8
 class Shape(NamedTuple):
     """A primitive to draw.
 
-    Attributes:
-        name: Its name, one of a kind.
-        kind: Kind of shape.
-        size_m: Half lengths; capsule and cylinder: radius and half length along z; plane: half lengths.
-        rgba: Colour.
+    ``name`` is one of a kind. ``size_m``: half lengths; capsule, cylinder: radius, half length along z.
     """
 
     name: str
@@ -154,10 +150,10 @@ class Sprung:
 
 
 class Flexed:
-    """An elastic solid.
+    """An elastic solid: nothing of its narrowing stays.
 
-    Its middle is the mean of the wall halfway up. Narrowing is the largest shortening of a diameter of the mesh, at
-    any height and in any direction. Nothing of it stays: the solid is elastic.
+    Its middle is the mean of the wall halfway up. Narrowing is the largest shortening of a diameter of the
+    mesh, at any height and in any direction.
     """
 
     def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec) -> None:

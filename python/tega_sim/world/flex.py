@@ -67,11 +67,7 @@ def mesh(spec: ObjectSpec) -> tuple[NDArray[np.float64], list[tuple[int, ...]]]:
 
 
 def young_pa(spec: ObjectSpec) -> float:
-    """Return Young's modulus of the solid, pascals.
-
-    Raises:
-        InvalidValueError: Its own weight would crush it.
-    """
+    """Return Young's modulus; a solid that its own weight would crush raises :class:`InvalidValueError`."""
     young = spec.stiffness_n_m / _STIFFNESS_LENGTH_M
     pressure = spec.mass_kg * 9.81 / (np.pi / 4 * spec.diameter_m**2)
     if pressure > _CRUSHED * young:

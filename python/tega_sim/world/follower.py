@@ -26,12 +26,8 @@ class ArmFollower:
 
     The place moves at most 0.25 m/s and 1 m/s², and turns at most 1 rad/s. The joints follow by one damped
     least-squares step a tick, near a posture where the arm has room, within their limits of angle and speed.
-
-    Args:
-        mujoco: The module.
-        model: The world's model.
-        palm_m: Where the palm is at first, float64 (3,), world frame.
-        rotation: How it is turned, float64 (3, 3), palm to world.
+    ``palm_m``, float64 (3,), world frame, and ``rotation``, float64 (3, 3), palm to world, are the palm's at
+    first.
     """
 
     def __init__(

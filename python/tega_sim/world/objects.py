@@ -31,17 +31,14 @@ _IN_NAME: Final = {"mass_kg": (1e3, "{}g"), "stiffness_n_m": (1.0, "{}npm"), "fr
 class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An upright round object with a wall that gives under each finger.
 
-    The wall under one fingertip pushes back with ``stiffness · x + stiffening · x³`` newtons at a dent of ``x``
-    metres, whatever the direction in the horizontal plane. A share of the linear part is plastic: it yields
-    beyond ``yield_m`` and then leaves a dent.
+    The wall under one fingertip pushes back with ``stiffness · x + stiffening · x³`` newtons at a dent of
+    ``x`` metres, whatever the direction in the horizontal plane. A share of the linear part is plastic: it
+    yields beyond ``yield_m`` and then leaves a dent.
 
     Attributes:
-        name: Name of the object.
-        mass_kg: All of it.
-        stiffness_n_m: Stiffness of the wall under one fingertip, N/m, when new.
+        stiffness_n_m: Stiffness of the wall under one fingertip, when new.
         friction: Coulomb coefficient between the object and whatever touches it.
         diameter_m: Diameter of the upright cylinder; thinner ones slip through the five closure poses.
-        height_m: Height of the cylinder.
         stiffening_n_m3: Cubic part of the wall's law, N/m³.
         damping_ratio: Damping ratio of the wall's springs with their own mass.
         plastic_share: Part of ``stiffness_n_m`` that yields, 0 to 0.9.
@@ -50,9 +47,8 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         grasp_height_m: Height of the middle of the palm over the table when the object is grasped.
         clearance_m: Between the palm and the object in the grasp pose.
         forward_m: How far towards the fingertips the object's axis is from the palm's frame then.
-        rgba: Colour to draw it in.
-        shell: What gives: ``pads``, a wall on springs for each finger; ``flex``, all of it as one linear elastic
-            solid as soft as that wall. A flex has no ``stiffening_n_m3`` and no ``plastic_share``.
+        shell: What gives: ``pads``, a wall on springs for each finger; ``flex``, all of it as one linear
+            elastic solid as soft as that wall. A flex has no ``stiffening_n_m3`` and no ``plastic_share``.
     """
 
     name: str
@@ -99,10 +95,8 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ObjectRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One object of a file.
 
-    Attributes:
-        spec: The object.
-        range: Lowest and highest plausible value by attribute; for maps and factorial plans.
-        source: Where values come from, by attribute; the harm rule's has to be there.
+    ``range`` is the lowest and highest plausible value by attribute, for maps and factorial plans; ``source``
+    where values come from, by attribute. The harm rule's source has to be there.
     """
 
     spec: ObjectSpec
@@ -111,15 +105,10 @@ class ObjectRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_objects(path: Path | None = None) -> dict[str, ObjectRecord]:
-    """Read a file of objects.
+    """Read a file of objects; ``None`` means the package's own.
 
-    Args:
-        path: The file; none means the package's own.
-
-    Raises:
-        ConfigError: The file is not valid, a value is out of range, or mass, stiffness, friction or the harm rule has
-            no source.
-        UnsafeNameError: An object's name could not name a file.
+    Mass, stiffness, friction or a harm rule without a source raise :class:`ConfigError`; a name that could
+    not name a file raises :class:`UnsafeNameError`.
     """
     source = files("tega_sim.world") / "objects.toml" if path is None else path
     content = source.read_bytes() if path is None else read_foreign(path, most_mib=1, error=ConfigError)

@@ -29,15 +29,7 @@ _FLEX = -1
 
 
 class PadContacts:
-    """Reads the contacts of a model: forces on pads, links and palm, and shapes before the pads.
-
-    Args:
-        mujoco: The module.
-        model: The world's model.
-        data: Its state.
-        spec: The object.
-        body: Reader of it.
-    """
+    """Reads a model's contacts: forces on pads, links and palm, and shapes before the pads."""
 
     def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: LiftedBody) -> None:
         self._mujoco, self._model, self._data = mujoco, model, data

@@ -25,17 +25,17 @@ _TURN_RAD: Final = 1.0
 
 
 class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Settings of the physics solver. The defaults were chosen by run time against error (docs/evidence/sim.md).
+    """Settings of the physics solver; defaults chosen by run time against error (docs/evidence/sim.md).
 
     Attributes:
-        timestep_s: One step, seconds; that of the hand's cycle.
+        timestep_s: One step; that of the hand's cycle.
         impratio: How much harder friction is than the normal force; more creeps less.
         noslip: Sweeps that take the remaining creep away.
         solref_s: Time constant of a contact, at least two steps.
-        onset: How hard a contact is at first touch, of 0.99 at ``width_m``; a hard onset makes sliding pads chatter.
+        onset: How hard a contact is at first touch, of 0.99 at ``width_m``; with a hard one sliding pads
+            chatter.
         width_m: Depth at which a contact is as hard as it gets.
         tolerance: Where the solver stops. A looser one takes longer: the next step starts further off.
-        integrator: MuJoCo's name of it.
     """
 
     timestep_s: Annotated[float, msgspec.Meta(ge=1e-4, le=3e-3)] = 3e-3
@@ -51,11 +51,9 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def physics_for(spec: ObjectSpec, physics: Physics | None) -> Physics:
     """Return the requested physics, or the default for an object.
 
-    The default step is halved for a stiff wall on a light object, until the wall's own oscillation turns by at most
-    1 rad in it: forces of a grip are then within a hundredth or two of those with the finest steps.
-
-    Raises:
-        InvalidValueError: A flex is to be moved in a way that MuJoCo cannot move it.
+    The default step is halved for a stiff wall on a light object, until the wall's own oscillation turns by
+    at most 1 rad in it: forces of a grip are then within a hundredth or two of those with the finest steps. A
+    flex that is to be moved in a way that MuJoCo cannot move it raises :class:`InvalidValueError`.
     """
     if spec.shell != "flex":
         return physics or _steady(spec)
@@ -77,11 +75,7 @@ def _steady(spec: ObjectSpec) -> Physics:
 
 
 def import_mujoco() -> Any:
-    """Import MuJoCo.
-
-    Raises:
-        MissingExtraError: It is not installed, or in a version that computes the grip wrongly.
-    """
+    """Import MuJoCo; a version that computes the grip wrongly counts as missing."""
     try:
         import mujoco
     except ImportError as error:

@@ -17,23 +17,17 @@ _FREE_S: Final = 0.05
 
 
 class Witness:
-    """Watches the object and returns its true state.
+    """Watches the object, which stands at rest at first, and returns its true state.
 
-    * **Lift-off**: the lowest point of the object is 1 mm over the table. It ends when the object stands again.
-    * **Slip**: how far the object has moved down against the palm since lift-off, negative if up; 0 before. It
-      includes the give of the fingers under the load, which an observer sees as slip, too. Turning counts by the
-      motion of the object's middle.
-    * **Deformation** and **damage**: how much narrower the object is than untouched, and how much of that stays; see
-      :mod:`tega_sim.world.body`.
+    * **Lift-off**: the lowest point of the object is 1 mm over the table. It ends when the object stands
+      again.
+    * **Slip**: how far the object has moved down against the palm since lift-off, negative if up; 0 before.
+      It includes the give of the fingers under the load, which an observer sees as slip, too. Turning counts
+      by the motion of the object's middle.
+    * **Deformation** and **damage**: how much narrower the object is than untouched, and how much of that
+      stays; see :mod:`tega_sim.world.body`.
     * **Drop**: after lift-off the object slid 30 mm, or was in the air with nothing touching it for 50 ms. It
       stays true.
-
-    Args:
-        model: The world's model.
-        data: Its state, with the object standing at rest.
-        spec: The object.
-        touch: Reader of contacts.
-        body: Reader of the object.
     """
 
     def __init__(self, model: Any, data: Any, spec: ObjectSpec, touch: PadContacts, body: LiftedBody) -> None:

@@ -35,26 +35,14 @@ _BACK = -np.array([0.5, 0.75**0.5, 0.0])
 class World:
     """A hand on an arm before an object on a table.
 
-    The hand takes torques, the arm a place to lead the hand to; both keep theirs until they are given new ones.
-    World frame: metres, z up, the origin on the table where the object is to stand; in the grasp pose the
-    fingers point along x and the palm faces y. The same arguments and calls give the same bits.
+    The hand takes torques, the arm a place to lead the hand to; both keep theirs until they are given new
+    ones. World frame: metres, z up, the origin on the table where the object is to stand; in the grasp pose
+    the fingers point along x and the palm faces y. The same arguments and calls give the same bits.
 
-    Args:
-        spec: The object, or the name of one of :data:`~tega_sim.world.OBJECTS`.
-        seed: Seed of the object's exact place: off its mark by a normal deviate of 1 mm in x and y.
-        physics: How the motion is computed.
-        start_m: Where the hand waits: height over the grasp pose and distance back from it, metres.
-
-    Attributes:
-        spec: The object.
-        physics: How the motion is computed.
-        mujoco: MuJoCo's module.
-        model: Its model of the scene; to read, not to change.
-        data: Its state, likewise.
-
-    Raises:
-        InvalidValueError: There is no such object.
-        MissingExtraError: mujoco-core is not installed.
+    ``spec`` is an object, or the name of one of :data:`~tega_sim.world.OBJECTS`. ``seed`` draws its exact
+    place: off its mark by a normal deviate of 1 mm in x and y. ``start_m`` is where the hand waits: height
+    over the grasp pose and distance back from it. ``model`` and ``data``, MuJoCo's, are to read, not to
+    change.
     """
 
     def __init__(
@@ -139,14 +127,10 @@ class World:
         return np.array(self._body.middle_m()), np.array(self._body.upright())
 
     def set_torques(self, torques_nm: ArrayLike) -> None:
-        """Set the hand's joint torques, cut to the vendor's limits.
+        """Set the hand's joint torques, (16,), cut to the vendor's limits.
 
-        Args:
-            torques_nm: (16,), N·m: torque units times :data:`~tega_sim.world.FULL_DUTY_NM`.
-
-        Raises:
-            ShapeError: There are not 16.
-            InvalidValueError: One is not finite; nothing changes then.
+        They are torque units times :data:`~tega_sim.world.FULL_DUTY_NM`. Where one is not finite nothing
+        changes, and :class:`InvalidValueError` is raised.
         """
         torques = np.asarray(torques_nm, np.float64)
         if torques.shape != (16,):
@@ -155,10 +139,9 @@ class World:
             raise InvalidValueError(f"torques_nm has a value that is not finite: {torques}")
 
     def set_forearm(self, forearm_m: tuple[float, float]) -> None:
-        """Lead the hand to a height over the grasp pose and a distance back from it, metres (``Act.forearm_m``).
+        """Lead the hand to a height over the grasp pose and a distance back from it (``Act.forearm_m``).
 
-        Raises:
-            InvalidValueError: Beyond -0.05 to 0.35 m of height, or -0.05 to 0.2 m back.
+        Outside -0.05 to 0.35 m of height or -0.05 to 0.2 m back it raises :class:`InvalidValueError`.
         """
         if forearm_m == self._forearm_m:
             return
@@ -172,24 +155,18 @@ class World:
         self._forearm_m = forearm_m
 
     def push(self, force_n: float) -> None:
-        """Push the object down, besides its weight, until the next call: a knock, or what is filled in.
+        """Push the object's middle down, besides its weight, until the next call: a knock, or a filling.
 
-        Args:
-            force_n: Force on its middle, newtons, 0 for none.
-
-        Raises:
-            InvalidValueError: It is not finite, or negative.
+        The force must be finite and 0 or more.
         """
         if not 0 <= force_n < math.inf:
             raise InvalidValueError(f"force_n = {force_n} N has to be at least 0 N and finite")
         self._body.push(force_n)
 
     def set_palm(self, palm_m: ArrayLike, rotation: ArrayLike | None = None) -> None:
-        """Lead the palm to a place and turn, world frame.
+        """Lead the palm to a place, (3,), and turn, (3, 3), palm to world, both in the world frame.
 
-        Args:
-            palm_m: (3,), metres.
-            rotation: (3, 3), palm to world; None: as it is led now.
+        ``None``: turned as it is led now.
         """
         turn = None if rotation is None else np.asarray(rotation, np.float64)
         self._forearm_m = None
@@ -198,8 +175,7 @@ class World:
     def step(self, n: int = 1) -> None:
         """Go on by ``n`` steps of physics.
 
-        Raises:
-            InvalidValueError: The motion has run away: the steps are too long for a wall this stiff.
+        Steps too long for a wall this stiff make the motion run away: that raises :class:`InvalidValueError`.
         """
         every, done = self._attend_every, 0
         while done < n:

@@ -35,19 +35,11 @@ _PATIENCE_S = 5.0
 
 
 class ImpairedLink:
-    """Passes on what comes at its own port to another, and what comes back; ways may be made worse at any time.
+    """Passes on what comes at its own ``port`` to another, and what comes back; both ways can be impaired.
 
-    What waits here is never too much to be taken: the sender does not notice, as with a network of deep buffers.
-
-    Args:
-        to_port: Who listens on this machine.
-        delay_ms: Each way takes so much longer.
-        jitter_ms: And up to so much more, by chance; what follows waits, as TCP keeps the order.
-        loss: Share of segments that have to be sent again.
-        seed: Of chance.
-
-    Attributes:
-        port: Where to connect to.
+    What waits here is never too much to be taken: the sender does not notice, as with a network of deep
+    buffers. Each way takes ``delay_ms`` longer, and by chance up to ``jitter_ms`` more; what follows waits,
+    as TCP keeps the order. ``loss`` is the share of segments that have to be sent again.
     """
 
     def __init__(

@@ -63,7 +63,7 @@ class JudgedCommands(Commands):
 
 
 def measure_beside_on() -> Callable[[], dict[str, Any]]:
-    """Have the robot's station of this program judged; return what tells its counts, nothing before it has begun."""
+    """Have this program's robot station judged; return the getter of its counts, ``{}`` before it begins."""
     # The same, with somebody who looks on.
     tega_link.robot.Commands = JudgedCommands  # type: ignore[attr-defined]
 

@@ -49,17 +49,17 @@ class Kill(msgspec.Struct, frozen=True):
     """What one kill left.
 
     Attributes:
-        at_s: When it came, seconds after the session began.
+        at_s: When it came, after the session began.
         messages: What the public reader found in the file as it was left.
-        ending: What that reader said where the file breaks off.
-        lost_s: Of what the loop had done by then: from the newest frame of it in the finished file to the newest vest
-            tick that the run itself had come to, as it noted in memory that outlives it.
-        stood_s: From that tick to the kill. More than a tick or two is a process that the machine did not let run.
-        stream_lost_s: Like ``lost_s``, for the stream that lost most, of those that had come at least ten times.
-        recovered: Messages in the file once it was finished; the public seeking reader opens it.
+        ending: What that reader reported where the file breaks off.
+        lost_s: Of what the loop had done: from its newest frame in the finished file to the newest vest tick
+            that the run had come to, as it noted in memory that outlives it.
+        stood_s: From that tick to the kill; more than a tick or two: the machine did not let it run.
+        stream_lost_s: Like ``lost_s``, of the stream that lost most, of those that came at least ten times.
+        recovered: Messages in the file once it was finished, by the public seeking reader.
         dropped: Records that the queue had no room for.
         differ: Rows in which a replay differs.
-        good: Whether all of it is as promised.
+        good: Whether all is as promised.
     """
 
     at_s: float
@@ -78,10 +78,7 @@ class Kill(msgspec.Struct, frozen=True):
 def settings(folder: Path, *, synthetic: bool, lossless: bool) -> Iterator[Path]:
     """Write the settings of a run that lasts, start what it needs, and yield their file.
 
-    Args:
-        folder: Where to.
-        synthetic: Made-up sources instead of emulators.
-        lossless: Record the pictures as they are.
+    ``synthetic`` takes made-up sources instead of emulators; ``lossless`` records the pictures as they are.
     """
     tree: dict[str, Any] = {
         "tactile": {},
@@ -139,15 +136,7 @@ def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
 
 
 def kill_one(path: Path, after_s: float) -> Kill:
-    """Start a recording, kill it so long after its session began, and look at what is left.
-
-    Args:
-        path: Its settings, as :func:`settings` wrote them.
-        after_s: When to kill.
-
-    Raises:
-        RuntimeError: The run did not begin.
-    """
+    """Start a recording by :func:`settings`, kill it ``after_s`` of its session, and read what is left."""
     note = path.with_suffix(".tick")
     with Supervisor(path, "--progress", str(note), errors=path.with_suffix(".log")) as run:
         run.start()
@@ -201,7 +190,7 @@ def kill_one(path: Path, after_s: float) -> Kill:
 
 
 def _steady(topic: str) -> bool:
-    """Whether a stream has to come all the time; levels come ten times a second, a kept vest hears what changes."""
+    """Whether a stream has to come all the time; levels come ten times a second, a kept vest gets changes."""
     return topic in {"/hand/frames", "/vest/frame", "/emg/samples"} or topic.endswith("/image")
 
 

@@ -50,11 +50,10 @@ _MEMORY = Path("/proc/self/statm")
 
 
 class _Teller:
-    """Says what has changed, and notes how far the loop has come.
+    """Prints what has changed, and notes how far the loop has come.
 
-    Args:
-        progress: Memory of a file that a kill leaves; ``None`` for no note.
-        counts: Returns what the station did with commands; ``None`` where nobody looks on.
+    ``progress`` is memory of a file that a kill leaves; ``None`` for no note. ``counts`` returns what the
+    station did with commands; ``None`` where nobody looks on.
     """
 
     def __init__(self, progress: mmap.mmap | None, counts: Callable[[], dict[str, Any]] | None) -> None:
@@ -103,7 +102,7 @@ def _change(change: RunState) -> None:
 
 
 def _rss_mib() -> float:
-    """Return the resident memory; 0 where the system does not tell."""
+    """Return the resident memory; 0 where the system does not report it."""
     return int(_MEMORY.read_text("ascii").split()[1]) * _PAGE_MIB if _MEMORY.exists() else 0.0
 
 

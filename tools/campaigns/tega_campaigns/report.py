@@ -16,11 +16,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def put_table(page: Path, text: str, *, name: str) -> None:
-    """Put a table between the two marks of a page that bear a name.
-
-    Raises:
-        ValueError: The page has none.
-    """
+    """Put a table between the two marks of a page that bear a name; :class:`ValueError` where it has none."""
     begin, end = (f"<!-- {name}: {where} -->\n" for where in ("begin", "end"))
     head, rest = page.read_text(encoding="utf-8").split(begin)
     _, tail = rest.split(end)

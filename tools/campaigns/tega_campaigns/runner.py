@@ -35,12 +35,7 @@ def until(condition: Callable[[], bool], within_s: float, *, look_s: float = 0.0
 
 @dataclass(frozen=True)
 class CampaignCase(Generic[Found]):
-    """One thing to try.
-
-    Attributes:
-        about: What its report begins with, by name: the driver and the fault, say.
-        run: Tries it.
-    """
+    """One thing to try; ``about`` is what its report begins with, by name, such as driver and fault."""
 
     about: Mapping[str, Any]
     run: Callable[[], Found]
@@ -49,18 +44,11 @@ class CampaignCase(Generic[Found]):
 def run_cases(
     cases: Iterable[CampaignCase[Found]], still: Standstills, *, attempts: int = 1
 ) -> Iterator[tuple[Found, int]]:
-    """Run cases, each again while the machine stood still in it.
+    """Run cases, each again while the machine stood still in it; yield each result and that standstill, ns.
 
-    Args:
-        cases: Asked for the next one when the one before is over.
-        still: Looks at the machine.
-        attempts: How often a case is run at most; the last time counts, whatever the machine did.
-
-    Yields:
-        What came of each, and for how long the machine stood still meanwhile, ns.
-
-    Raises:
-        TegaError: The last attempt at a case did, or one in which the machine did not stand still.
+    The next case is taken when the one before is over. A case is run at most ``attempts`` times; the last
+    time counts, whatever the machine did. A :class:`TegaError` of the last attempt, or of one in which the
+    machine did not stand still, is passed on.
     """
     for case in cases:
         for left in reversed(range(attempts)):

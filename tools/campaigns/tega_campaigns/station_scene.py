@@ -28,15 +28,8 @@ _PRESS_S = 2.0
 class StationScene:
     """An operator who leads a robot with hand and arm and feels a fingertip; ends with the block.
 
-    Args:
-        folder: For settings and calibration.
-        net: Further settings of ``[net]`` for both.
-
-    Attributes:
-        link: What stands between them.
-        robot: The robot's station.
-        operator: The operator's.
-        lab: Their devices.
+    ``folder`` is for settings and calibration, ``net`` are further settings of ``[net]`` for both. ``link``
+    is between the two stations, ``lab`` are their devices.
     """
 
     link: ImpairedLink
@@ -50,11 +43,7 @@ class StationScene:
         self._held: set[int] = set()
 
     def __enter__(self) -> Self:
-        """Start everything and let the operator take the lead and hold of the arm.
-
-        Raises:
-            DeviceUnavailableError: They do not come together.
-        """
+        """Start everything and let the operator take the lead and hold of the arm."""
         with ExitStack() as stack:
             folder, port = self._folder, free_port()
             lab = stack.enter_context(emulated_lab(folder, emg_hz=250.0, fingers=("thumb",), arm=True))

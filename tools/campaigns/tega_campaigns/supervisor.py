@@ -24,7 +24,7 @@ _KEPT_LINES = 2000
 
 
 class SaidLine(NamedTuple):
-    """Something that the program said, with the monotonic time at which it did."""
+    """A line that the program printed, with the monotonic time at which it did."""
 
     at_s: float
     said: dict[str, Any]
@@ -33,14 +33,11 @@ class SaidLine(NamedTuple):
 class Supervisor:
     """One process of :mod:`tega_campaigns.program` after another.
 
-    Args:
-        settings: The session's settings.
-        words: Further words of its command line.
-        errors: The file that its error output is added to; ``None`` for this program's own.
-        environment: What it finds in its environment besides this program's.
+    ``words`` go on its command line, ``environment`` beside this program's own; ``errors`` is the file that
+    its error output is added to, ``None`` for this program's own.
 
     Attributes:
-        lines: What the present one and those before it have said, oldest first.
+        lines: Output of the present one and those before it, oldest first.
         started_s: When the present one was started.
         memory: Resident memory of each process in turn, as (time, MiB).
     """
@@ -82,28 +79,28 @@ class Supervisor:
 
     @property
     def newest(self) -> SaidLine:
-        """The present process's newest line that tells the state and the alerts."""
+        """The present process's newest line with the state and the alerts."""
         reported = (line for line in self.backwards(self.started_s) if "alerts" in line.said)
         return next(reported, SaidLine(0.0, {}))
 
     @property
     def now(self) -> dict[str, Any]:
-        """What it does, as last told."""
+        """What it does, by its latest report."""
         return self.newest.said
 
     @property
     def leads(self) -> bool:
-        """Whether the arm follows, as it told last."""
+        """Whether the arm follows, by the latest report."""
         return bool(self.now.get("arm", "").startswith("following"))
 
     def well(self, since_s: float = 0.0) -> bool:
-        """Tell whether it runs, has been heard since then, is active, and nothing but latency is wrong."""
+        """Whether it runs, has reported since then, is active, and nothing but latency is wrong."""
         at_s, message = self.newest
         wrong = [alert for alert in message.get("alerts", ()) if not alert.startswith("latency")]
         return self.alive and at_s > since_s and message.get("state") == "active" and not wrong
 
     def backwards(self, since_s: float) -> Iterator[SaidLine]:
-        """Return what was said since a moment, newest first."""
+        """Return the lines since a moment, newest first."""
         return takewhile(lambda line: line.at_s >= since_s, reversed(self.lines))
 
     def since(self, at_s: float, key: str) -> list[tuple[float, Any]]:
@@ -119,7 +116,7 @@ class Supervisor:
         return changes
 
     def has_said(self, words: str) -> float | None:
-        """Return when it has told something to a person, or ended with it; ``None`` if it has not."""
+        """Return when it has printed something for a person, or ended with it; ``None`` if it has not."""
         return next(
             (
                 line.at_s

@@ -51,14 +51,11 @@ _MOST_CYCLES: Final = 10
 
 
 class AllegroNode:
-    """One hand. It has no clock: every call says what time it is, and time never goes back.
+    """One hand. It has no clock: every call has the time, which never goes back.
 
-    Args:
-        hardware: Version as the hand sends it, 0x0402 for 4.2.
-        side: ``right`` or ``left``.
-        device_id: Its number on the bus, 0 to 3.
-        seed: Of the encoders' noise.
-        position_ms: Period it reports at whatever it was told; ``None`` for the one it was told.
+    ``hardware`` is the version as the hand sends it, 0x0402 for 4.2; ``side`` is ``right`` or ``left``,
+    ``device_id`` 0 to 3; ``seed`` is of the encoders' noise. ``position_ms`` is the period at which it
+    reports, whatever it was set to; ``None`` for the one it was set to.
     """
 
     def __init__(
@@ -111,11 +108,7 @@ class AllegroNode:
         return [float(angle) for angle in self._angles]
 
     def command(self, words: str) -> None:
-        """Switch a fault on (its name) or all of them off (``clear``).
-
-        Raises:
-            ValueError: No such fault.
-        """
+        """Switch a fault on (its name) or all of them off (``clear``); :class:`ValueError`: no such fault."""
         if words == "clear":
             self.faults.clear()
             self._frozen = None

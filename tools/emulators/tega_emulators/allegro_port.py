@@ -40,9 +40,7 @@ _TIMESPEC = struct.Struct("qq")
 class SlcanPort:
     """A serial CAN adapter with the hand behind it: ASCII lines that end with a carriage return.
 
-    Attributes:
-        channel: The terminal's path, for the other side.
-        garbage: Whether to put noise between the lines.
+    ``channel`` is the terminal's path, for the other side; ``garbage`` puts noise between the lines.
     """
 
     def __init__(self, node: AllegroNode) -> None:
@@ -172,11 +170,7 @@ class SlcanNetworkPort(SlcanPort):
 
 
 class BusPort:
-    """The hand on one of python-can's buses.
-
-    Attributes:
-        channel: The bus's name.
-    """
+    """The hand on one of python-can's buses; ``channel`` is the bus's name."""
 
     garbage = False
 
@@ -194,7 +188,7 @@ class BusPort:
         return int(self._bus.fileno())
 
     def take(self, t_s: float) -> None:
-        """Hear every frame that has come."""
+        """Receive every frame that has come."""
         while (message := self._bus.recv(timeout=0)) is not None:
             if not (message.is_extended_id or message.is_error_frame):
                 remote = message.is_remote_frame

@@ -15,15 +15,9 @@ __all__ = ["AsciiBoard", "main"]
 
 
 class AsciiBoard(EmulatedBoard):
-    """Prints numbers from the moment it has power.
+    """Prints numbers from the moment it has power, ``rate_hz`` lines per second, after a line ``banner``.
 
-    Args:
-        signal: What it measures.
-        rate_hz: Lines per second.
-        n_channels: Numbers on a line.
-        baud: Its speed.
-        stamp: Whether a line begins with the milliseconds since it started.
-        banner: What it says first.
+    With ``stamp`` a line begins with the milliseconds since it started.
     """
 
     def __init__(

@@ -45,17 +45,9 @@ _STEPS: Final = 8
 class Moves:
     """Moves the emulated devices for as long as the ``with`` block lasts.
 
-    In the hand there is a thing, at first a round one: while the hand's motors are on, its closure presses the
-    fingertips.
-
-    Args:
-        digits: The fingertip cameras, thumb first.
-        board: The EMG board.
-        player: The vest.
-        hand: The hand.
-
-    Attributes:
-        port: TCP port on 127.0.0.1 that takes moves, one a line, and answers each with a line of JSON.
+    In the hand there is a thing, at first a round one: while the hand's motors are on, its closure presses
+    the fingertips. ``digits`` are thumb first. ``port`` is the TCP port on 127.0.0.1 that takes moves, one a
+    line, and answers each with a line of JSON.
     """
 
     def __init__(self, digits: list[Emulator], board: Emulator, player: Emulator, hand: Emulator) -> None:
@@ -89,16 +81,11 @@ class Moves:
     def act(self, line: str) -> Mapping[str, Any]:
         """Carry out a move. One that a person makes ends the script.
 
-        Args:
-            line: ``rest``; ``squeeze`` with a strength from 0 to 1 (1) and a channel from 1 (all); ``press`` with a
-                finger, a firmness from 0 to 1 (0.7) and what with (round); ``release`` of all fingers; ``put`` a
-                round or flat thing into the hand, ``take`` it away; ``play`` a script of a seed (0), ``stop`` it.
-
-        Returns:
-            Nothing, or for ``vest`` the history of its motors.
-
-        Raises:
-            InvalidValueError: The line is none of these.
+        ``line`` is ``rest``; ``squeeze`` with a strength from 0 to 1 (1) and a channel from 1 (all);
+        ``press`` with a finger, a firmness from 0 to 1 (0.7) and what with (round); ``release`` of all
+        fingers; ``put`` a round or flat thing into the hand, ``take`` it away; ``play`` a script of a seed
+        (0), ``stop`` it. Returns nothing, or for ``vest`` the history of its motors. Any other line raises
+        :class:`InvalidValueError`.
         """
         words = line.split()
         if words == ["vest"]:

@@ -36,11 +36,11 @@ class EmulatedDriver(NamedTuple):
 
     Attributes:
         summary: What stands for the device, in a few words.
-        start: Given an empty folder, a context that lasts as long as that is there and gives the options to reach
-            it.
+        start: Given an empty folder, a context that lasts as long as that is there and has the options to
+            reach it.
         needs: Modules and programs that it takes beside the driver's own.
         unix: Whether it needs Linux or macOS.
-        reason: Says what else is missing; ``""`` for nothing.
+        reason: Returns what else is missing; ``""`` for nothing.
     """
 
     summary: str
@@ -51,7 +51,7 @@ class EmulatedDriver(NamedTuple):
 
 
 def why_not(name: str) -> str:
-    """Say why a driver cannot be tried here; ``""`` if it can."""
+    """Return why a driver cannot be tried here; ``""`` if it can."""
     bench = BENCHES[name]
     if bench.unix and sys.platform == "win32":
         return "its emulator needs Linux or macOS"

@@ -34,19 +34,13 @@ _STOP_S: Final = 1.0
 class ChordsBoard(EmulatedBoard):
     """Waits for commands, then sends packets.
 
-    A board of 2024 takes all that came until a second of silence for one command, says nothing to one that it does not
-    know, and counts from 0. One of 2026 takes lines, answers ``UNKNOWN COMMAND``, counts from 1, and hears nothing
-    while it blinks: 0.4 s at ``START``, 1 s at ``STOP``. On both, a byte that arrives stops the packets.
+    A board of 2024 takes all that came until a second of silence for one command, does not answer one that it
+    does not know, and counts from 0. One of 2026 takes lines, answers ``UNKNOWN COMMAND``, counts from 1, and
+    receives nothing while it blinks: 0.4 s at ``START``, 1 s at ``STOP``. On both, a byte that arrives stops
+    the packets.
 
-    Args:
-        signal: What it measures.
-        name: What it says to ``WHORU``.
-        rate_hz: Packets per second.
-        bits: Of its converter.
-        n_channels: Numbers in a packet.
-        baud: Its speed.
-        generation: One of :data:`GENERATIONS`.
-        now_s: Its clock.
+    ``name`` is its answer to ``WHORU``, ``rate_hz`` packets per second, ``bits`` those of its converter,
+    ``n_channels`` the numbers in a packet, ``generation`` one of :data:`GENERATIONS`.
     """
 
     def __init__(
@@ -75,7 +69,7 @@ class ChordsBoard(EmulatedBoard):
         return b""
 
     def receive(self, data: bytes) -> bytes:
-        """Keep what came for :meth:`go_on`; it stops the packets, whatever it says."""
+        """Keep what came for :meth:`go_on`; it stops the packets, whatever it is."""
         self._typed += data
         self._received_s = self._now_s()
         if self.streaming:

@@ -25,14 +25,11 @@ _FAILURE = b"Failure: Communications timeout - Device failed to poll Host$$$"
 class CytonBoard(EmulatedBoard):
     """A board and its dongle.
 
-    Args:
-        signal: What it measures.
-        firmware: Its version; before 3 it confirms no setting.
-        board_off: Whether only the dongle has power.
-        streaming: Whether a program that crashed has left it streaming.
-        daisy: Of a Daisy on the board: ``obeys`` is in the banner and taken off by ``c``, ``deaf`` is in the banner and
-            stays, ``hidden`` is in no banner and stays; ``""`` for none. Its inputs are open, 11 mV off.
-        shifted: Share of packets to which a radio of another version adds a second header byte, 0x41.
+    Firmware before 3 confirms no setting. With ``board_off`` only the dongle has power; ``streaming`` is
+    whether a program that crashed has left it streaming. ``daisy`` is of a Daisy on the board: ``obeys`` is
+    in the banner and taken off by ``c``, ``deaf`` is in the banner and stays, ``hidden`` is in no banner and
+    stays; ``""`` for none. Its inputs are open, 11 mV off. ``shifted`` is the share of packets to which a
+    radio of another version adds a second header byte, 0x41.
     """
 
     baud = 115_200
@@ -124,7 +121,7 @@ class CytonBoard(EmulatedBoard):
         return b"daisy removed$$$" if was_on else b"no daisy to remove!$$$"
 
     def _confirm(self, command: bytes) -> bytes:
-        """Carry out a setting and say so."""
+        """Carry out a setting and confirm it."""
         if command[:1] == b"~":
             # Over the radio the board keeps to 250 Hz, whatever it is asked for.
             return b"Success: Sample rate is 250Hz$$$"

@@ -79,7 +79,7 @@ class _Sensor:
         self._small = _encoded(light[::2, ::2])
 
     def act(self, words: list[str]) -> dict[str, Any]:
-        """Carry out a command and tell which faults are on."""
+        """Carry out a command and return which faults are on."""
         verb, rest = words[0], " ".join(words[1:])
         if words == ["clear"]:
             self.clear()
@@ -212,7 +212,7 @@ def _handler(sensor: _Sensor) -> type[http.server.BaseHTTPRequestHandler]:
                 return  # the other side went away
 
         def log_message(self, format: str, *args: object) -> None:  # noqa: A002  # http.server's name
-            """Say nothing."""
+            """Print nothing."""
 
     return Handler
 

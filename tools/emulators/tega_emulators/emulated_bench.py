@@ -37,17 +37,9 @@ _PATIENT = {"lowest_rate_hz": 10.0, "silent_after_ms": 1000.0}
 class EmulatedBench:
     """Two fingertip cameras, an OpenBCI Cyton, a Player with a vest, and an Allegro Hand.
 
-    Args:
-        arm: Driver of an arm that is led too; ``franky`` on franky-sim's robot. None for none.
-
-    Attributes:
-        digits: The cameras, thumb first.
-        board: The Cyton.
-        player: The Player.
-        hand: The hand.
-        operator: Who leads the arm, if there is one.
-        moves: Moves muscles and fingertips.
-        looked: What would have been found, had they been real.
+    ``arm`` is the driver of an arm that is led too, ``franky`` on franky-sim's robot; ``operator`` is who
+    leads it, if there is one. ``digits`` are thumb first; ``moves`` moves muscles and fingertips; ``looked``
+    is what would have been found, had they been real.
     """
 
     def __init__(self, arm: str | None = None) -> None:
@@ -62,12 +54,7 @@ class EmulatedBench:
         self.looked: dict[str, DriverProbe] = {}
 
     def __enter__(self) -> Self:
-        """Start them.
-
-        Raises:
-            MissingExtraError: A package that an emulator needs is not installed.
-            DeviceUnavailableError: This system has no pseudo-terminals.
-        """
+        """Start them; this needs pseudo-terminals."""
         for module in ("can", "cv2", "serial", "websockets"):
             require(module, driver="an emulated bench", extra="lab")
         if os.name != "posix":
@@ -119,11 +106,7 @@ class EmulatedBench:
     def write_settings(self, file: Path) -> None:
         """Write settings that reach the emulators, with baselines and a calibration made for them.
 
-        Args:
-            file: The settings file; the rest goes into a folder of the same name beside it.
-
-        Raises:
-            DeviceUnavailableError: An emulated camera sends no picture.
+        All but the settings file goes into a folder of the same name beside it.
         """
         import msgspec
 

@@ -35,11 +35,9 @@ device = _port.device
 
 
 def write_hidapi(folder: Path, port: str) -> None:
-    """Write the module that stands for hidapi and finds an emulated pedal.
+    """Write the module that stands for hidapi and finds an emulated pedal, which is reached at ``port``.
 
-    Args:
-        folder: For it; a program finds it there if ``PYTHONPATH`` names the folder first.
-        port: Where the pedal's emulator can be reached.
+    A program finds it if ``PYTHONPATH`` names the folder first.
     """
     folder.mkdir(parents=True, exist_ok=True)
     text = _HIDAPI.format(path=port, vendor=_PEDAL[0], product=_PEDAL[1])
@@ -50,14 +48,9 @@ def write_hidapi(folder: Path, port: str) -> None:
 class EmulatedOperator:
     """Headset, pedal, and for ``franky`` franky-sim's robot with a hand's weight at its flange.
 
-    Args:
-        driver: Of the arm.
-
-    Attributes:
-        headset: The headset.
-        pedal: The pedal; its one button repeats itself while it is held.
-        robot: The robot; ``None`` where the driver needs none.
-        hidapi: Folder with the module that stands for hidapi; ``None`` until it was written.
+    ``driver`` is the arm's. The ``pedal``'s one button repeats itself while it is held. ``robot`` is ``None``
+    where the driver needs none; ``hidapi`` is the folder with the module that stands for hidapi, ``None``
+    until it was written.
     """
 
     def __init__(self, driver: str) -> None:
@@ -71,11 +64,7 @@ class EmulatedOperator:
         self._is_held = False
 
     def __enter__(self) -> Self:
-        """Start them; the wrist swings forward and back.
-
-        Raises:
-            MissingExtraError: franky-sim is asked for and not installed.
-        """
+        """Start them; the wrist swings forward and back."""
         if self.robot is not None:
             require("franky_sim", driver="franky-sim's robot", extra="arm-sim")
         with ExitStack() as starting:
@@ -120,11 +109,7 @@ class EmulatedOperator:
         self.hidapi = folder
 
     def act(self, after_s: float) -> None:
-        """Step on the pedal or off it: held for 8 s, then let go for 2 s.
-
-        Args:
-            after_s: Seconds since the operator began.
-        """
+        """Step on the pedal or off it: held for 8 s, then let go for 2 s, from the operator's beginning."""
         held = after_s % (_HELD_S + _LET_GO_S) >= _LET_GO_S
         if held != self._is_held:
             self._is_held = held

@@ -25,9 +25,7 @@ SIGNALS = ("ramp", "emg", "hum", "flat", "rail", "repeat", "bridge")
 class Faults:
     """What is wrong with a stream of packets.
 
-    Args:
-        rng: Decides; seeded, so that the same faults come again.
-        names: The faults that this stream can have.
+    ``rng`` decides; it is seeded, so that the same faults come again. ``names`` are those it can have.
     """
 
     def __init__(self, rng: random.Random, *, names: Collection[str] = tuple(FAULTS)) -> None:
@@ -71,14 +69,10 @@ class Faults:
 
 
 class Signal:
-    """What each channel shows, in whole steps about its middle.
+    """What each channel shows, in whole steps about its middle, ``kind`` at first.
 
-    ``ramp`` can be checked sample by sample: step ``(n + 100 channel) % 1000 - 500`` for sample n, channels from 0.
-
-    Args:
-        rate_hz: Samples per second, for the hum.
-        rng: Of the noise.
-        kind: What every channel shows at first.
+    ``ramp`` can be checked sample by sample: step ``(n + 100 channel) % 1000 - 500`` for sample n, channels
+    from 0. ``rate_hz`` is for the hum, ``rng`` of the noise.
     """
 
     def __init__(self, rate_hz: float, rng: random.Random, kind: str = "ramp") -> None:

@@ -43,11 +43,7 @@ _N_ERRORS = 41
 
 
 def on_franky_sim(host: str) -> dict[str, Any]:
-    """Return what an ``[arm]`` table has to say to lead this robot and the hand that it carries.
-
-    Args:
-        host: Where it listens.
-    """
+    """Return an ``[arm]`` table that leads this robot, listening at ``host``, and the hand on it."""
     options = {
         "host": host,
         "robot": "fr3",

@@ -131,7 +131,7 @@ class Bridge:
             self._say()
 
     def _obey(self, report: bytes) -> bool:
-        """Do what a report says; tell whether it asks for an answer."""
+        """Do what a report asks for; return whether it wants an answer."""
         if len(report) != 64:
             raise ValueError(f"{len(report)} bytes")
         number, head, sequence, ttl_ms, layout, count = struct.unpack_from("<BBHHBB", report)

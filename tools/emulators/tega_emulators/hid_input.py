@@ -55,11 +55,7 @@ _KEYS: Final = (5, 6, 7)  # b, c, d
 
 
 class InputDevice:
-    """What its reports are.
-
-    Args:
-        kind: One of :data:`DEVICES`.
-    """
+    """What the reports of a device are; ``kind`` is one of :data:`DEVICES`."""
 
     def __init__(self, kind: str) -> None:
         self._kind = kind

@@ -23,12 +23,8 @@ _NAMES = ("hid", "hidraw")
 class HidBoard(NamedTuple):
     """One interface of a device, as hidapi enumerates it.
 
-    Attributes:
-        path: Its socket.
-        vendor_id: USB vendor number.
-        product_id: USB product number.
-        serial: Serial number.
-        usage: Usage page and usage of the interface; zeros where the system does not tell.
+    ``path`` is its socket; ``usage`` is its usage page and usage, zeros where the system does not report
+    them.
     """
 
     path: str
@@ -41,12 +37,8 @@ class HidBoard(NamedTuple):
 class HidPort:
     """A module-like object with some boards; each is there as long as its socket is.
 
-    Args:
-        boards: The boards, or the path of the socket of one with the numbers of TEGA's own.
-        can_open: Whether opening them is allowed, as a udev rule would.
-
-    Attributes:
-        n_opened: How often each socket was opened.
+    A path instead of a board is the socket of one with the numbers of TEGA's own. ``can_open`` allows opening
+    them, as a udev rule would; ``n_opened`` counts openings of each socket.
     """
 
     def __init__(self, *boards: HidBoard | str, can_open: bool = True) -> None:

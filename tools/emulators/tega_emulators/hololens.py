@@ -59,11 +59,7 @@ Joint = tuple[tuple[float, float, float, float], Triple]
 
 
 class Headset:
-    """What it sees, and the packets that say so.
-
-    Args:
-        seed: Of the tremor.
-    """
+    """What a headset sees, and its packets; ``seed`` is of the tremor."""
 
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)

@@ -32,14 +32,11 @@ _FIRMNESSES = (0.5, 0.6, 0.7, 0.8, 0.9)
 
 
 class EmulatedLab:
-    """What runs, and how to reach it.
+    """What runs, and how to reach it; each device is there only if it was asked for.
 
     Attributes:
         tree: Settings of a session, as nested tables.
         sensors: Emulated DIGITs by finger.
-        emg: The emulated amplifier, if there is one.
-        hand: The emulated hand, if there is one.
-        vest: The emulated vest, if there is one.
         headset: The emulated headset, if there is an arm.
         cap: The emulated SpaceMouse, if there is an arm; its buttons are dead-man, clutch and recover.
         robot: franky-sim's robot with a hand's weight at its flange, if that is the arm.
@@ -96,25 +93,22 @@ def emulated_lab(
     touch: TouchMaxima | None = None,
     preset: Literal["paper", "live"] = "live",
 ) -> Iterator[EmulatedLab]:
-    """Start emulators.
+    """Start emulators; everything ends with the block.
 
     Args:
         folder: For calibration and baselines.
         emg_hz: Three tensed muscles at so many samples a second: 250 on a Cyton, else on a Chords board.
-        hand: An Allegro Hand behind a serial CAN adapter; with ``network`` that is behind a network connection.
-        vest: A vest behind the vendor's Player, or that of another driver: ``bhaptics-ble`` has one behind BlueZ on a
-            message bus of its own.
+        hand: An Allegro Hand behind a serial CAN adapter; ``network`` puts that behind TCP.
+        vest: A vest behind the vendor's Player, or that of another driver: ``bhaptics-ble`` has one behind
+            BlueZ on a message bus of its own.
         fingers: DIGITs, each with something pressed into its gel.
-        arm: A simulated arm, or the driver of another, led by a wrist that a headset sees, with the buttons of a
-            SpaceMouse; ``franky`` is led on franky-sim's robot, which carries a hand's weight.
-        dead_man: With ``pedal`` a pedal that repeats itself while it is held is dead-man and clutch in one, and its
-            other button recovers. Only a program with the lab's ``environment`` finds it.
+        arm: A simulated arm, or the driver of another, led by a wrist that a headset sees, with the buttons
+            of a SpaceMouse; ``franky`` is led on franky-sim's robot, which carries a hand's weight.
+        dead_man: With ``pedal`` a pedal that repeats itself while it is held is dead-man and clutch in one,
+            and its other button recovers. Only a program with the lab's ``environment`` finds it.
         camera_hz: Pictures a second that they really give.
         touch: What counts as full touch; ``None`` for so little that what is pressed is felt fully.
         preset: Whose maxima the calibration holds.
-
-    Yields:
-        The lab; everything ends with the block.
     """
     with ExitStack() as stack:
         lab = EmulatedLab()

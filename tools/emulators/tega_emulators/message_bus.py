@@ -12,8 +12,7 @@ __all__ = ["PrivateBus"]
 class PrivateBus:
     """A message bus of its own, for emulated system services.
 
-    Attributes:
-        address: Address of the bus; a client that is to use it has it as ``DBUS_SYSTEM_BUS_ADDRESS``.
+    A client that is to use it has its ``address`` as ``DBUS_SYSTEM_BUS_ADDRESS``.
     """
 
     def __init__(self) -> None:

@@ -51,11 +51,7 @@ _KNOCK_S: Final = 0.12
 
 
 class MotorSound:
-    """One motor, one microphone.
-
-    Attributes:
-        settings: As in :data:`SETTINGS`.
-    """
+    """One motor, one microphone; ``settings`` are as in :data:`SETTINGS`."""
 
     def __init__(self) -> None:
         self.settings = {name: value for name, (value, _) in SETTINGS.items()}
@@ -77,15 +73,15 @@ class MotorSound:
         self.settings[name] = value
 
     def drive(self, at_s: float, percent: float) -> None:
-        """Be told a drive; times have to rise."""
+        """Take a drive; times have to rise."""
         self._drives.append((at_s, percent))
 
     def strike(self, at_s: float, kind: str) -> None:
-        """Let a ``click`` or a ``knock`` be heard."""
+        """Sound a ``click`` or a ``knock``."""
         insort(self._events, (at_s, kind))
 
     def samples(self, until_s: float) -> array[int]:
-        """Return what is heard from where it stopped last up to a time, 16-bit samples."""
+        """Return the sound from where it stopped last up to a time, 16-bit samples."""
         s, out = self.settings, array("h")
         delay_s = s["delay_ms"] / 1e3
         rise = 1 - math.exp(-1e3 / (RATE_HZ * s["rise_ms"]))

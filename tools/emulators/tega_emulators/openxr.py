@@ -62,11 +62,7 @@ Triple = tuple[float, float, float]
 
 
 class Service:
-    """What it sees, and its answers.
-
-    Args:
-        seed: Of the tremor.
-    """
+    """What a runtime's service sees, and its answers; ``seed`` is of the tremor."""
 
     def __init__(self, seed: int) -> None:
         self._seed = seed

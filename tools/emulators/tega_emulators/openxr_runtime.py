@@ -37,7 +37,7 @@ def _checkout() -> Path | None:
 
 
 def why_no_runtime() -> str:
-    """Say why the emulated runtime cannot be built here; ``""`` if it can."""
+    """Return why the emulated runtime cannot be built here; ``""`` if it can."""
     if sys.platform == "win32":
         return "its emulator needs Linux or macOS"
     if shutil.which("cargo") is None:
@@ -49,11 +49,7 @@ def why_no_runtime() -> str:
 
 @cache
 def build_runtime() -> Path:
-    """Build the library, unless that was done, and return where it is.
-
-    Raises:
-        DeviceUnavailableError: It cannot be built here.
-    """
+    """Build the library, unless that was done, and return where it is."""
     root, reason = _checkout(), why_no_runtime()
     if reason or root is None:
         raise DeviceUnavailableError(f"no emulated OpenXR runtime: it {reason}", "run this in a checkout")
@@ -74,13 +70,9 @@ def build_runtime() -> Path:
 
 @contextmanager
 def openxr_runtime() -> Iterator[Emulator]:
-    """Run it for as long as the block lasts; this process and those it starts find it as their OpenXR runtime.
+    """Run it while the block lasts; this process and those it starts find it as their OpenXR runtime.
 
-    Yields:
-        Its service, which takes the commands of :mod:`tega_emulators.openxr`.
-
-    Raises:
-        DeviceUnavailableError: It cannot be built here.
+    Yields its service, which takes the commands of :mod:`tega_emulators.openxr`.
     """
     library = build_runtime()
     with tempfile.TemporaryDirectory() as folder, Emulator("openxr") as service:

@@ -36,14 +36,7 @@ KEYS: Final = string.ascii_lowercase[:21]
 
 
 class Reach:
-    """Moves the bench whose settings file this is.
-
-    Args:
-        settings: The file that ``tega-teleop init --emulated`` wrote.
-
-    Raises:
-        DeviceUnavailableError: No emulated bench runs for it.
-    """
+    """Moves the running emulated bench whose settings file, by ``tega-teleop init --emulated``, this is."""
 
     def __init__(self, settings: Path) -> None:
         beside = settings.with_suffix("") / "moves.json"
@@ -58,11 +51,7 @@ class Reach:
         self._saying = threading.Lock()
 
     def __call__(self, line: str) -> dict[str, Any]:
-        """Make a move as :meth:`tega_emulators.bench_moves.Moves.act` has them.
-
-        Raises:
-            InvalidValueError: It is none.
-        """
+        """Make a move of :meth:`tega_emulators.bench_moves.Moves.act`."""
         with self._saying:
             self._file.write(line + "\n")
             self._file.flush()
@@ -75,9 +64,7 @@ class Reach:
 class Participant:
     """Does what lines of a command ask for; what takes time goes on in a thread.
 
-    Args:
-        move: Moves the bench.
-        seed: Of thresholds, firmness, lifts and answers.
+    ``move`` moves the bench; ``seed`` is of thresholds, firmness, lifts and answers.
     """
 
     def __init__(self, move: Callable[[str], dict[str, Any]], seed: int = 0) -> None:
@@ -89,11 +76,9 @@ class Participant:
         self._n_tries = 0
 
     def receive(self, line: str, type_keys: Callable[[str], None]) -> None:
-        """Take in a line, and do and type what it asks for.
+        """Take in a line of the command's standard error, and do and type what it asks for.
 
-        Args:
-            line: Of the command's standard error.
-            type_keys: Types a line.
+        ``type_keys`` types a line.
         """
         if line.startswith(">"):
             self._n_tries = 0

@@ -17,7 +17,7 @@ __all__ = ["notify", "obey", "typed"]
 
 
 def notify(text: Mapping[str, Any]) -> None:
-    """Say something to who started this."""
+    """Print something for who started this."""
     sys.stdout.write(json.dumps(text) + "\n")
     sys.stdout.flush()
 
@@ -35,9 +35,7 @@ async def typed() -> AsyncIterator[str]:
 def obey(line: str, act: Callable[[list[str]], Mapping[str, Any] | None]) -> None:
     """Carry out a line and answer it; one that cannot be carried out ends nothing.
 
-    Args:
-        line: What was typed.
-        act: Given its words, returns the answer; a ValueError, KeyError or IndexError says that it makes no sense.
+    ``act``, given its words, returns the answer; it raises ValueError, KeyError or IndexError on nonsense.
     """
     try:
         text = act(line.split())

@@ -32,11 +32,8 @@ _KNOWN = {
 class AskedV3(NamedTuple):
     """What a client asks for.
 
-    Attributes:
-        kind: The message's type.
-        request: Number of the request; 0 where there is none.
-        values: Forty motor values, or none.
-        duration_s: How long they last.
+    ``kind`` is the message's type, ``request`` its number, 0 where there is none; ``values`` are forty motor
+    values, or none.
     """
 
     kind: str
@@ -46,11 +43,7 @@ class AskedV3(NamedTuple):
 
 
 def read_v3(message: str | bytes) -> AskedV3:
-    """Check a message of a client.
-
-    Raises:
-        ValueError: It is none, or one that a vest's client should not send.
-    """
+    """Check a message of a client; one that a vest's client should not send raises :class:`ValueError`."""
     envelope = json.loads(message)
     if not isinstance(envelope, dict):
         raise ValueError("no object")  # noqa: TRY004  # bad data, whatever its type
@@ -86,7 +79,7 @@ def _check_introduction(text: Any) -> None:
 
 
 def told_v3(*, has_vest: bool, battery: int) -> list[str]:
-    """Return what the Player says of itself to a program that it has let in."""
+    """Return what the Player reports of itself to a program that it has let in."""
     vest = {
         "position": 0,
         "deviceName": VEST_NAME,

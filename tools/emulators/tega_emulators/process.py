@@ -27,11 +27,7 @@ _PRIORITY = 20
 
 
 def first_of_all(thread: int) -> bool:
-    """Let a thread go before every thread of a run; return whether the system allows that.
-
-    Args:
-        thread: Its number in the system.
-    """
+    """Let a thread, by its system number, go before every thread of a run; return if that is allowed."""
     if sys.platform != "linux":
         return False
     try:
@@ -44,13 +40,9 @@ def first_of_all(thread: int) -> bool:
 class Emulator:
     """An emulator that runs for as long as the ``with`` block, and not longer than this process.
 
-    Args:
-        module: Its name in :mod:`tega_emulators`, such as ``cyton``, or any module's full name.
-        arguments: For its command line.
-
-    Attributes:
-        address: Where it can be reached, such as ``{"port": "/dev/pts/3"}``; a device that was plugged in again may
-            be somewhere else.
+    ``module`` is its name in :mod:`tega_emulators`, such as ``cyton``, or any module's full name. ``address``
+    is where it can be reached, such as ``{"port": "/dev/pts/3"}``; a device that was plugged in again may be
+    somewhere else.
 
     Example::
 
@@ -105,9 +97,8 @@ class Emulator:
     def say(self, line: str) -> dict[str, Any]:
         """Give it a command, wait until it is carried out, and return the answer.
 
-        Raises:
-            InvalidValueError: It does not know what that means.
-            DeviceUnavailableError: It does not run.
+        An unknown command raises :class:`InvalidValueError`, an ended emulator
+        :class:`DeviceUnavailableError`.
         """
         if self._process is None or self._process.stdin is None:
             raise DeviceUnavailableError(f"{self._module} does not run", "use it in a with block")

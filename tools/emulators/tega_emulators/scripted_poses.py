@@ -14,24 +14,16 @@ from tega.errors import InvalidValueError
 
 
 class Waypoint(NamedTuple):
-    """A pose that the path comes to and rests at.
-
-    Attributes:
-        t_s: When it is reached, seconds.
-        pose: Where it is.
-    """
+    """A pose that the path comes to, and rests at, at ``t_s``."""
 
     t_s: float
     pose: Pose
 
 
 def path_through(waypoints: Sequence[Waypoint]) -> Callable[[float], Pose]:
-    """Return the path that goes from each waypoint to the next by a minimum-jerk move, and rests at both ends.
+    """Return the path that goes from waypoint to waypoint by minimum-jerk moves, and rests at both ends.
 
     The share of the way at the share u of the time is 10 u³ - 15 u⁴ + 6 u⁵; turns go about one axis.
-
-    Raises:
-        InvalidValueError: There is none, or times do not rise.
     """
     times = [w.t_s for w in waypoints]
     if not times or any(b <= a for a, b in pairwise(times)):
@@ -54,14 +46,10 @@ def path_through(waypoints: Sequence[Waypoint]) -> Callable[[float], Pose]:
 
 
 class ScriptedPoses:
-    """Samples a path as a tracker would, with noise if wanted.
+    """Samples a path, of seconds since the first call, as a tracker would, with noise if wanted.
 
-    Args:
-        path: The path, of seconds since the first call.
-        rate_hz: Poses per second.
-        noise_m: Standard deviation of each coordinate, metres.
-        noise_rad: Of each component of a small turn, radians.
-        seed: Of the noise.
+    ``noise_m`` and ``noise_rad`` are standard deviations: of each coordinate, of each component of a small
+    turn.
     """
 
     def __init__(

@@ -30,10 +30,8 @@ _KEPT = 4096
 class EmulatedBoard:
     """What an emulator adds to the line: its bytes.
 
-    Attributes:
-        rate_hz: Packets per second.
-        baud: Speed it talks at; 0 for a native USB board, which does not care.
-        streaming: Whether it sends packets.
+    ``rate_hz`` are packets per second; ``baud`` is 0 for a native USB board, which does not care;
+    ``streaming`` is whether it sends packets.
     """
 
     rate_hz: float = 250.0
@@ -49,11 +47,11 @@ class EmulatedBoard:
         return b""
 
     def go_on(self) -> bytes:
-        """Do what is due by now and return what it says; asked as often as the line is looked at."""
+        """Do what is due by now and return what it sends; called as often as the line is looked at."""
         return b""
 
     def power_on(self) -> bytes:
-        """Start from nothing and return what the board says of itself when it starts."""
+        """Start from nothing and return what the board sends of itself when it starts."""
         return b""
 
 
@@ -68,7 +66,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def serve(board: EmulatedBoard, signal: Signal, faults: Faults, options: argparse.Namespace) -> None:
-    """Run a board until its standard input closes or says ``quit``."""
+    """Run a board until its standard input closes or has ``quit``."""
     for text in options.fault:
         name, _, value = text.partition("=")
         faults.set(name, float(value or 1))
@@ -110,7 +108,7 @@ class _Line:
         self._ends = None
 
     def run(self, burst_s: float) -> None:
-        """Send packets in time, hear the host, and obey the standard input."""
+        """Send packets in time, receive from the host, and obey the standard input."""
         due, last_s = 0.0, time.monotonic()
         while True:
             watched = [sys.stdin.fileno(), *([self._ends[0]] if self._ends else [])]

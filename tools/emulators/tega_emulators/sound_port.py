@@ -33,13 +33,10 @@ class PortAudioError(Exception):
 class SoundPort:
     """A module-like object.
 
-    Args:
-        peer: The emulated vest; it has to obey ``hear``. ``None`` where there is a loudspeaker only.
+    ``peer`` is the emulated vest, which has to obey ``hear``; ``None`` where there is a loudspeaker only.
 
     Attributes:
-        present: Whether there is a microphone.
         latency_s: How old sound is when it arrives.
-        overflows: Whether samples get lost.
         speaker_ms: What the loudspeaker takes beyond its stamp.
         played: Each block that the loudspeaker was given, float32 (n, channels).
     """

@@ -20,12 +20,9 @@ _BASE_HZ = 16e6 / 8 / 199
 
 
 class SpikerBoard(EmulatedBoard):
-    """Sends frames from the moment it has power.
+    """Sends frames from the moment it has power; ``n_channels`` until a command sets another number.
 
-    Args:
-        signal: What it measures.
-        n_channels: Channels it sends before it is told otherwise.
-        deaf: Whether it takes no command.
+    A ``deaf`` one takes no command.
     """
 
     def __init__(self, signal: Signal, *, n_channels: int = 1, deaf: bool = False) -> None:

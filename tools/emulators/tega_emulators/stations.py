@@ -43,16 +43,10 @@ def free_port() -> int:
 def split(
     tree: dict[str, Any], *, listen: str, connect: str, keys: Path | None = None
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Share the settings of one machine among two stations.
+    """Share the settings of one machine among two stations, the robot's and the operator's.
 
-    Args:
-        tree: They, as nested tables.
-        listen: Where the robot listens.
-        connect: Where the operator connects to: the same, unless something stands between.
-        keys: Folder that ``tega-teleop net keys`` has made for ``operator`` and ``robot``; none for none.
-
-    Returns:
-        The robot's and the operator's.
+    The operator connects to ``connect``: the same as ``listen``, unless something stands between. ``keys`` is
+    the folder that ``tega-teleop net keys`` has made for ``operator`` and ``robot``.
     """
     robot: dict[str, Any] = {"net": {"station": "robot", "name": "robot", "listen": listen}}
     operator: dict[str, Any] = {
@@ -82,17 +76,10 @@ def write_stations(
     keys: Path | None = None,
     duration_s: float = 60.0,
 ) -> tuple[Path, Path]:
-    """Write settings of two simulated stations, with a calibration made up for them.
+    """Write settings, robot's and operator's, of two simulated stations, with a calibration made up for them.
 
-    Args:
-        folder: For the files.
-        port: Where the robot listens.
-        connect_port: Where the operator connects to, if something stands between.
-        keys: Folder that ``tega-teleop net keys`` has made for ``operator`` and ``robot``; none for none.
-        duration_s: How long the simulated grasp lasts.
-
-    Returns:
-        The files of robot and operator.
+    The robot listens at ``port``; the operator connects to ``connect_port``, if something stands between.
+    ``keys`` is as of :func:`split`; ``duration_s`` is how long the simulated grasp lasts.
     """
     touch = {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": duration_s}}
     tree = {
@@ -132,16 +119,7 @@ def write_trees(
 
 
 class Program:
-    """A station as a program; it ends with the block, whatever happens.
-
-    Args:
-        verb: Which station.
-        settings: Its settings file.
-        words: Further words of its command line.
-
-    Attributes:
-        process: The program.
-    """
+    """A station as a program; it ends with the block, whatever happens."""
 
     process: subprocess.Popen[str]
 
@@ -175,15 +153,14 @@ class Program:
 
     @property
     def said(self) -> str:
-        """What it has said on its error output."""
+        """What it has printed on its error output."""
         self._err.seek(0)
         return self._err.read()
 
     def await_said(self, text: str, *, times: int = 1, patience_s: float = _PATIENCE_S) -> None:
-        """Wait until it has said something so often.
+        """Wait until it has printed a text so often.
 
-        Raises:
-            DeviceUnavailableError: It has not, or has ended before.
+        If it has not in time, or ends before, :class:`DeviceUnavailableError` is raised.
         """
         until_s = time.monotonic() + patience_s
         while self.said.count(text) < times:

@@ -25,11 +25,7 @@ _BUS = "DBUS_SYSTEM_BUS_ADDRESS"
 class VestBench(NamedTuple):
     """A live vest driver that is not open yet, and the emulator at its other end.
 
-    Attributes:
-        vest: The driver.
-        peer: The emulator.
-        port: What stands for hidapi, where the driver uses it.
-        options: The driver's options.
+    ``port`` stands for hidapi, where the driver uses it.
     """
 
     vest: StreamedVest
@@ -40,14 +36,9 @@ class VestBench(NamedTuple):
 
 @contextmanager
 def vest_bench(driver: str, **options: Any) -> Iterator[VestBench]:
-    """Start the emulated vest of a driver and make a driver that reaches it.
+    """Start the emulated vest of one of :data:`LIVE_VESTS`, and yield it with a driver that reaches it.
 
-    Args:
-        driver: One of :data:`LIVE_VESTS`.
-        options: The driver's options, beside those that lead to the emulator.
-
-    Yields:
-        Both.
+    ``options`` are the driver's, beside those that lead to the emulator.
     """
     port = None
     with ExitStack() as stack:

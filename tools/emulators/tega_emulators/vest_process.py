@@ -29,10 +29,8 @@ _WARM_S = 60.0
 class Motors:
     """Forty motors, 0 to 100, in the wearer's order, with everything they have done.
 
-    Attributes:
-        limit: What no motor is to be driven above.
-        heat_limit: How warm none may get, as a share of what full drive for ever would make it.
-        n_over: How often one was.
+    ``n_over`` counts how often one was driven above ``limit`` or was warmer than ``heat_limit``, a share of
+    what full drive for ever would make it.
     """
 
     def __init__(self) -> None:

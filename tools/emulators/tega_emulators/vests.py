@@ -25,8 +25,6 @@ class VestReport(msgspec.Struct, frozen=True, kw_only=True):
         history: Every change with its time in seconds on the machine's monotonic clock.
         over: How often a motor was driven above what was given to its command ``limit``.
         errors: What it was sent and should not have been.
-        received: Messages received.
-        connections: Connections it has taken.
         modules: The modules of this package that its process has imported.
     """
 

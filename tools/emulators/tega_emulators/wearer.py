@@ -15,15 +15,10 @@ History = list[tuple[float, list[int]]]
 class Wearer:
     """A made-up wearer of the vest.
 
-    Args:
-        history: Tells what the motors did so far.
-        threshold: The lowest percent that is felt, by column.
-        step: The smallest increase in percent that is noticed.
-        mirrored: Whether the back is felt mirrored.
-
-    Attributes:
-        requested: The columns that vibrated before each question.
-        loudest: The highest percent so far.
+    ``history`` returns what the motors did so far. ``threshold`` is the lowest percent that is felt, by
+    column, ``step`` the smallest increase in percent that is noticed, ``mirrored`` whether the back is felt
+    mirrored. ``requested`` are the columns that vibrated before each question, ``loudest`` the highest
+    percent so far.
     """
 
     def __init__(

@@ -106,11 +106,7 @@ class Outcome(NamedTuple):
 
 @cache
 def backgrounds() -> dict[str, Image]:
-    """Return pictures of four DIGITs' untouched gels, blue first, by name.
-
-    Raises:
-        click.ClickException: The recordings are not there.
-    """
+    """Return pictures of four DIGITs' untouched gels, BGR, by name."""
     folder = Path(os.environ.get("TEGA_DATA", "")) / "digit"
     if not (folder / "digit_backgrounds").is_dir():
         raise click.ClickException("recordings not found; set TEGA_DATA to their folder")
@@ -128,9 +124,7 @@ def backgrounds() -> dict[str, Image]:
 def draw_cases(n: int, text: str) -> Iterator[Case]:
     """Draw cases; noise, trouble and background go round, so that each comes equally often.
 
-    Args:
-        n: How many.
-        text: What the seed is the hash of.
+    The seed is the hash of ``text``.
     """
     rng = np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big"))
     names = ("D20641", "D20479", "tacto", "vocdex")

@@ -56,11 +56,8 @@ _NEAR_M, _UPRIGHT = 0.03, math.cos(math.radians(10))
 class ChainCase(NamedTuple):
     """A way to run the chain.
 
-    Attributes:
-        name: What is different in it.
-        settings: The chain's; ``None`` leads the arm by the tracked poses as they come.
-        delay_ms: The poses arrive so late.
-        fails: Whether the tracker fails as :func:`failing` says.
+    ``settings`` of ``None`` lead the arm by the tracked poses as they come; the poses arrive ``delay_ms``
+    late; with ``fails`` the tracker fails as in :func:`failing`.
     """
 
     name: str
@@ -72,10 +69,8 @@ class ChainCase(NamedTuple):
 class HandPath(NamedTuple):
     """Where a forearm goes, and what the hand does on the way.
 
-    Attributes:
-        at: Where it is, of seconds since the beginning: displacement and turn from there.
-        duration_s: How long.
-        closed_s: From when to when the hand is told to grip; ``None`` where nothing is to be picked.
+    ``at`` is where it is, of seconds since the beginning: displacement and turn from there. ``closed_s`` is
+    from when to when the hand is asked to grip; ``None`` where nothing is to be picked.
     """
 
     at: Callable[[float], Pose]
@@ -86,10 +81,8 @@ class HandPath(NamedTuple):
 class Placed(NamedTuple):
     """What became of the object.
 
-    Attributes:
-        lifted_m: How high it came.
-        off_mm: How far along the table it is at the end from where a hand that follows exactly would put it.
-        placed: Whether it was lifted by 10 cm and stands within 3 cm of there.
+    ``off_mm`` is how far along the table it is at the end from where a hand that follows exactly would put
+    it; ``placed``: it was lifted by 10 cm and stands within 3 cm of there.
     """
 
     lifted_m: float
@@ -209,13 +202,7 @@ def failing(poses: Sequence[StampedPose]) -> list[StampedPose]:
 def follow_path(case: ChainCase, poses: Sequence[StampedPose], path: HandPath) -> Followed:
     """Lead the simulated arm along a path.
 
-    Args:
-        case: How.
-        poses: What the tracker saw, in the bench's axes.
-        path: Where the hand was, from the first pose on.
-
-    Raises:
-        MissingExtraError: mujoco-core is not installed.
+    ``poses`` are what the tracker saw, in the bench's axes; ``path`` is where the hand was from then on.
     """
     from tega_sim.world import FULL_DUTY_NM, World, hand_controller
 
@@ -265,7 +252,7 @@ def follow_path(case: ChainCase, poses: Sequence[StampedPose], path: HandPath) -
 
 
 def _level(path: HandPath, t_s: float) -> int:
-    """Return the hand's level: what a person's muscles would say, here by the time alone."""
+    """Return the hand's level: what a person's muscles would ask for, here by the time alone."""
     return _GRIP_LEVEL if path.closed_s is not None and path.closed_s[0] <= t_s < path.closed_s[1] else 1
 
 
@@ -317,11 +304,7 @@ def _rms(values: NDArray[np.float64]) -> float:
 
 
 def hand_of(path: Path) -> list[StampedPose]:
-    """Return the forearm's path of a CSV file, or of a session recorded with an arm, in the base's axes.
-
-    Raises:
-        RecordingError: It cannot be read, or no forearm was tracked in it.
-    """
+    """Return the forearm's path of a CSV file, or of a session recorded with an arm, in the base's axes."""
     if path.suffix == ".csv":
         return read_poses(path)
     from tega.recording.mcap_folder import session_files

@@ -22,11 +22,9 @@ GAP_X, GAP_Y, TITLE = 34.0, 34.0, 46.0
 class Box(NamedTuple):
     """A box in a cell of the grid.
 
-    Attributes:
-        column: From 0 at the left; halves stand between two columns.
-        row: From 0 at the top.
-        text: Its lines; the first is bold.
-        kind: Whose it is: ``tega``, ``person``, ``robot``, ``other`` or ``safe``.
+    ``column`` is from 0 at the left, halves stand between two columns; ``row`` is from 0 at the top. The
+    first line of ``text`` is bold. ``kind`` is its owner: ``tega``, ``person``, ``robot``, ``other`` or
+    ``safe``.
     """
 
     column: float
@@ -36,14 +34,7 @@ class Box(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """An arrow between two boxes.
-
-    Attributes:
-        start: Name of the box where it begins.
-        end: Name of the box where it ends.
-        text: What stands beside it.
-        both: Whether it has two heads.
-    """
+    """An arrow between two boxes, by their names; with ``both`` it has two heads."""
 
     start: str
     end: str
@@ -54,13 +45,7 @@ class Arrow(NamedTuple):
 class Diagram(NamedTuple):
     """A picture of boxes and arrows.
 
-    Attributes:
-        title: What the picture shows.
-        boxes: By name.
-        arrows: Between them.
-        gap_x: Space between columns, pixels; labels of arrows need it.
-        gap_y: Space between rows, pixels.
-        note: A line below.
+    ``gap_x``, which arrows' labels need, and ``gap_y`` are pixels between columns and rows.
     """
 
     title: str
@@ -144,14 +129,7 @@ def _arrow(arrow: Arrow, places: dict[str, _Place]) -> list[str]:
 
 
 def svg(diagram: Diagram) -> str:
-    """Draw a diagram.
-
-    Args:
-        diagram: What to draw.
-
-    Returns:
-        The text of an SVG file with a white ground, so that it can be read on a dark page.
-    """
+    """Draw a diagram; return an SVG file with a white ground, so that it can be read on a dark page."""
     places = _places(diagram)
     width = max(max(p.x + p.w for p in places.values()) + 16, len(diagram.title) * 8.4 + 32)
     height = max(p.y + p.h for p in places.values()) + (38 if diagram.note else 18)

@@ -46,10 +46,9 @@ _LET_GO: Final = r"let go|raises its own|rest: ch1"
 
 
 class DrawnTerminal:
-    """Keeps the lines that stand on a terminal: as much of one as Rich needs, which erases lines before it writes them.
+    """Keeps the lines on a terminal, as far as Rich needs one: it erases lines before it writes them.
 
-    Attributes:
-        lines: From the top, with their colours.
+    ``lines`` are from the top, with their colours.
     """
 
     def __init__(self) -> None:
@@ -83,11 +82,7 @@ class Shown(NamedTuple):
 
 
 def recorded(folder: Path, board: Emulator) -> list[Shown]:
-    """Calibrate on a pseudo-terminal, and return what stood on it, four times a second.
-
-    Raises:
-        SystemExit: The calibration failed.
-    """
+    """Calibrate on a pseudo-terminal, and return what stood on it, four times a second."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", _ROWS, _COLUMNS, 0, 0))
     process = subprocess.Popen(

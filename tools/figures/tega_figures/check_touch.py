@@ -52,15 +52,11 @@ class PressReading(NamedTuple):
 
 
 def ball_press(radius_mm: float, contact_mm: float) -> tuple[float, float]:
-    """Return depth in millimetres and force in newtons of a ball that touches over a disc: the model's closed form.
+    """Return depth, mm, and force, N, of a ball that touches over a disc: the model's closed form.
 
-    A paraboloid z = r²/2R on a flat skin on springs: inside the contact the skin lies on it, outside it is a K₀(r/l)
-    that joins it without a kink, so that d = a²/2R + (a l/R) K₀(a/l)/K₁(a/l). The springs carry
-    F = k π [a² (d + 2 l²/R) - a⁴/4R].
-
-    Args:
-        radius_mm: R, the ball's.
-        contact_mm: a, radius of the touching disc.
+    A paraboloid z = r²/2R on a flat skin on springs, R ``radius_mm`` and a ``contact_mm``, the disc's radius:
+    inside the contact the skin lies on it, outside it is a K₀(r/l) that joins it without a kink, so that d =
+    a²/2R + (a l/R) K₀(a/l)/K₁(a/l). The springs carry F = k π [a² (d + 2 l²/R) - a⁴/4R].
     """
     special = require("scipy.special", driver="touch check", extra="lab")
     a, r, length = contact_mm, radius_mm, LENGTH_MM
@@ -105,8 +101,7 @@ def load_presses(folder: Path) -> RecordedPresses:
 def like_presses(presses: RecordedPresses, gel: Gel) -> Iterator[tuple[float, float, float]]:
     """Press where each mark is, with the force at which the mean difference is the recorded one.
 
-    Yields:
-        Simulated area, ``live``, and simulated touching area, both over the marked circle's; and the force.
+    Yields simulated area, ``live``, and simulated touching area, both over the marked circle's; and force.
     """
     for index, (frame, mark) in enumerate(zip(presses.frames, presses.marks, strict=True)):
         wanted = np.linalg.norm(difference(frame, presses.still), axis=2).mean()

@@ -180,7 +180,7 @@ def _recorded_table(folder: Path) -> list[str]:
 
 
 def _together(fingers: list[NDArray[np.uint8]], grip: RecordedGrip) -> list[list[bool]]:
-    """Read both fingers of a grip as the loop does: each is told of the other, and knows its sensor's noise."""
+    """Read both fingers of a grip as the loop does: each gets the other's, and knows its sensor's noise."""
     still = [frames[grip.rest[0] : grip.rest[1] + 1] for frames in fingers]
     trackers = [
         TouchTracker(np.median(frames, axis=0).astype(np.uint8), rate_hz=25.0, noise=sensor_noise(frames))

@@ -39,14 +39,7 @@ def launched() -> Iterator[Any]:
 
 @contextmanager
 def opened(browser: Any, url: str, *, width_px: int = WIDTH_PX, height_px: int = HEIGHT_PX) -> Iterator[Any]:
-    """Open the view's page; close it afterwards.
-
-    Args:
-        browser: From :func:`launched`.
-        url: Address of the page.
-        width_px: Of the window.
-        height_px: Likewise.
-    """
+    """Open the view's page in a browser from :func:`launched`; close it afterwards."""
     page = browser.new_page(viewport={"width": width_px, "height": height_px})
     # Without a graphics card, and beside other work, a picture of the scene takes its time.
     page.set_default_timeout(180_000)

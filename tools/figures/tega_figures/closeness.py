@@ -76,15 +76,10 @@ def difference(frame: Image, still: Image) -> NDArray[np.float32]:
 
 
 def statistics(frame: Image, still: Image, mark: Mark) -> dict[str, float]:
-    """Measure a press.
+    """Measure a press: one number for each of :data:`TOLERANCES`.
 
-    Args:
-        frame: The press, uint8 (H, W, 3).
-        still: The untouched gel, with a camera's noise.
-        mark: About where the contact is: what lies further than 2.4 of its radii is taken for untouched.
-
-    Returns:
-        One number for each of :data:`TOLERANCES`.
+    ``frame`` is uint8 (H, W, 3), ``still`` the untouched gel, with a camera's noise. ``mark`` is about where
+    the contact is: what lies further than 2.4 of its radii is taken for untouched.
     """
     raw = _offset_free(frame, still)
     smooth = _smooth(raw, 1.5)
@@ -119,17 +114,9 @@ def statistics(frame: Image, still: Image, mark: Mark) -> dict[str, float]:
 def match_press(frame: Image, still: Image, mark: Mark, gel: Gel, *, index: int) -> Match:
     """Find the ball press whose difference picture is most like a recorded one, and compare the two.
 
-    Force and place are fitted, three numbers a press; light, noise and the gel are not.
-
-    Args:
-        frame: A recorded press of a ball of 8.8 mm.
-        still: The recorded untouched gel.
-        mark: The recorded contact circle, where the search starts.
-        gel: The unit to press.
-        index: Number of the simulated frame.
-
-    Raises:
-        MissingExtraError: SciPy is not installed.
+    Force and place are fitted, three numbers a press; light, noise and the gel are not. ``frame`` is a
+    recorded press of a ball of 8.8 mm, ``still`` the recorded untouched gel, ``mark`` the recorded circle,
+    where the search starts; ``gel`` is the unit to press, ``index`` the number of the simulated frame.
     """
     minimize = require("scipy.optimize", driver="touch check", extra="lab").minimize
     wanted = difference(frame, still)

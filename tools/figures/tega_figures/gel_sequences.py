@@ -68,15 +68,7 @@ class GelMoment(NamedTuple):
 def ramp(
     *, peak_n: float, wait_s: float, rise_s: float, hold_s: float, fall_s: float
 ) -> Callable[[float], float]:
-    """Return a force that waits at nothing, rises evenly, holds, falls evenly and stays at nothing; of time, seconds.
-
-    Args:
-        peak_n: The force that is held, newtons.
-        wait_s: How long nothing presses at first.
-        rise_s: How long the force rises.
-        hold_s: How long it stays.
-        fall_s: How long it falls.
-    """
+    """Return a force, of seconds, that waits at 0, rises evenly, holds, falls evenly and stays at 0."""
     ends = np.cumsum([wait_s, rise_s, hold_s, fall_s])
     forces = np.array([0.0, peak_n, peak_n, 0.0])
     return lambda t_s: float(np.interp(t_s, ends, forces))
@@ -89,16 +81,10 @@ def pressing(
     centre_mm: tuple[float, float] = (0.0, 0.0),
     on: Literal["digit", "flat"] = "digit",
 ) -> list[Indenter]:
-    """Return one of :data:`SHAPES` over a place of the gel.
+    """Return one of :data:`SHAPES` over a place of the gel; a force of 0 returns nothing.
 
-    Args:
-        name: Which.
-        force_n: Normal force in all, newtons; 0 returns nothing.
-        centre_mm: Where, millimetres right of and below the picture's middle.
-        on: The form of the gel that the soft block's strips lie on.
-
-    Raises:
-        InvalidValueError: The name is not known.
+    ``force_n`` is the normal force in all, ``centre_mm`` right of and below the picture's middle; ``on`` is
+    the form of the gel that the soft block's strips lie on.
     """
     if name not in SHAPES:
         raise InvalidValueError(f"shape = {name!r} is not known", f"use one of {', '.join(SHAPES)}")

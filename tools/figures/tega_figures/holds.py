@@ -28,14 +28,8 @@ def unsteady(person: PersonNumbers, *, aim_sd: float, gain_sd: float) -> PersonN
 def hold_shares(person: PersonNumbers, *, preset: Preset, n_holds: int, seed: int = 0) -> NDArray[np.float64]:
     """Return the share of 100 ms blocks at the intended level, of holds of three seconds after the rise.
 
-    Args:
-        person: Who holds.
-        preset: Of the calibration and of the chain.
-        n_holds: Holds of each level, each with a calibration of its own.
-        seed: Of the first; the others follow.
-
-    Returns:
-        For the levels 1 to 5, float64 (5,).
+    float64 (5,), for the levels 1 to 5. ``preset`` is of the calibration and of the chain. Each of the
+    ``n_holds`` of a level has a calibration of its own; ``seed`` is of the first, the others follow.
     """
     shares = np.zeros((n_holds, 5))
     for hold in range(n_holds):

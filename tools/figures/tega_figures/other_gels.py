@@ -41,14 +41,11 @@ _CAMERA_MM: Final = (0.0, 0.0, 25.0)
 def dent_mm(
     shape: OtherShape, depth_mm: float, size: tuple[int, int], centre: tuple[float, float] = (0.5, 0.5)
 ) -> Height:
-    """Return how deep each pixel is pressed in, millimetres, float32 (H, W).
+    """Return how deep each pixel is pressed in, float32 (H, W).
 
-    Args:
-        shape: What presses: balls of 3 and 8 mm radius, a bar of 2 mm radius and 8 mm length, an edge of 90 degrees
-            turned by 30, a face of 7 x 9 mm with a rounded rim.
-        depth_mm: Largest depth.
-        size: Height and width of the picture, pixels.
-        centre: Middle of the dent, as shares of width and height.
+    ``shape``: balls of 3 and 8 mm radius, a bar of 2 mm radius and 8 mm length, an edge of 90 degrees turned
+    by 30, a face of 7 x 9 mm with a rounded rim. ``depth_mm`` is the largest depth, ``size`` height and
+    width, pixels, ``centre`` the middle of the dent, as shares of width and height.
     """
     rows, columns = (np.arange(n, dtype=np.float32) for n in size)
     x = (columns[None, :] - centre[0] * (size[1] - 1)) / PX_PER_MM
@@ -87,12 +84,9 @@ def _monotone(depth_mm: float, gap: Callable[[Height], Height]) -> tuple[Height,
 
 
 def change_of_colour(light: Light, background: NDArray[np.uint8], height_mm: Height) -> NDArray[np.float32]:
-    """Return what a dent adds to each pixel of an untouched picture, counts, float32 (H, W, 3), blue first.
+    """Return what a dent adds to each pixel of an untouched picture, counts, float32 (H, W, 3), BGR.
 
-    Args:
-        light: The model of light.
-        background: The untouched gel, uint8 (H, W, 3).
-        height_mm: Depth of the dent, millimetres, float32 (H, W).
+    ``background`` is the untouched gel, uint8 (H, W, 3), ``height_mm`` the depth of the dent, float32 (H, W).
     """
     down, across = np.gradient(height_mm * PX_PER_MM)
     if light == "slopes":

@@ -58,13 +58,7 @@ def held_up(course: list[ViewState]) -> int:
 
 
 class ShownLift:
-    """A page that shows a simulated lift, one moment after the other.
-
-    Args:
-        browser: From :func:`tega_figures.chromium.launched`.
-        course: The lift.
-        size_px: Width and height of the window.
-    """
+    """A page that shows a simulated lift, moment by moment, in a browser of ``chromium.launched``."""
 
     def __init__(self, browser: Any, course: list[ViewState], size_px: tuple[int, int]) -> None:
         self._browser, self._course, self._size_px = browser, course, size_px
@@ -82,11 +76,9 @@ class ShownLift:
             yield self
 
     def paint(self, place: int, *, whole: bool) -> None:
-        """Put a moment on the page.
+        """Put a moment, by its place in the course, on the page.
 
-        Args:
-            place: Of the moment in the course.
-            whole: Whether text, pictures and charts are painted at once and waited for, too.
+        With ``whole``, text, pictures and charts are painted at once and waited for, too.
         """
         state, rates_hz = self._course[place], self._rates(place)
         for turn in range(3) if whole else (2,):

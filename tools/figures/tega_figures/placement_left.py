@@ -18,11 +18,7 @@ _COLUMNS = dict(zip(FINGER_COLOURS.values(), reversed(FINGER_COLOURS.values()), 
 
 
 def left_arm(right: str) -> str:
-    """Return the drawing of a left forearm.
-
-    Args:
-        right: That of a right one, SVG.
-    """
+    """Return the SVG drawing of a left forearm from that of a right one."""
     width = re.search(r'viewBox="0 0 (\d+) ', right)
     assert width is not None, "a drawing begins at 0 0"
 
@@ -43,11 +39,7 @@ def left_arm(right: str) -> str:
 
 
 def left_vest(right: str) -> str:
-    """Return the drawing of a vest whose thumb's column is at the wearer's right.
-
-    Args:
-        right: That of a right hand's, SVG.
-    """
+    """Return the SVG drawing of a vest with the thumb's column at the wearer's right from a right hand's."""
     columns, legend = right.split('<g text-anchor="middle" font-size="13">')
     turned = re.sub("|".join(_COLUMNS), lambda found: _COLUMNS[found[0]], columns)
     return turned + '<g text-anchor="middle" font-size="13">' + legend

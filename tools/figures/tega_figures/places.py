@@ -21,11 +21,8 @@ _BEGIN, _END = "<!-- places: begin -->", "<!-- places: end -->"
 class OpenPlace(NamedTuple):
     """An unclear place of the paper and how its readings are chosen.
 
-    Attributes:
-        number: Its number in the list of readings, such as ``A1``.
-        what: What is unclear.
-        sets: A setting a reading, as for ``--set``, after those of ``needs``.
-        needs: Settings that they stand on.
+    ``number`` is that of the list of readings, such as ``A1``; ``sets`` has a setting a reading, as for
+    ``--set``, after those of ``needs``, on which they stand.
     """
 
     number: str

@@ -38,11 +38,7 @@ COMMANDS: Final = {
 
 
 class Holding:
-    """A person who does not let go.
-
-    Args:
-        person: The person who takes hold.
-    """
+    """A person who does not let go."""
 
     def __init__(self, person: TrialSteering) -> None:
         self._person = person

@@ -28,13 +28,9 @@ _LEAST_COLUMNS = 90
 
 
 def picture(words: list[str], message: str, path: Path, *, most_lines: int = 34) -> None:
-    """Write a command and what it printed as a picture.
+    """Write a command, as a reader types it, and what it printed, with its colours, as an SVG file.
 
-    Args:
-        words: The command, as a reader types it.
-        message: What it printed, with its colours.
-        path: The SVG file.
-        most_lines: How many lines of it are shown.
+    At most ``most_lines`` of it are shown.
     """
     lines = message.rstrip().splitlines()
     displayed = [*lines[:most_lines], *(["…"] if len(lines) > most_lines else [])]
@@ -45,14 +41,10 @@ def picture(words: list[str], message: str, path: Path, *, most_lines: int = 34)
 
 
 def drawn(words: list[str], lines: list[str], *, width: int, name: str, n_lines: int = 0) -> str:
-    """Return a terminal as SVG.
+    """Return a terminal as SVG: a command, as a reader types it, and the lines below it, with their colours.
 
-    Args:
-        words: The command, as a reader types it.
-        lines: What stands below it, with its colours.
-        width: Of the terminal, characters.
-        name: Of the picture: its ids begin with it.
-        n_lines: Height of the terminal below the command, where the lines are fewer.
+    ``width`` is of the terminal, characters; ids begin with ``name``; ``n_lines`` is the height below the
+    command, where the lines are fewer.
     """
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
         console = Console(record=True, width=width, file=nowhere, force_terminal=True)

@@ -83,8 +83,7 @@ class KeptPictures(Streams):
 def score_demo(seed: int = 1) -> dict[str, DemoScore]:
     """Run the demo's three lifts and score each finger over all of them.
 
-    Args:
-        seed: Of the person and of all noise; the demo's own is 1.
+    ``seed`` is of the person and of all noise; the demo's own is 1.
     """
     counts = {finger: np.zeros(len(DemoScore._fields) - 1, np.int64) for finger in FINGERS}
     felt: dict[str, list[tuple[float, float]]] = {finger: [] for finger in FINGERS}

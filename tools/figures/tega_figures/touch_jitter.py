@@ -82,13 +82,7 @@ class Jitter(NamedTuple):
 
 
 def draw_cases(seeds: int, text: str, depths_mm: tuple[float, ...] = DEPTHS_MM) -> list[Case]:
-    """Draw holds of every shape and depth.
-
-    Args:
-        seeds: Holds of each.
-        text: What the seeds are hashes of.
-        depths_mm: Depths.
-    """
+    """Draw holds, ``seeds`` of each shape and depth; the seeds are hashes of ``text``."""
     names = tuple(backgrounds())
     lights: tuple[Light, ...] = get_args(Light)
     cases = []

@@ -46,7 +46,7 @@ _FORCES_N: Final = (0.0, 1.5, 5.0, 5.0, 0.0, 0.0)
 
 
 class FrameReading(NamedTuple):
-    """What a reading says of one frame."""
+    """What a reading takes from one frame."""
 
     in_contact: bool
     area_px: float
@@ -163,13 +163,9 @@ def press_of(name: str, seed: int, *, rate_hz: float = RATE_HZ) -> Iterator[GelM
 def score_press(
     name: str, seed: int, *, readings: Iterable[str] = ("live",), rate_hz: float = RATE_HZ
 ) -> dict[str, PressScore]:
-    """Press a shape into a unit and score readings on the same frames.
+    """Press a shape into a unit of a seed and score readings on the same frames.
 
-    Args:
-        name: One of :data:`~tega_figures.gel_sequences.SHAPES`.
-        seed: Of the unit.
-        readings: Names in :data:`PEERS`.
-        rate_hz: Frames a second.
+    ``name`` is one of :data:`~tega_figures.gel_sequences.SHAPES`, ``readings`` are names in :data:`PEERS`.
     """
     moments = list(press_of(name, seed, rate_hz=rate_hz))
     made = {one: PEERS[one](moments[0].image, rate_hz) for one in readings}
@@ -240,7 +236,7 @@ def three_press_light(seed: int) -> GelLight:
 
 
 class PressError(NamedTuple):
-    """How far a held press is told from the truth: depth and force relatively, its middle in millimetres."""
+    """How far a held press is measured off the truth: depth and force relatively, its middle in mm."""
 
     depth: float
     force: float

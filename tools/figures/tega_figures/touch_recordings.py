@@ -34,7 +34,7 @@ _DRIVER = "touch check"
 
 
 class RecordedGrip(NamedTuple):
-    """When two fingers hold something in a video, frames counted from 0, told by eye from contact sheets."""
+    """When two fingers hold something in a video, frames counted from 0, found by eye on contact sheets."""
 
     rest: tuple[int, int]
     """First and last frame of the untouched gel that the baseline is the median of."""

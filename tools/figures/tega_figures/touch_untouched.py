@@ -30,12 +30,9 @@ _text: Any = None
 
 
 def untouched_contacts(seed: int, minutes: float, *, rate_hz: float = CAMERA_HZ) -> Iterator[int]:
-    """Yield how many frames of an untouched unit are told as contact, for one minute after the other.
+    """Yield how many frames of an untouched unit are reported as contact, for one minute after the other.
 
-    Args:
-        seed: Of the unit; leftovers, creep and drift are on.
-        minutes: How long it is watched.
-        rate_hz: Frames a second, a whole part of the camera's 60.
+    Leftovers, creep and drift are on. ``rate_hz`` is a whole part of the camera's 60.
     """
     gel = Gel(seed, memory=True)
     tracker = TouchTracker(gel.frame([], 0), rate_hz=rate_hz)

@@ -42,7 +42,6 @@ class Mutant(msgspec.Struct, frozen=True):
     """A change of the code in one place.
 
     Attributes:
-        name: File, line and change.
         file: The file, from the project's folder.
         line: Its line, from 1.
         package: The crate; ``""`` for Python.

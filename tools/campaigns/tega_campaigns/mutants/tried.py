@@ -37,12 +37,10 @@ class Trial(msgspec.Struct, frozen=True):
     """Result of a change.
 
     Attributes:
-        name: Name of the change.
-        outcome: ``killed``, ``survived``, ``untested`` where no test runs its line, or ``unviable`` where it does not
-            compile.
+        outcome: ``killed``, ``survived``, ``untested`` where no test runs its line, or ``unviable`` where it
+            does not compile.
         by: The test that failed, with its error; ``""`` where none did.
         n_tests: Number of tests that run the line.
-        took_s: Time it took, seconds.
     """
 
     name: str
@@ -53,12 +51,7 @@ class Trial(msgspec.Struct, frozen=True):
 
 
 class Covered(NamedTuple):
-    """Tests by the lines that they run.
-
-    Attributes:
-        data: Measured lines with the tests that run them.
-        took_s: Time of each test, seconds.
-    """
+    """Measured lines with the tests that run them, and the time of each test in seconds."""
 
     data: CoverageData
     took_s: dict[str, float]
@@ -111,11 +104,8 @@ def _statement(file: Path, line: int) -> tuple[int, int]:
 def try_python(mutant: Mutant, tree: Path, covered: Covered, measured: Path) -> Trial:
     """Try a change of Python on the tests that run its line.
 
-    Args:
-        mutant: The change.
-        tree: Copy of the project to make it in.
-        covered: Tests by line.
-        measured: Folder of the project in which they were measured.
+    It is made in ``tree``, a copy of the project; ``measured`` is the project's folder in which the tests
+    were measured.
     """
     began_s, by, n_tried = time.monotonic(), "", 0
     tests = covered.tests(measured / mutant.file, mutant.line)
@@ -193,12 +183,9 @@ def first_failure(tree: Path, tests: Sequence[str], took_s: dict[str, float]) ->
 
 
 def try_rust(mutant: Mutant, tree: Path, baselines_s: dict[str, float]) -> Trial:
-    """Try a change of Rust on its crate's own tests.
+    """Try a change of Rust, in a copy of the project, on its crate's own tests.
 
-    Args:
-        mutant: The change.
-        tree: Copy of the project to make it in.
-        baselines_s: Time of each crate's tests without a change; a crate that is missing is measured and added.
+    ``baselines_s`` has the time of each crate's tests without a change; a missing one is measured and added.
     """
 
     def run(*more: str, limit_s: float = 900.0) -> int:
@@ -236,7 +223,7 @@ def try_rust(mutant: Mutant, tree: Path, baselines_s: dict[str, float]) -> Trial
 
 
 def progress(folder: Path, language: str, wanted: int) -> Callable[[Trial], bool]:
-    """Return the function that keeps a result and says whether enough are tried."""
+    """Return the function that keeps a result and returns whether enough are tried."""
     file = folder / f"{language}.jsonl"
     n = len([one for one in kept(folder, language) if one.outcome != "unviable"])
 

@@ -30,14 +30,8 @@ def link_board(folder: Path, lab: EmulatedLab) -> Path:
 class Breaker:
     """Breaks one thing and mends it.
 
-    Args:
-        lab: The devices.
-        programs: What is under test.
-        link: What stands between two stations; ``None`` with one program.
-        folder: Where the board's port has its name.
-
-    Attributes:
-        held: When a program was given no time on purpose, as times of day, ns.
+    ``link`` is between two stations; ``None`` with one program. The board's port has its name in ``folder``.
+    ``held`` is when a program was given no time on purpose, as times of day, ns.
     """
 
     def __init__(self, lab: EmulatedLab, programs: Programs, link: ImpairedLink | None, folder: Path) -> None:
@@ -76,7 +70,7 @@ class Breaker:
                 lab.sensors[finger].say(kind.how)
 
     def holds_up(self, kind: Kind) -> bool:
-        """Tell whether a fault gives a program that leads devices no time."""
+        """Whether a fault gives a program that leads devices no time."""
         return kind.device in {"program", "robot", "operator"} and kind.how == "stop"
 
     def mend(self, kind: Kind) -> None:

@@ -29,13 +29,13 @@ class KeptCounts(msgspec.Struct, frozen=True):
     """What a recording holds.
 
     Attributes:
-        file: Its name.
         newest_ns: Time of day of the newest record of the loop.
         gaps: Times of day, ns, from one such record to the next where that is longer than ``LEAST_GAP_S``.
         dropped_s: The records that did not fit, of the stream that lost most, in seconds of it.
         cut: Why reading ended early, ``""`` where it did not.
         arm_targets: How many targets the arm was given.
-        arm_over: How many of them lie outside of the workspace, or farther from the one before than its speed allows.
+        arm_over: How many of them lie outside of the workspace, or farther from the last than its speed
+            allows.
     """
 
     file: str
@@ -48,11 +48,7 @@ class KeptCounts(msgspec.Struct, frozen=True):
 
 
 def check(path: Path) -> KeptCounts:
-    """Read a recording from its beginning to its end.
-
-    Raises:
-        RecordingError: It cannot be read.
-    """
+    """Read a recording from its beginning to its end."""
     reader = McapReader(path)
     newest_ns = last_ns = 0
     gaps: list[tuple[int, int]] = []

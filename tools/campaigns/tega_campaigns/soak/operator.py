@@ -21,14 +21,10 @@ _DEAD_MAN, _RECOVER = 0, 1
 
 
 class SoakOperator:
-    """Holds the pedal down; takes hold of the arm again when it does not follow, and recovers it when it has stopped.
+    """Holds the pedal down; takes hold of an arm that does not follow, and recovers one that has stopped.
 
-    Args:
-        lab: With pedal and headset.
-        reported: Returns what the program has told last.
-
-    Attributes:
-        waits: Whether something is broken on purpose, so that there is nothing to take hold of.
+    ``lab`` has pedal and headset; ``reported`` returns the program's latest report. ``waits`` is whether
+    something is broken on purpose, so that there is nothing to take hold of.
     """
 
     def __init__(self, lab: EmulatedLab, reported: Callable[[], Mapping[str, Any]]) -> None:

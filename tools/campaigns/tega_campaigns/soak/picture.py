@@ -14,14 +14,9 @@ _GOOD, _BAD, _TOLD, _MEMORY = "#8fb8de", "#d1495b", "#20639b", "#3b3b3b"
 
 
 def draw(report: SoakReport, path: Path) -> None:
-    """Draw every fault as a bar from its beginning until all was well again, above the memory of each process.
+    """Draw every fault as a bar from its beginning until all was well again, above each process's memory.
 
-    Args:
-        report: The soak.
-        path: The picture to write; its ending says which kind.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
+    The ending of ``path`` is the kind of picture.
     """
     figures = require("matplotlib.figure", driver="the picture of a soak", extra="pictures")
     rows = sorted({(f.device, f.kind) for f in report.faults}, reverse=True)

@@ -17,10 +17,9 @@ class Kind(NamedTuple):
 
     Attributes:
         kind: What it stands for.
-        device: What it happens to.
         how: The emulator's own word for it, or what the soak itself does.
-        reported: Pattern of how words that report it begin: an alert, a state's reason, ``arm`` with what it does and
-            why, or ``ended:`` with the last words of a run.
+        reported: Pattern of how words that report it begin: an alert, a state's reason, ``arm`` with what it
+            does and why, or ``ended:`` with the last words of a run.
         then: Whether the run has to go on by itself, or ends and is started again.
         lasts_s: So long it lasts, between these.
     """
@@ -131,13 +130,7 @@ _FIRST = (("program", "kill"), ("robot", "kill"), ("computer", "disk"))
 
 
 class Planned(NamedTuple):
-    """A fault of the plan.
-
-    Attributes:
-        fault: Which.
-        wait_s: Quiet time before it.
-        lasts_s: How long it lasts.
-    """
+    """A fault of the plan, after ``wait_s`` of quiet time."""
 
     fault: Kind
     wait_s: float
@@ -145,16 +138,11 @@ class Planned(NamedTuple):
 
 
 def plan(seed: int, *, kinds: Sequence[Kind] = KINDS, n: int = 1000) -> list[Planned]:
-    """Put faults in order: every one once, in any order, then again in another.
+    """Put ``n`` faults in order: every one once, in any order, then again in another.
 
-    The first one is a kill of the program and the second one a full disk where ``kinds`` has them, so that a short soak
-    has both.
-    Those that end a run come in every fourth round only, so that a long soak has a run that lasts.
-
-    Args:
-        seed: The same one gives the same plan.
-        kinds: To choose from.
-        n: How many.
+    The first one is a kill of the program and the second one a full disk where ``kinds`` has them, so that a
+    short soak has both. Those that end a run come in every fourth round only, so that a long soak has a run
+    that lasts. The same seed gives the same plan.
     """
     chance = random.Random(seed)
     first = [kind for subject in _FIRST for kind in kinds if (kind.device, kind.how) == subject]

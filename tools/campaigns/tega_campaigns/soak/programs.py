@@ -12,11 +12,7 @@ __all__ = ["Programs"]
 
 
 class Programs:
-    """Supervisors by what their program is called.
-
-    Args:
-        parts: In the order in which they are started. The first has hand, arm and recorder.
-    """
+    """Supervisors by program, in the order of their starts; the first has hand, arm and recorder."""
 
     def __init__(self, parts: Mapping[str, Supervisor]) -> None:
         self._parts = dict(parts)
@@ -43,16 +39,16 @@ class Programs:
         return all(part.alive for part in self._parts.values())
 
     def well(self, since_s: float = 0.0) -> bool:
-        """Tell whether all of them run, were heard since then, are active, and nothing but latency is wrong."""
+        """Whether all of them run, have reported since then, are active, and nothing but latency is wrong."""
         return all(part.well(since_s) for part in self._parts.values()) and self.main.leads
 
     @property
     def reported(self) -> Mapping[str, Any]:
-        """What the first of them has told last."""
+        """The latest report of the first of them."""
         return self.main.now
 
     def lines(self, since_s: float) -> list[SaidLine]:
-        """Return what all of them have told since a moment, oldest first."""
+        """Return what all of them have printed since a moment, oldest first."""
         found = (line for part in self._parts.values() for line in part.backwards(since_s))
         return sorted(found, key=lambda line: line.at_s)
 
@@ -79,12 +75,12 @@ class Programs:
 
     @property
     def now(self) -> str:
-        """What each of them has told last, for people."""
+        """The latest report of each of them, for people."""
         return "; ".join(f"{name}: {part.now}" for name, part in self._parts.items())
 
     @property
     def last_words(self) -> str:
-        """The last that each has told that does not run."""
+        """The last line of each that does not run."""
         found = []
         for name, part in self._parts.items():
             line = next(part.backwards(part.started_s), None)

@@ -25,14 +25,12 @@ class SoakFault(msgspec.Struct, kw_only=True):
     """One fault.
 
     Attributes:
-        kind: What was done.
-        device: To what.
         how: In the emulator's own word.
         injected_s: When, since the soak's beginning.
         ended_s: When the soak took it away.
-        detected_s: When the program first told it; ``None`` if it never did.
+        detected_s: When the program first reported it; ``None`` if it never did.
         recovered_s: When it was active again and nothing was wrong; ``None`` if it never was.
-        said: What it told.
+        said: What it reported.
         outcome: ``recovered``, ``restarted``, or what went wrong.
     """
 
@@ -48,12 +46,12 @@ class SoakFault(msgspec.Struct, kw_only=True):
 
     @property
     def judged(self) -> bool:
-        """Whether anything can be said of it."""
+        """Whether it can be judged."""
         return not self.outcome.startswith(NOT_JUDGED)
 
     @property
     def good(self) -> bool:
-        """Whether it was told, and over afterwards; or cannot be judged."""
+        """Whether it was reported, and over afterwards; or cannot be judged."""
         return self.outcome in {"recovered", "restarted"} or not self.judged
 
 
@@ -61,22 +59,16 @@ class SoakReport(msgspec.Struct, kw_only=True):
     """What a soak showed.
 
     Attributes:
-        passed: Whether all of it is as promised.
         failures: Why not.
-        seconds: How long it took.
-        seed: The plan's.
-        faults: In order.
-        over_limit_commands: Commands above a limit that the emulated vest and hand really got, and the arm as recorded.
+        over_limit_commands: Commands above a limit that emulated vest and hand got, and the arm as recorded.
         over_limit: The same by device.
         lost_s: The longest stretch that a recording lost at a kill, a full disk, or on the way.
         lost_where: In which recording, and where in it.
         rss_mib_start: Resident memory soon after the start of the longest process.
         rss_mib_end: The same at its end.
-        restarts: How often the program was started again.
         commands: Messages that vest and hand took in all, and targets that the arm was given.
         stood_still_s: How long the whole machine, this program included, did nothing.
-        recordings: How many were looked through.
-        emulators_first: Whether the system let the emulators go before every thread of the run, as devices do.
+        emulators_first: Whether the system let the emulators go before all threads of the run, as devices go.
         stations: Whether there were two stations instead of one program.
         patient: Whether the hand's limits of silence and rate were loosened for a busy machine.
         memory: Resident memory over time, of every process, as (seconds since the soak's beginning, MiB).
@@ -123,7 +115,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
         self.passed = not failed
 
     def _unproven(self) -> list[str]:
-        """Say what this soak does not show because too little of it took place."""
+        """Return what this soak does not show because too little of it took place."""
         judged = [fault for fault in self.faults if fault.judged]
         unproven = []
         if len(judged) < LEAST_JUDGED * len(self.faults):
@@ -143,7 +135,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
 
 
 def memory_is_flat(start_mib: float, end_mib: float) -> bool:
-    """Tell whether memory has grown by no more than an interpreter's own ups and downs."""
+    """Return whether memory has grown by no more than an interpreter's own ups and downs."""
     return end_mib <= start_mib * (1 + _SLACK_SHARE) + _SLACK_MIB
 
 

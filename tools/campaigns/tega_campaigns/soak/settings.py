@@ -20,7 +20,7 @@ _HEAT_SLACK = 0.02
 
 
 def soak_settings(lab: EmulatedLab, folder: Path, *, patient: bool) -> dict[str, Any]:
-    """Return settings with limits that a run without them would break, and tell the emulators what to count."""
+    """Return settings with limits that a run without them would break, and set what the emulators count."""
     tree = lab.tree
     lab.vest.say(f"limit {VEST_LIMIT} {HEAT_SHARE + _HEAT_SLACK}")
     lab.hand.say("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))

@@ -61,26 +61,13 @@ def soak(
     patient: bool = False,
     progress: Progress = lambda _subject, _done, _total: None,
 ) -> SoakReport:
-    """Run the whole system on emulated devices and make faults at random.
+    """Run the whole system on emulated devices and make faults at random; Linux only.
 
-    Args:
-        folder: For settings, recordings and the program's error output.
-        seconds: How long.
-        seed: Of the faults, their order and times.
-        kinds: Faults to choose from; ``None`` for every one there is.
-        stations: Two stations and a link between them instead of one program.
-        camera_hz: Pictures a second of each emulated DIGIT.
-        keep: Whether to keep the recordings that have been looked through.
-        patient: For a machine that does other work: the hand may be silent for a second and slow, which would end a
-            run with the limits as they come. The report says so.
-        progress: Told how it goes.
-
-    Returns:
-        What was seen.
-
-    Raises:
-        MissingExtraError: A package of the extras ``lab`` and ``record`` is not installed.
-        DeviceUnavailableError: This is another system than Linux.
+    ``folder`` takes settings, recordings and the program's error output. ``seed`` is that of the faults,
+    their order and times; ``kinds`` of ``None`` are all faults. ``stations`` runs two stations and a link
+    between them instead of one program; ``camera_hz`` is that of each emulated DIGIT; ``keep`` keeps the
+    recordings that have been looked through. ``patient`` is for a machine that does other work: the hand may
+    be silent for a second and slow, which would end a run with the limits as they come. The report names it.
     """
     if sys.platform != "linux":
         raise DeviceUnavailableError(
@@ -229,7 +216,7 @@ class _Soak:
         return fault
 
     def _felt(self, finger: str) -> bool:
-        """Tell whether the emulated vest still shows a finger."""
+        """Return whether the emulated vest still shows a finger."""
         return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
     def _reported(self, kind: Kind, since_s: float) -> SaidLine | None:
@@ -314,9 +301,9 @@ class _Soak:
         self._start()
 
     def _start(self, *, renewed: bool = True) -> bool:
-        """Start what does not run until all is well, again where a device did not answer in time; tell whether it is.
+        """Start what does not run, again where a device did not answer in time; return whether all is well.
 
-        With ``anew`` all of it is ended first.
+        With ``renewed`` all of it is ended first.
         """
         program = self._programs
         for k in range(_STARTS):
@@ -394,5 +381,5 @@ class _Soak:
 
 
 def _runs(pid: int | None) -> bool:
-    """Tell whether a process is still there."""
+    """Return whether a process is still there."""
     return pid is not None and Path(f"/proc/{pid}/stat").exists()

@@ -32,17 +32,13 @@ class EmgScore(msgspec.Struct, frozen=True, kw_only=True):
         reading: Its name, or the swept setting's value.
         value: Of a sweep: the value; ``None`` else.
         n_blocks: Intents that it gave.
-        duration_s: Time that they span, seconds.
         level_shares: Share of the intents at each level, 1 to 5.
-        changes_per_s: Changes of the level per second.
-        later_s: How much later it is than the first reading, seconds; ``None`` where one of them never changes.
-        agreement: Share of the time in which it says the level that the first reading says.
+        later_s: How much later it is than the first reading; ``None`` where one of them never changes.
+        agreement: Share of the time in which its level is that of the first reading.
         n_muted: Channel values that could not be believed.
         force_rank: Rank correlation of the closure with the force; ``None`` without a force.
-        maxima: What counted as full on each channel, and of what: ``calibration`` or ``recording``.
-        maxima_of: Where they are from.
-        levels: The level of every intent.
-        t_s: Its time, seconds.
+        maxima: What counted as full on each channel.
+        maxima_of: Where they are from: ``calibration`` or ``recording``.
     """
 
     reading: str
@@ -75,15 +71,9 @@ def emg_scores(
 ) -> list[EmgScore]:
     """Decode the same samples with every reading.
 
-    Args:
-        variants: The settings.
-        chunks: The samples as they came.
-        conditions: Kind, rate and channels; the maxima where there was a calibration.
-        forces: Force over time, where it was measured.
-        live: Whether they are of a device that runs on its own clock.
-
-    Raises:
-        CalibrationError: A channel never moves, or there is less than one block.
+    ``conditions`` has kind, rate and channels, and the maxima where there was a calibration; ``forces`` are
+    over time. ``live`` is whether the samples are of a device that runs on its own clock. A channel that
+    never moves, or less than one block, raises :class:`CalibrationError`.
     """
     if not chunks:
         raise CalibrationError("the recording holds no EMG samples", "record some, or audit --of touch")

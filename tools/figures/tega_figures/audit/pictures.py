@@ -52,16 +52,9 @@ _SWEPT: dict[type, tuple[tuple[str, str], ...]] = {
 
 
 def draw_audit(path: Path, seen: FingerAudit, scores: Sequence[TouchScore]) -> None:
-    """Draw what each reading takes for contact in the clearest picture, and its area over all of them.
+    """Draw as PNG what each reading takes for contact in the clearest picture, and its area over all of them.
 
-    Args:
-        path: The PNG to write.
-        seen: The finger's pictures.
-        scores: One a reading, of this finger.
-
-    Raises:
-        InvalidValueError: There is no picture.
-        MissingExtraError: matplotlib is not installed.
+    ``scores`` are one a reading, of this finger.
     """
     if seen.displayed is None:
         raise InvalidValueError("no picture was measured", "audit a recording of touch")
@@ -86,12 +79,7 @@ def draw_audit(path: Path, seen: FingerAudit, scores: Sequence[TouchScore]) -> N
 
 
 def draw_courses(path: Path, report: AuditReport) -> None:
-    """Draw the levels of every EMG reading and the sum of intensities of every vest reading over time.
-
-    Raises:
-        InvalidValueError: The report has neither.
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Draw the levels of every EMG reading and the sum of intensities of every vest reading over time."""
     kinds = [scores for scores in (report.emg, report.vest) if scores]
     if not kinds:
         raise InvalidValueError("the report has no course over time", "audit --of emg or vest")
@@ -110,16 +98,7 @@ def draw_courses(path: Path, report: AuditReport) -> None:
 
 
 def draw_sweep(path: Path, report: AuditReport) -> None:
-    """Draw every score of a sweep over the swept setting: a panel a score, a line a finger.
-
-    Args:
-        path: The PNG to write.
-        report: Of a sweep.
-
-    Raises:
-        InvalidValueError: The report is of no sweep.
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Draw every score of a sweep over the swept setting as PNG: a panel a score, a line a finger."""
     panels = [
         (scores, name, label)
         for scores in (report.touch, report.emg, report.vest)

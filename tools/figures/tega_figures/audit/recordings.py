@@ -33,13 +33,9 @@ LOOSE_FINGER = "index"
 
 
 class EmgColumns(NamedTuple):
-    """Rate, kind and channels of EMG samples, which their file does not say.
+    """Rate, kind and channels of EMG samples, which their file does not state.
 
-    Attributes:
-        rate_hz: Samples per second.
-        kind: What they are.
-        channels: Columns to use, counted from 1; empty for all.
-        variable: Name of the array in a .mat file.
+    ``channels`` are the columns to use, from 1, empty for all; ``variable`` is the array in a .mat file.
     """
 
     rate_hz: float
@@ -57,7 +53,7 @@ class AuditMaterial(NamedTuple):
         calibration: Maxima of the run; ``None`` of loose files.
         muscles: Kind, rate and channels of the EMG; ``None`` without EMG.
         live: Whether it is of sensors, whose bad pictures are passed over.
-        measured: Whether the contacts of the run are told as well.
+        measured: Whether the contacts that the run measured are passed on as well.
     """
 
     tree: dict[str, Any]
@@ -114,18 +110,12 @@ def read_material(
     emg: EmgColumns | None = None,
     progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None,
 ) -> None:
-    """Read a recording from its beginning to its end.
+    """Read a recording from its beginning to its end, and pass what it holds to ``listener``.
 
-    Args:
-        path: A folder of pictures, a video, a file of EMG samples, or a recording of a session.
-        listener: Told what it holds.
-        preset: Instead of the recording's own, ``live`` for loose files.
-        baseline: Picture of the untouched gel of loose pictures; ``None`` estimates it from the quietest of them.
-        emg: What a file of EMG samples does not say.
-        progress: Told how many pictures are read.
-
-    Raises:
-        RecordingError: It cannot be read.
+    ``path`` is a folder of pictures, a video, a file of EMG samples, or a recording of a session. ``preset``
+    replaces the recording's own; ``None`` is ``live`` for loose files. ``baseline`` is a picture of the
+    untouched gel of loose pictures; ``None`` estimates it from the quietest of them. ``emg`` is what a file
+    of EMG samples does not state; ``progress`` receives how many pictures are read.
     """
     if path.suffix == ".mcap":
         _read_session(path, listener, preset, progress)

@@ -42,9 +42,8 @@ class AuditRequest(NamedTuple):
         names: Readings of :data:`tega_figures.audit.READINGS`; empty means all.
         sweep: One setting over a range of values, instead of named readings.
         sets: Settings of every reading, as ``key=value``.
-        preset: Instead of the recording's.
         marks: Marked circles by the pictures' names; ``None`` without. Pictures without one are left out.
-        masks: Folder of masks, named as :func:`~tega_figures.audit.truth.mask_of` says; likewise.
+        masks: Folder of masks, named as of :func:`~tega_figures.audit.truth.mask_of`; likewise.
         forces: Measured forces; likewise.
         separate: Whether every picture is of a press of its own.
     """
@@ -61,15 +60,10 @@ class AuditRequest(NamedTuple):
 
 
 class AuditReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Scores of the readings on one recording.
+    """Scores of the readings on one recording: one a reading, in ``touch`` one a reading and finger.
 
-    Attributes:
-        recording: Its name.
-        sweep: The setting that was swept; ``""`` for named readings.
-        touch: One a reading and finger.
-        emg: One a reading.
-        vest: One a reading.
-        n_left_out: Pictures that marks, masks or forces say nothing of, and that were not judged.
+    ``sweep`` is the setting that was swept, ``""`` for named readings. ``n_left_out`` counts pictures without
+    marks, masks or forces, which were not judged.
     """
 
     recording: str
@@ -81,12 +75,7 @@ class AuditReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Audited(NamedTuple):
-    """A report and what pictures of it are drawn from.
-
-    Attributes:
-        report: The report.
-        fingers: What was seen, by finger.
-    """
+    """A report and, by finger, what was seen, from which pictures of it are drawn."""
 
     report: AuditReport
     fingers: dict[str, FingerAudit]
@@ -100,21 +89,13 @@ def audit_recording(
     emg: EmgColumns | None = None,
     progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None,
 ) -> list[Audited]:
-    """Compare readings on recordings.
+    """Compare readings on recordings; return one result a recording, in order.
 
-    Args:
-        path: A folder of pictures, a video, a file of EMG samples, a recording of a session, or a session's folder.
-        requested: What is to be compared.
-        baseline: Picture of the untouched gel of loose pictures.
-        emg: What a file of EMG samples does not say.
-        progress: Told how many pictures are read.
-
-    Returns:
-        One a recording, in order.
-
-    Raises:
-        RecordingError: A recording cannot be read, or holds nothing of what is asked for.
-        ConfigError: A reading, or a setting, is not known or does not fit.
+    ``path`` is a folder of pictures, a video, a file of EMG samples, a recording of a session, or a session's
+    folder. ``baseline`` is a picture of the untouched gel of loose pictures; ``emg`` is what a file of EMG
+    samples does not state. ``progress`` receives how many pictures are read. A recording that holds nothing
+    of what is asked for raises :class:`RecordingError`; a reading or a setting that is not known or does not
+    fit, :class:`ConfigError`.
     """
     found = []
     for one in recordings_of(path):

@@ -31,22 +31,19 @@ class TouchScore(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         reading: Its name, or the swept setting's value.
         value: Of a sweep: the value; ``None`` else.
-        finger: Whose pictures.
-        n_frames: Pictures measured.
         n_found: Pictures with a contact area.
         changes_per_s: How often contact begins or ends; ``None`` for a single picture.
         eda: EDA of every picture, pixels.
-        cci: CCI of every picture.
-        eda_at_rest: EDA of the picture composed from what lies far from the marks, pixels; ``None`` without marks.
+        eda_at_rest: EDA of the picture composed of what is far from the marks, pixels; ``None`` without.
         area_ratio: Median of EDA over marked area; ``None`` without marks and masks.
-        iou: Median overlap of its pixels with the marked circle or mask (intersection over union); likewise, and where
-            the metric outlines no area.
+        iou: Median overlap of its pixels with the marked circle or mask (intersection over union); likewise,
+            and where the metric outlines no area.
         iou_low: The tenth of the presses that overlap least lie below this.
         area_correlation: Of EDA with marked area over the presses; likewise.
-        n_false: Pictures with a contact area among those whose force is 0 or whose mask is empty; ``None`` without.
+        n_false: Pictures with a contact area of those with force 0 or an empty mask; ``None`` without.
         n_touched: Pictures whose force is over 0 or whose mask or mark is not empty; likewise.
         n_felt: Those of them with a contact area.
-        force_rank: Rank correlation of EDA with force over the pictures with a force over 0; ``None`` without.
+        force_rank: Rank correlation of EDA with force over pictures with a force over 0; ``None`` without.
         cci_force_rank: Likewise of CCI.
     """
 
@@ -73,15 +70,9 @@ class TouchScore(msgspec.Struct, frozen=True, kw_only=True):
 class FingerReading:
     """One reading of one finger's pictures.
 
-    Args:
-        variant: The settings.
-        finger: Whose pictures.
-        baseline: The untouched gel, uint8 (H, W, 3).
-        calibration: Maxima of the recording, where it has some.
-        separate: Whether each picture is of a press of its own, which nothing is remembered from.
-
-    Attributes:
-        contacts: What was measured, in order.
+    ``baseline`` is the untouched gel, uint8 (H, W, 3); ``calibration`` has the recording's maxima, where it
+    has some. ``separate`` is whether each picture is of a press of its own, which nothing is remembered from.
+    ``contacts`` are what was measured, in order.
     """
 
     def __init__(
@@ -140,11 +131,7 @@ class FingerReading:
         return None if drawn is None else drawn.mask
 
     def score(self, at_rest: NDArray[np.uint8] | None = None) -> TouchScore:
-        """Return the reading's score.
-
-        Args:
-            at_rest: A picture without contact, which a new metric is shown.
-        """
+        """Return the reading's score; ``at_rest`` is a picture without contact, shown to a new metric."""
         eda = [contact.eda for contact in self.contacts]
         found = np.array(eda) > 0
         touched = [touched for touched, _ in self._truths]
@@ -189,15 +176,13 @@ class FingerReading:
 
 
 class FingerAudit:
-    """All readings of one finger's pictures.
+    """All readings, one a variant, of one finger's pictures.
 
-    Args:
-        readings: One a variant.
-        baseline: The untouched gel, uint8 (H, W, 3).
-        live: Whether the pictures are of a sensor: a bad one is passed over, as in the run.
+    ``baseline`` is the untouched gel, uint8 (H, W, 3). ``live`` is whether the pictures are of a sensor: a
+    bad one is passed over, as in the run.
 
     Attributes:
-        displayed: The picture that differs most from the baseline, uint8 (H, W, 3); ``None`` before the first.
+        displayed: The picture that differs most from the baseline, uint8 (H, W, 3); ``None`` before any.
         areas: What each reading takes for contact in it, by name.
         mark: The circle marked in it, where there is one.
         truths: What was known of each picture.

@@ -38,12 +38,10 @@ class Mark:
 
 
 class PictureTruth(NamedTuple):
-    """Touched pixels and force of one picture, where these are known.
+    """Touched pixels, bool (H, W), and force of one picture; ``None`` where these are not known.
 
-    Attributes:
-        drawn: The touched pixels, bool (H, W); ``None`` where nobody drew them.
-        force_n: The normal force, newtons, 0 where nothing touches; ``None`` where it was not measured.
-        mark: The marked circle, from which ``drawn`` is.
+    ``force_n`` is the normal force, 0 where nothing touches; ``mark`` is the marked circle, from which
+    ``drawn`` is.
     """
 
     drawn: Mask | None = None
@@ -52,7 +50,7 @@ class PictureTruth(NamedTuple):
 
     @property
     def touched(self) -> bool | None:
-        """Whether something touches, ``None`` where that is not known; a force says more than a drawing."""
+        """Whether something touches, ``None`` where that is not known; a force counts before a drawing."""
         if self.force_n is not None:
             return self.force_n > 0
         return None if self.drawn is None else bool(self.drawn.any())
@@ -61,10 +59,8 @@ class PictureTruth(NamedTuple):
 class Forces:
     """Forces by the name of a picture, or over time.
 
-    Args:
-        by_name: Newtons by the base name of the picture, or a frame's number as text.
-        t_s: Times of a course, seconds since the start of the recording, rising; empty where there is none.
-        force_n: Newtons at these times.
+    ``by_name`` is by the base name of the picture, or a frame's number as text. ``t_s`` counts from the start
+    of the recording, rising; empty where there is no course.
     """
 
     def __init__(
@@ -97,15 +93,10 @@ class Forces:
 
 
 class FarField:
-    """A picture without contact, composed from the parts of real presses that lie far from their marked circles.
+    """A picture without contact, composed from the parts of real presses far from their marked circles.
 
-    It carries the sensor's real noise and drift. Where every press is near, the baseline is left.
-
-    Args:
-        baseline: The untouched gel, uint8 (H, W, 3).
-
-    Attributes:
-        picture: What is composed so far, uint8 (H, W, 3).
+    It carries the sensor's real noise and drift. Where every press is near, the baseline, uint8 (H, W, 3), is
+    left. ``picture`` is what is composed so far.
     """
 
     def __init__(self, baseline: Image) -> None:
@@ -123,12 +114,8 @@ class FarField:
 def mask_of(picture: Path, masks: Path) -> Path | None:
     """Return the file of a picture's mask; ``None`` where it has none.
 
-    A mask has its picture's name, or that with ``mask`` in the place of ``frame``, with any ending of a picture. A
-    picture is not its own mask, though both may lie in one folder.
-
-    Args:
-        picture: Its file.
-        masks: Folder of the masks.
+    A mask has its picture's name, or that with ``mask`` in the place of ``frame``, with any ending of a
+    picture. A picture is not its own mask, though both may lie in one folder.
     """
     endings = dict.fromkeys((picture.suffix, ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff"))
     for stem in (picture.stem, picture.stem.replace("frame", "mask", 1)):
@@ -140,15 +127,7 @@ def mask_of(picture: Path, masks: Path) -> Path | None:
 
 
 def read_mask(path: Path, shape: tuple[int, ...]) -> Mask:
-    """Read touched pixels: a picture that is white where touched.
-
-    Args:
-        path: The picture.
-        shape: Rows and columns of the pictures that it is for.
-
-    Raises:
-        RecordingError: It is no picture, or of another size.
-    """
+    """Read touched pixels: a picture that is white where touched, of the rows and columns of ``shape``."""
     white: Mask = read_image(path, driver="audit").max(axis=2) > 127
     if white.shape != shape:
         raise RecordingError(
@@ -160,18 +139,10 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> Mask:
 
 
 def read_marks(path: Path) -> dict[str, Mark]:
-    """Read marked circles: a table with the columns img_name, center_x, center_y, radius (pixels).
+    """Read marked circles, by the base name of the picture.
 
-    A picture that is listed twice has no trustworthy mark and is left out.
-
-    Args:
-        path: The CSV file.
-
-    Returns:
-        Marks by the base name of the picture.
-
-    Raises:
-        RecordingError: The file cannot be read, or a line is not what it should be.
+    The table has the columns img_name, center_x, center_y, radius (pixels). A picture that is listed twice
+    has no trustworthy mark and is left out.
     """
     marks: dict[str, Mark] = {}
     twice: set[str] = set()
@@ -189,14 +160,8 @@ def read_marks(path: Path) -> dict[str, Mark]:
 def read_forces(path: Path, *, least_n: float = 0.0) -> Forces:
     """Read forces: a table with the columns img_name and force_n (newtons), or t_s (seconds) and force_n.
 
-    A video's frames are named by their number from 0; that column may be called frame.
-
-    Args:
-        path: The CSV file.
-        least_n: Newtons that a sensor tells of nothing: what is nearer to 0 is taken for 0.
-
-    Raises:
-        RecordingError: The file cannot be read, or a line is not what it should be.
+    A video's frames are named by their number from 0; that column may be called frame. What is nearer to 0
+    than ``least_n``, which a sensor reports of nothing, is taken for 0.
     """
     by_name: dict[str, float] = {}
     course: list[tuple[float, float]] = []

@@ -72,10 +72,7 @@ READINGS: Final[dict[Kind, dict[str, dict[str, Any]]]] = {
 class Variant(NamedTuple):
     """One way to read a recording.
 
-    Attributes:
-        name: What it is called in tables.
-        config: The settings that it stands for.
-        value: Of a sweep: the setting's value; ``None`` of a named reading.
+    ``name`` is for tables; ``value`` is the setting's in a sweep, ``None`` of a named reading.
     """
 
     name: str
@@ -84,12 +81,7 @@ class Variant(NamedTuple):
 
 
 class SettingSweep(NamedTuple):
-    """One setting and the values that it takes in turn.
-
-    Attributes:
-        key: Its dotted key, as for ``--set``.
-        values: Numbers or words, as they would stand behind ``--set KEY=``.
-    """
+    """One setting and the values that it takes in turn, as for ``--set KEY=VALUE``."""
 
     key: str
     values: tuple[str, ...]
@@ -106,8 +98,7 @@ class SettingSweep(NamedTuple):
 def kind_of(key: str) -> Kind:
     """Return the kind of stage that a setting has an effect on first.
 
-    Raises:
-        ConfigError: It has none on what an audit compares.
+    One without effect on what an audit compares raises :class:`ConfigError`.
     """
     if key.startswith("stages.metric."):
         return "touch"
@@ -167,16 +158,10 @@ def parse_sweep(text: str) -> SettingSweep:
 def named_variants(
     tree: Mapping[str, Any], kind: Kind, names: Sequence[str] = (), *, sets: Sequence[str] = ()
 ) -> list[Variant]:
-    """Return readings by their names.
+    """Return readings by their names in :data:`READINGS`; none means all of them.
 
-    Args:
-        tree: The settings that they take the place of a stage in.
-        kind: What they read.
-        names: Names in :data:`READINGS`; none means all of them.
-        sets: Further settings of all of them, as ``key=value``.
-
-    Raises:
-        ConfigError: A name is not known, or a setting does not fit.
+    They take the place of a stage in ``tree``; ``sets`` are further settings of all of them, as
+    ``key=value``.
     """
     known = READINGS[kind]
     for name in names:
@@ -193,11 +178,7 @@ def named_variants(
 def sweep_variants(
     tree: Mapping[str, Any], sweep: SettingSweep, *, sets: Sequence[str] = ()
 ) -> list[Variant]:
-    """Return the settings with one of them at each value of a sweep.
-
-    Raises:
-        ConfigError: The setting is not known, or a value does not fit it.
-    """
+    """Return the settings with one of them at each value of a sweep."""
     numbers = sweep.numbers
     return [
         Variant(

@@ -32,15 +32,14 @@ class VestScore(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         reading: Its name, or the swept setting's value.
         value: Of a sweep: the value; ``None`` else.
-        layout: The motors.
         n_frames: Frames at the vest's rate.
         lit_share: Share of the frames in which a motor is on.
         front_mean: Mean intensity of the front's motors that are on, percent; 0 where none ever is.
         back_mean: Likewise of the back's.
         full_share: Share of the motors that are on which are at 95 percent or more.
-        flips_per_s: Steps of a motor by more than 40 points from one frame to the next, per second, of all motors.
+        flips_per_s: Steps of a motor by more than 40 points from one frame to the next, of all motors.
         n_steps: How many different intensities are shown.
-        force_rank: Rank correlation of the sum of all intensities with the force; ``None`` without a force over time.
+        force_rank: Rank correlation of the sum of all intensities with force over time; ``None`` without.
         maxima_of: Where the maxima of the fingers are from: ``calibration`` or ``recording``.
         total: Sum of all intensities of every frame, percent.
     """
@@ -66,16 +65,9 @@ def vest_score(
     calibration: Calibration | None,
     forces: Forces | None = None,
 ) -> VestScore:
-    """Show contacts on the vest.
+    """Show contacts, of each finger in order of time, on the vest.
 
-    Args:
-        variant: The settings.
-        contacts: Of each finger, in order of time.
-        calibration: What counts as full, where that is known; else it is taken from the contacts.
-        forces: Force over time, where it was measured.
-
-    Raises:
-        ConfigError: The mapping cannot show them.
+    ``calibration`` is what counts as full; ``None`` takes it from the contacts. ``forces`` are over time.
     """
     config, of = variant.config, "calibration"
     if calibration is None:

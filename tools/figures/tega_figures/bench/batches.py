@@ -23,12 +23,8 @@ FRAMES = (4, 64)
 class BatchRow(msgspec.Struct, frozen=True, kw_only=True):
     """One reading of a batch of a finger's pictures.
 
-    Attributes:
-        reading: The law of the equations, or the preset.
-        n_frames: Frames in the batch.
-        one_by_one: A call a frame, all frames.
-        at_once: One call, all frames.
-        to_one_by_one: Its time over that of a call a frame.
+    ``reading`` is the law of the equations, or the preset. ``one_by_one`` is a call a frame, ``at_once`` one
+    call, each for all frames; ``to_one_by_one`` is the second's time over the first's.
     """
 
     reading: str

@@ -17,11 +17,8 @@ __all__ = ["ContactError", "measure_error", "worst"]
 class ContactError(msgspec.Struct, frozen=True, kw_only=True):
     """How far a variant's numbers lie from the exact ones.
 
-    Attributes:
-        centroid_px: Distance between the centroids, pixels.
-        spread_relative: Of σ.
-        eda_pixels: Difference in the number of pixels.
-        cci_relative: Of CCI.
+    ``centroid_px`` is the distance between the centroids, ``spread_relative`` is of σ, ``eda_pixels`` the
+    difference in the number of pixels.
     """
 
     centroid_px: float
@@ -33,13 +30,8 @@ class ContactError(msgspec.Struct, frozen=True, kw_only=True):
 def measure_error(metrics: Metrics | ContactMetrics, truth: ExactContact) -> ContactError | None:
     """Compare a variant's answer with the exact one, whose spread and CCI are not zero.
 
-    The differences are taken between fractions and rounded only then.
-
-    Returns:
-        The error; ``None`` where the variant has no answer.
-
-    Raises:
-        ValueError: The equations have no value on this frame.
+    The differences are taken between fractions and rounded only then. ``None`` where the variant has no
+    answer; :class:`ValueError` where the equations have no value on this frame.
     """
     if truth.centroid_xy is None or truth.spread is None:
         raise ValueError("the equations have no value on this frame")

@@ -31,13 +31,9 @@ def signal(n_rows: int, *, seed: int = 3) -> Samples:
 
 
 def filters(first: Samples) -> dict[str, Filter]:
-    """Return every filter that can be made with what is installed, each settled on a first sample.
+    """Return, ours first, every filter that can be made with what is installed.
 
-    Args:
-        first: The first row of the samples, (channels,).
-
-    Returns:
-        Filters by name, ours first.
+    Each is settled on ``first``, the first row of the samples, (channels,).
     """
     made: dict[str, Filter] = {"TEGA": ButterworthLowpass(RATE_HZ, CUTOFF_HZ, ORDER, CHANNELS).process}
     if find_spec("scipy") is not None:
@@ -88,11 +84,7 @@ def _numba(first: Samples) -> Filter:
 
 
 def true_response(samples: Samples) -> list[list[Decimal]]:
-    """Return the exact output, one list a channel.
-
-    Args:
-        samples: (n, channels), a short signal.
-    """
+    """Return the exact output for a short signal, (n, channels), one list a channel."""
     sections = design(RATE_HZ, CUTOFF_HZ, ORDER)
     return [filtered(sections, channel) for channel in samples.T.tolist()]
 

@@ -28,27 +28,26 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         machine: Where; the emulators ran on the same one.
         preset: Of the session: ``paper`` measures touch alike in all versions, ``live`` does not.
-        seconds: How long the run was.
         latency_ms: Percentiles of every stage by path; see :mod:`tega.loop.latency`.
         pacing: Ticks, and how late they were.
         late_edges_ms: Upper bounds of the bins of both histograms of late ticks.
-        late_ticks: The loop's own ticks: those at which the hand is told its level, and those of the vest between them.
-        hand_ticks: Sets of positions that the emulated hand sent, one every 3 ms, by how long after each, by the hand's
-            own clock, the torques that answer it had come; these are the ticks of the hand's own process.
-        witness_ticks: Those of a bare native clock of 3 ms in a process of its own, at the same time on the same cores
-            and at the priority of the hand's process.
-        frames_hz: Pictures a second used, all fingers together.
-        samples_hz: EMG samples a second used.
-        hand_hz: Ticks of the loop for the hand a second; 333 are due.
-        cpu_cores: Processor time of the run's process and of those of its recorder, its hand and that one's guard,
-            their start included, per second.
+        late_ticks: The loop's own ticks: those at which the hand gets its level, and the vest's between them.
+        hand_ticks: Sets of positions that the emulated hand sent, one every 3 ms, by how long after each, by
+            the hand's own clock, the torques that answer it had come; these are its process's ticks.
+        witness_ticks: Those of a bare native clock of 3 ms in a process of its own, at the same time on the
+            same cores and at the priority of the hand's process.
+        frames_hz: Pictures used, all fingers together.
+        samples_hz: EMG samples used.
+        hand_hz: Ticks of the loop for the hand; 333 are due.
+        cpu_cores: Processor time of the run's process and of those of its recorder, its hand and that one's
+            guard, their start included, per second.
         run_cores: That of the run's process alone.
         emulators_cores: That of the emulated devices.
-        threads: Of the run's process, in the middle of the run; the bench's own calls are made by one of them.
+        threads: Of the run's process, in the middle of the run, one of them the bench's own.
         vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
-        devices_ahead: Whether the emulators went before every thread of ours, as devices do, which have processors of
-            their own: what they took, they took from us.
+        devices_ahead: Whether the emulators went before every thread of ours, as devices do, which have
+            processors of their own: what they took, they took from us.
     """
 
     machine: Machine
@@ -83,19 +82,9 @@ def bench_loop(
 ) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
-    Args:
-        seconds: How long.
-        record: Whether to record the run and write its tables as well.
-        pace: Of the vest; see ``vest.pace`` of a session's settings.
-        most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
-        preset: Of the session and its calibration.
-        realtime: Whether run and witness ask for real-time priority.
-
-    Returns:
-        What was measured.
-
-    Raises:
-        MissingExtraError: A package of the extra ``lab`` is not installed.
+    With ``record`` the run is recorded and its tables are written as well. ``pace`` is ``vest.pace`` of a
+    session's settings; ``most_hz`` is the greatest rate of the vest's link, ``None`` for the driver's own.
+    ``realtime`` is whether run and witness ask for real-time priority.
     """
     from tega.loop.session import run_session
     from tega_emulators.lab import PRESSED, emulated_lab, pressing

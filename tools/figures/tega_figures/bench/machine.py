@@ -32,11 +32,9 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True):
     """The machine and the libraries.
 
     Attributes:
-        cpu: The processor's own name.
         n_cores: Logical cores that this process may use.
         load_per_core: One-minute load average over the cores when the run began; ``None`` where unknown.
         instruction_set: What the kernels use: baseline, neon or avx2.
-        system: Operating system and architecture.
         versions: Of TEGA, Python and the packages compared with, by name; those not installed are missing.
     """
 

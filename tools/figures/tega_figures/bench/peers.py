@@ -27,14 +27,9 @@ NONE = Metrics((nan, nan), nan, 0, 0.0)
 
 
 def contact_peers(law: Law, size: tuple[int, int]) -> dict[str, ContactKernel]:
-    """Return the peers that can compute a law with what is installed.
+    """Return the peers, by name, that can compute a law with what is installed.
 
-    Args:
-        law: How the equations are read; all peers read the map at the nearest pixel.
-        size: Height and width of the images.
-
-    Returns:
-        Kernels by name.
+    All peers read the map at the nearest pixel. ``size`` is height and width of the images.
     """
     return {name: make(law, size) for name, (needs, make) in MAKERS.items() if find_spec(needs) is not None}
 

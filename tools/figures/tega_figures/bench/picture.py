@@ -32,15 +32,7 @@ class Point(NamedTuple):
 
 
 def draw_pareto(path: Path, report: BenchReport) -> None:
-    """Write the picture of a run.
-
-    Args:
-        path: The PNG to write.
-        report: The run.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Write the picture of a run as PNG."""
     figure = new_figure(figsize=(15, 5))
     panels = figure.subplots(1, len(SHOWN) + 1)
     for ax, law in zip(panels, SHOWN, strict=False):

@@ -65,8 +65,7 @@ class ContactRow(msgspec.Struct, frozen=True, kw_only=True):
         reading: The law of the equations, or the preset.
         variant: TEGA, a peer, or a floor: the C library's ``memcmp``, and NumPy's reduction.
         size: Height and width.
-        time: What a call took.
-        to_floor: Its time over that of reading both images once.
+        to_floor: A call's time over that of reading both images once.
         to_best_peer: Its time over that of the fastest peer; ``None`` where no peer computes this.
         error: Against the exact answer; ``None`` where there is none, as for the floor and `live`.
     """
@@ -87,9 +86,8 @@ class FilterRow(msgspec.Struct, frozen=True, kw_only=True):
         case: ``block`` of 10 rows or ``bulk``.
         variant: TEGA or a peer.
         n_rows: Rows of three channels in a call.
-        time: What a call took.
         ns_per_sample: Median over rows and channels.
-        to_best_peer: Its time over that of the fastest peer.
+        to_best_peer: A call's time over that of the fastest peer.
         error_of_full_scale: Largest deviation from 60 digits over the converter's range.
     """
 
@@ -106,8 +104,6 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
     """A whole run.
 
     Attributes:
-        method: How it was measured.
-        machine: On what.
         threads: What held the libraries to one thread, by library.
         missing: Packages that are not installed, whose variants were not measured.
         contact: One row a reading, variant and size; the floor is among them.
@@ -129,14 +125,9 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
 def run_bench(
     *, quick: bool = False, progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None
 ) -> BenchReport:
-    """Measure everything.
+    """Measure everything; ``quick`` means a tenth of the rounds, and not the largest pictures.
 
-    Args:
-        quick: A tenth of the rounds, and not the largest pictures.
-        progress: Told what is measured, how much of the run is done, and how much there is.
-
-    Returns:
-        The report.
+    ``progress`` receives what is measured, how much of the run is done, and how much there is.
     """
     budget_s = 0.3 if quick else 3.0
     sizes = [size for size in SIZES if not (quick and size == SIZE_OF_A_SENSOR)]

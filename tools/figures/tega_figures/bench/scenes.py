@@ -28,12 +28,7 @@ SPOT_COUNTS_PER_MM, SPOT_SD_PX = 300.0, 18.0
 
 
 class BenchScene(NamedTuple):
-    """One picture and what it looked like without contact.
-
-    Attributes:
-        frame: uint8 (H, W, 3), BGR.
-        baseline: Likewise.
-    """
+    """One picture and what it looked like without contact, uint8 (H, W, 3), BGR."""
 
     frame: NDArray[np.uint8]
     baseline: NDArray[np.uint8]

@@ -37,12 +37,11 @@ class SimRow(msgspec.Struct, frozen=True, kw_only=True):
     """One object's lift.
 
     Attributes:
-        object: Its name.
         part: Of the trial: ``whole`` or ``grasping``.
-        simulated_s: Length of that part, seconds.
+        simulated_s: Length of that part.
         real_time_factor: Simulated over processor time.
         wall_factor: Simulated over wall time.
-        stages_ms: Milliseconds of processor time per simulated second, by stage.
+        stages_ms: Processor time per simulated second, by stage.
     """
 
     object: str
@@ -54,13 +53,9 @@ class SimRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SkipRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What a skip saves.
+    """What a skip saves on an object's whole trial.
 
-    Attributes:
-        object: The object lifted.
-        skip: What is left out.
-        saved_ms: Milliseconds of processor time per simulated second, over the whole trial.
-        share: That as a share of the time without the skip.
+    ``saved_ms`` is processor time per simulated second, ``share`` its share of the time without the skip.
     """
 
     object: str
@@ -70,15 +65,7 @@ class SkipRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SimReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the time goes.
-
-    Attributes:
-        method: How it was measured.
-        machine: On what.
-        repeats: How often each lift was run.
-        rows: Objects and parts.
-        skips: What is left out.
-    """
+    """Where the time goes, in ``repeats`` runs of each lift."""
 
     method: str
     machine: Machine
@@ -132,18 +119,7 @@ def bench_simulation(
     preset: Literal["paper", "live"] = "live",
     progress: Callable[[str, int, int], None] = lambda _subject, _done, _total: None,
 ) -> SimReport:
-    """Measure.
-
-    Args:
-        objects: What is lifted.
-        repeats: How often.
-        preset: Readings of the loop.
-        progress: Told how many lifts are done.
-
-    Raises:
-        InvalidValueError: An object is not known.
-        MissingExtraError: A package of the extra ``sim`` is not installed.
-    """
+    """Measure where the time of lifts goes; ``progress`` receives how many lifts are done."""
     from tega_sim.lab import lab_of
     from tega_sim.plan import TrialPlan
     from tega_sim.trial import run_trial

@@ -22,18 +22,13 @@ class StationsBench(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         machine: Where; both stations and all emulators ran on it.
-        seconds: How long the operator's run was.
-        keys: Whether the link was encrypted.
         images_hz: Pictures a second of each fingertip that were sent for display.
-        touch_ms: Camera at the robot's station to the vest's bytes at the operator's, by stage; ``whole`` is all of it.
+        touch_ms: Camera at the robot's to the vest's bytes at the operator's, by stage; also ``whole``.
         intent_ms: EMG sample at the operator's station to the hand's torques at the robot's.
-        command_ms: A command on its way, from being made to being heard.
-        feature_ms: What a picture says, likewise.
+        command_ms: A command on its way, from being made to being received.
+        feature_ms: What is read from a picture, likewise.
         clock: The operator's estimate, which on one machine should be 0.
         refused: Commands and features that were not used, by why.
-        commands: How many commands came.
-        features: How many features came.
-        images: How many pictures were sent.
     """
 
     machine: Machine
@@ -54,16 +49,7 @@ class StationsBench(msgspec.Struct, frozen=True, kw_only=True):
 def bench_stations(*, seconds: float, keys: bool, images_hz: float) -> StationsBench:
     """Run four DIGITs and an Allegro Hand at one station, EMG at 1 kHz and a vest at the other.
 
-    Args:
-        seconds: How long.
-        keys: Whether the link is encrypted.
-        images_hz: Pictures a second of each fingertip for display.
-
-    Returns:
-        What was measured.
-
-    Raises:
-        MissingExtraError: A package of the extras ``lab`` or ``net`` is not installed.
+    ``keys`` encrypt the link; ``images_hz`` are pictures of each fingertip for display.
     """
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
     from tega_emulators.stations import Program, free_port, split, write_trees

@@ -37,11 +37,8 @@ PICTURES = 4
 class TickRow(msgspec.Struct, frozen=True, kw_only=True):
     """What a tick takes.
 
-    Attributes:
-        reading: The touch preset.
-        n_in_contact: Fingers that are pressed; the others are read as well.
-        stages_us: Median of each stage, microseconds.
-        total: Of all stages together.
+    ``reading`` is the touch preset; ``n_in_contact`` the fingers that are pressed, the others are read as
+    well; ``stages_us`` the median of each stage.
     """
 
     reading: str
@@ -60,10 +57,7 @@ def _pictures(seed: int, *, pressed: bool) -> tuple[list[NDArray[np.uint8]], NDA
 class Tick:
     """Everything one tick needs, ready to run again and again.
 
-    Args:
-        reading: The touch preset.
-        n_in_contact: How many of the four fingers are pressed.
-        seed: Of pictures and samples.
+    ``reading`` is the touch preset; ``n_in_contact`` of four fingers are pressed; ``seed`` is of all data.
     """
 
     def __init__(self, reading: Literal["paper", "live"], n_in_contact: int, *, seed: int = 5) -> None:
@@ -78,11 +72,7 @@ class Tick:
         self._number = 0
 
     def run(self) -> tuple[tuple[int, ...], bytes, bytes]:
-        """Run one tick.
-
-        Returns:
-            Nanoseconds of each stage; the vest's packet; the CAN frames' data.
-        """
+        """Run one tick; return nanoseconds of each stage, the vest's packet, and the CAN frames' data."""
         clock = time.perf_counter_ns
         self._number += 1
         now = self._number % PICTURES
@@ -112,13 +102,9 @@ class Tick:
 
 
 def time_ticks(*, budget_s: float) -> list[TickRow]:
-    """Time ticks with none to four fingers in contact, under both presets, in turns.
+    """Time ticks with none to four fingers in contact, under both presets, in turns, for about ``budget_s``.
 
-    Args:
-        budget_s: Roughly how long it may take.
-
-    Returns:
-        One row a preset and number of fingers.
+    One row a preset and number of fingers.
     """
     presets: tuple[Literal["paper", "live"], ...] = ("live", "paper")
     ticks: dict[tuple[str, int], Tick] = {

@@ -31,12 +31,9 @@ WARM_ROUNDS = 2
 
 
 class Timing(msgspec.Struct, frozen=True, kw_only=True):
-    """What a variant took.
+    """What a variant took: median and 99th percentile of the timed calls.
 
-    Attributes:
-        median_us: Median of the timed calls, microseconds.
-        p99_us: 99th percentile, microseconds; of fewer than 100 calls it is close to the slowest one.
-        n_calls: Number of timed calls.
+    Of fewer than 100 calls the latter is close to the slowest one.
     """
 
     median_us: float
@@ -49,16 +46,10 @@ def in_turns(
 ) -> dict[_Key, list[list[_Result]]]:
     """Measure each subject a few times in every round.
 
-    The order is reversed from round to round, so that nobody always follows the same one. The garbage collector is
-    off and what lives already is put out of its sight.
-
-    Args:
-        subjects: What to measure, by name.
-        measure: Uses a subject once and tells how long that took.
-        budget_s: Roughly how long all rounds together may take; there are at least three.
-
-    Returns:
-        What was measured, by name, then by round; the first use of each turn is left out.
+    The order is reversed from round to round, so that nobody always follows the same one. The garbage
+    collector is off and what lives already is put out of its sight. ``measure`` uses a subject once and
+    returns how long that took; ``budget_s`` is roughly for all rounds together, of which there are at least
+    three. Results are by name, then by round; the first use of each turn is left out.
     """
     names = list(subjects)
     with _no_collection():
@@ -77,11 +68,7 @@ def in_turns(
 
 
 def take_turns(variants: Mapping[str, Call], *, budget_s: float) -> dict[str, list[list[int]]]:
-    """Time calls by :func:`in_turns`.
-
-    Returns:
-        Nanoseconds, by name, then by round.
-    """
+    """Time calls by :func:`in_turns`; return nanoseconds, by name, then by round."""
     return in_turns(variants, _timed, budget_s=budget_s)
 
 
@@ -124,11 +111,7 @@ def _no_collection() -> Iterator[None]:
 
 @contextmanager
 def single_threaded() -> Iterator[dict[str, str]]:
-    """Hold the peers' libraries to one thread, as the kernels use one.
-
-    Yields:
-        What could be held, for the report.
-    """
+    """Hold the peers' libraries to one thread, as the kernels use one; yield what could be held."""
     held = {}
     restore: list[Callable[[], Any]] = []
     try:

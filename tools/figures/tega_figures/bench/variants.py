@@ -33,13 +33,7 @@ Spread = Literal["spatial", "intensity"]
 
 
 class Law(NamedTuple):
-    """How the equations are read.
-
-    Attributes:
-        difference: Of frame and baseline.
-        spread: What σ is.
-        centroid_value: How the map is read at the centroid.
-    """
+    """How the equations are read: difference of frame and baseline, σ, and the map at the centroid."""
 
     difference: Difference
     spread: Spread

@@ -26,14 +26,7 @@ _PATIENCE_S = 5.0
 
 
 class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
-    """How late the ticks of a clock came.
-
-    Attributes:
-        ticks: How many there were.
-        late: Of them, by the bins of :data:`tega.loop.pacing.LATE_EDGES_NS`.
-        over_1_ms: How many came later than that.
-        worst_ms: The latest one.
-    """
+    """How late the ticks of a clock came, by the bins of :data:`tega.loop.pacing.LATE_EDGES_NS`."""
 
     ticks: int
     late: tuple[int, ...]
@@ -42,7 +35,7 @@ class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of_bins(cls, late: Sequence[int], *, worst_ms: float) -> LateTicks:
-        """Return what a histogram by these bins tells."""
+        """Return the figures of a histogram by these bins."""
         over = sum(late[LATE_EDGES_NS.index(1_000_000) + 1 :])
         return cls(ticks=sum(late), late=tuple(late), over_1_ms=over, worst_ms=worst_ms)
 
@@ -56,11 +49,7 @@ class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BareClock:
-    """A process that is ready to keep the clock.
-
-    Args:
-        process: It.
-    """
+    """A process that is ready to keep the clock."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self._process = process
@@ -79,11 +68,7 @@ class BareClock:
 
 @contextmanager
 def witness(*, realtime: bool) -> Iterator[BareClock]:
-    """Start a witness, and end it with the block.
-
-    Args:
-        realtime: Whether it asks for the real-time priority of the hand's process.
-    """
+    """Start a witness, and end it with the block; ``realtime`` asks for the hand's process's priority."""
     with subprocess.Popen(
         python_command(__name__, "hand" if realtime else "ordinary"),
         stdin=subprocess.PIPE,
@@ -99,7 +84,7 @@ def witness(*, realtime: bool) -> Iterator[BareClock]:
 
 
 def _keep() -> None:
-    """Say that the process is there, wait for a number of ticks, keep them, and print how late each came."""
+    """Report that the process is there, wait for a number of ticks, keep them, print how late each came."""
     from tega import _native
 
     print("ready", flush=True)

@@ -60,11 +60,11 @@ def exact_contact(
     centroid_value: str = "nearest",
     gate: tuple[float, int] | None = None,
 ) -> ExactContact:
-    """Compute Eq 1 to 6.
+    """Compute Eq 1 to 6 of uint8 pictures, (H, W, 3).
 
     Args:
-        frame: uint8 (H, W, 3).
-        baseline: The same.
+        frame: The picture.
+        baseline: The untouched one.
         weights: (ω_r, ω_g, ω_b), taken as the decimals they print as.
         order: Of the channels: "bgr" or "rgb".
         difference: "signed", "rectified" or "absolute".
@@ -83,13 +83,7 @@ def exact_contact(
 
 
 def exact_paper(frame: Image, baseline: Image, order: str = "bgr") -> ExactContact:
-    """Compute the `paper` preset: absolute, 5×5 mean, noise floor 6, at least 30 pixels.
-
-    Args:
-        frame: uint8 (H, W, 3).
-        baseline: The same.
-        order: Of the channels.
-    """
+    """Compute the `paper` preset: absolute, 5×5 mean, noise floor 6, at least 30 pixels; uint8 (H, W, 3)."""
     change = _change(frame, baseline, "absolute")
     margin = BOX // 2
     padded = np.pad(change, ((margin, margin), (margin, margin), (0, 0)), mode="reflect")

@@ -31,13 +31,8 @@ def _sine_cosine(angle: Decimal) -> tuple[Decimal, Decimal]:
 def design(rate_hz: float, cutoff_hz: float, order: int) -> list[Section]:
     """Place the analogue poles, take them through the bilinear transform, pair them.
 
-    Args:
-        rate_hz: Sample rate.
-        cutoff_hz: Where the gain is down by 3 dB.
-        order: Number of poles.
-
-    Returns:
-        Sections of gain 1 at frequency 0, by rising a2.
+    The gain is down by 3 dB at ``cutoff_hz``; ``order`` is the number of poles. Sections have gain 1 at
+    frequency 0, by rising a2.
     """
     with localcontext() as context:
         context.prec = DIGITS
@@ -60,14 +55,9 @@ def design(rate_hz: float, cutoff_hz: float, order: int) -> list[Section]:
 
 
 def filtered(sections: Iterable[Sequence[Decimal | float]], samples: Sequence[float]) -> list[Decimal]:
-    """Run the difference equation, settled on the first sample.
+    """Run the difference equation on one channel, settled on the first sample; exact to 50 digits or so.
 
-    Args:
-        sections: As `design` gives them, or rounded to floats.
-        samples: One channel.
-
-    Returns:
-        The exact output, to 50 digits or so.
+    ``sections`` are as of :func:`design`, or rounded to floats.
     """
     with localcontext() as context:
         context.prec = DIGITS
@@ -86,13 +76,9 @@ def filtered(sections: Iterable[Sequence[Decimal | float]], samples: Sequence[fl
 
 
 def transfer_function(sections: Iterable[Section]) -> tuple[list[float], list[float]]:
-    """Multiply the sections out into one fraction of two polynomials, each coefficient rounded once.
+    """Multiply the sections of :func:`design` out into one fraction, each coefficient rounded once.
 
-    Args:
-        sections: As `design` gives them.
-
-    Returns:
-        Numerator and denominator, ascending powers of 1/z.
+    Numerator and denominator are in ascending powers of 1/z.
     """
     with localcontext() as context:
         context.prec = DIGITS
@@ -111,14 +97,7 @@ def _product(p: Sequence[Decimal], q: Sequence[Decimal]) -> list[Decimal]:
 
 
 def dc_gain(sos: Iterable[Sequence[float]]) -> Decimal:
-    """Gain at frequency 0 of sections as they are, coefficients rounded or not.
-
-    Args:
-        sos: Rows b0, b1, b2, 1, a1, a2.
-
-    Returns:
-        The gain.
-    """
+    """Gain at frequency 0 of sections b0, b1, b2, 1, a1, a2 as they are, coefficients rounded or not."""
     with localcontext() as context:
         context.prec = DIGITS
         gain = Decimal(1)
@@ -129,15 +108,7 @@ def dc_gain(sos: Iterable[Sequence[float]]) -> Decimal:
 
 
 def gain_squared(sos: Iterable[Sequence[float]], share: float) -> Decimal:
-    """Squared gain of sections as they are.
-
-    Args:
-        sos: Rows b0, b1, b2, 1, a1, a2.
-        share: Frequency as a share of the rate.
-
-    Returns:
-        The squared gain.
-    """
+    """Squared gain of sections as they are, rows b0, b1, b2, 1, a1, a2, at a share of the rate."""
     with localcontext() as context:
         context.prec = DIGITS
         sine, cosine = _sine_cosine(2 * PI * Decimal(share))

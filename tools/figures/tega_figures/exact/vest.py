@@ -11,15 +11,11 @@ DIGITS = 60
 
 
 def exact_intensity(value: float, maximum: float, end_value: float | Fraction = Fraction(1, 100)) -> Decimal:
-    """Return 100 / (1 + exp(-k (value - maximum / 2))) with k = 2 ln((1 - e) / e) / maximum.
+    """Return 100 / (1 + exp(-k (value - maximum / 2))) with k = 2 ln((1 - e) / e) / maximum, in percent.
 
-    Args:
-        value: The metric.
-        maximum: What counts as full touch, in the metric's unit.
-        end_value: e, the share at a value of 0; a float is taken as the binary fraction that it is.
-
-    Returns:
-        Percent, to 60 digits; 0 where the exponential has more digits than a decimal's exponent.
+    ``maximum`` counts as full touch, in the metric's unit; ``end_value`` is e, the share at a value of 0, a
+    float taken as the binary fraction that it is. Exact to 60 digits; 0 where the exponential has more digits
+    than a decimal's exponent.
     """
     with localcontext(Context(prec=DIGITS, traps=[])):
         share = Fraction(end_value)

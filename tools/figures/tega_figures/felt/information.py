@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 class Discriminant:
     """Linear discriminant with one covariance, shrunk a little towards its diagonal.
 
-    Args:
-        percepts: (trials, features).
-        stimuli: Number of each trial's stimulus, int (trials,).
+    ``percepts`` is (trials, features), ``stimuli`` the number of each trial's stimulus, int (trials,).
     """
 
     def __init__(self, percepts: Array, stimuli: NDArray[np.int64]) -> None:

@@ -43,11 +43,7 @@ class Shown(NamedTuple):
 
 
 def score_lifts(seeds: Iterable[int]) -> list[Shown]:
-    """Run lifts of the default person and settings, and score every finger.
-
-    Args:
-        seeds: Of the people.
-    """
+    """Run lifts of the default person and settings, one a person's seed, and score every finger."""
     found = []
     for seed in seeds:
         for name in DEMO_OBJECTS:

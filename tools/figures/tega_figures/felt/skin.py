@@ -44,24 +44,17 @@ _TWO_GLANCES = 0.954
 
 
 class BatchSkin:
-    """One person's skin for many trials of the same stimulus.
-
-    Args:
-        vest: The person's numbers.
-    """
+    """One person's skin for many trials of the same stimulus."""
 
     def __init__(self, vest: VestSection) -> None:
         self._p = vest
         self._look_sd = math.log1p(vest.weber) / _TWO_GLANCES
 
     def moved(self, levels: NDArray[np.uint8]) -> Array:
-        """Return the motors' amplitudes at each look.
+        """Return the motors' amplitudes at each look, float64 (looks, 2, 5, 4), 0 to 1.
 
-        Args:
-            levels: Steps that reach the motors, 0 to 15, uint8 (frames, 40), a frame every ``REFRESH_S``.
-
-        Returns:
-            float64 (looks, 2, 5, 4), 0 to 1.
+        ``levels`` are the steps that reach the motors, 0 to 15, uint8 (frames, 40), a frame every
+        ``REFRESH_S``.
         """
         p = self._p
         drive = np.where(levels < p.start_level, 0.0, (levels / 15.0) ** p.exponent).reshape(-1, 2, ROWS, 4)

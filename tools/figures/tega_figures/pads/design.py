@@ -45,10 +45,8 @@ def design(
 ) -> NDArray[np.float64]:
     """Return designed poses, float64 (5, 16), rad; level 1 is that of the start.
 
-    Args:
-        reference_rad: Poses whose forces are to be kept, (5, 16), rad.
-        start_rad: Poses to begin with, (5, 16), rad.
-        most_rounds: Steps of the least squares.
+    ``reference_rad`` are the poses whose forces are to be kept, ``start_rad`` those to begin with, (5, 16);
+    ``most_rounds`` limits the steps of the least squares.
     """
     before = [_grips(level, reference_rad) for level in _LEVELS]
 

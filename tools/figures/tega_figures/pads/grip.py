@@ -37,8 +37,8 @@ class Held(NamedTuple):
         rest_n: Normal force on links and palm together.
         along_mm: Place of the contact along each pad, from its middle towards the palm, float64 (4,).
         across_mm: The same across, to the right in the picture.
-        share: Share of each contact's area inside its camera's picture, float64 (4,); NaN without a contact, or
-            where it was not to be computed.
+        share: Share of each contact's area inside its camera's picture, float64 (4,); NaN without a contact,
+            or where it was not to be computed.
         torques: Largest torque of each joint, float64 (16,), torque units.
     """
 
@@ -57,14 +57,10 @@ class Held(NamedTuple):
 def grip(
     spec: ObjectSpec | str, level: int, poses_rad: NDArray[np.float64], *, seed: int = 0, shares: bool = False
 ) -> Held:
-    """Close the hand around an object, lift it 0.15 m and hold it.
+    """Close the hand around an object to a level, 2 to 5, lift it 0.15 m and hold it.
 
-    Args:
-        spec: The object, or its name.
-        level: Closure level, 2 to 5.
-        poses_rad: Joint angles of the five levels, (5, 16), rad.
-        seed: Of the object's place.
-        shares: Whether to press the gels for the shares inside the picture.
+    ``poses_rad`` are the joint angles of the five levels, (5, 16); ``seed`` is of the object's place. With
+    ``shares``, the gels are pressed for the shares inside the picture.
     """
     world, controller = World(spec, seed=seed, start_m=(0.0, 0.0)), HandController(poses_rad=poses_rad)
     gels = [Gel(0, spread=0) for _ in FINGERS] if shares else []

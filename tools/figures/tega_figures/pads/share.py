@@ -40,13 +40,8 @@ WANTED: Final = 0.95
 def shares_of_lift(name: str, seed: int) -> tuple[TrialResult, list[NDArray[np.float64]]]:
     """Let a simulated person lift an object; measure the last second of the hold.
 
-    Args:
-        name: The object.
-        seed: Seed of the person.
-
-    Returns:
-        The lift, and for each finger the share of the contact's area inside the picture, for every picture with 0.1 N
-        or more, float64 (n,).
+    Returns the lift and, for each finger, the share of the contact's area inside the picture, for every
+    picture with 0.1 N or more, float64 (n,).
     """
     kept = KeptPictures(lab_of(seed, "live", ()))
     lift = run_trial(TrialPlan(object=name, seed=seed, rules=3), streams=kept)
@@ -63,11 +58,7 @@ def shares_of_lift(name: str, seed: int) -> tuple[TrialResult, list[NDArray[np.f
 
 
 def people_table(seeds: Sequence[int]) -> str:
-    """Return the shares by object as a Markdown table.
-
-    Args:
-        seeds: Seeds of the people.
-    """
+    """Return the shares by object as a Markdown table, over people of these seeds."""
     lines = [
         "| last second of the hold | pictures | in the picture: thumb, index, middle, ring | pictures under 95 % "
         "| lifts held | slips | slid at most, mm | level |",
@@ -96,8 +87,7 @@ def people_table(seeds: Sequence[int]) -> str:
 def level_table(poses_rad: NDArray[np.float64]) -> str:
     """Return shares, forces and torques of scripted holds at each level as a Markdown table.
 
-    Args:
-        poses_rad: Poses of the five levels, (5, 16), rad.
+    ``poses_rad`` are those of the five levels, (5, 16).
     """
     lines = [
         "| object, level | held | in the picture: thumb, index, middle, ring | pads, N | narrower, mm | slid, mm "

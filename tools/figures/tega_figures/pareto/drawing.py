@@ -19,14 +19,10 @@ OURS, OTHERS, LINE = "#c8202f", "#1f5fbf", "#9aa0a6"
 
 
 class PricedVariant(msgspec.Struct, frozen=True, kw_only=True):
-    """One way to set a choice.
+    """One way to set a choice, named as a person would write it.
 
-    Attributes:
-        name: What a person would write.
-        cost: What it costs, in the unit of the subject.
-        error: What it misses, in the unit of the subject.
-        beside: What else was measured, by the heading of its column.
-        default: Whether this is what TEGA does unless told otherwise.
+    ``cost`` and ``error``, what it misses, are in the units of the subject; ``beside`` is what else was
+    measured, by the heading of its column; ``default``: TEGA does this unless set otherwise.
     """
 
     name: str
@@ -40,13 +36,11 @@ class Choice(msgspec.Struct, frozen=True, kw_only=True):
     """A subject: what is chosen among, and what was measured.
 
     Attributes:
-        title: Its heading.
         setting: Where it is set.
         cost: Heading of the cost, with its unit.
         error: Heading of the error, with its unit.
         how: What was measured, and on what; whole sentences.
         why: Why the default is the default.
-        variants: As measured.
     """
 
     title: str

@@ -101,22 +101,10 @@ def board_pictures(
 
 
 class RenderedTrial:
-    """The pictures of a trial.
+    """The pictures of a trial, from ``begin_s`` to ``end_s``.
 
-    Args:
-        trial: What happened.
-        film: How the camera makes pictures.
-        rate_hz: Of the camera.
-        begin_s: First picture.
-        end_s: Last one.
-        seed: Of noise.
-        lens: The camera's true lens.
-        eye_m: Where the camera stands.
-
-    Attributes:
-        layout: Where the tags truly are.
-        world_to_camera: float64 (3, 4).
-        t_s: Times of the pictures, seconds.
+    ``lens`` is the camera's true one, ``eye_m`` where it stands; ``seed`` is of the noise. ``layout`` is
+    where the tags truly are; ``world_to_camera`` is float64 (3, 4).
     """
 
     def __init__(

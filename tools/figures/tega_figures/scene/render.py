@@ -33,11 +33,9 @@ class Film(NamedTuple):
     """How the camera makes a picture of the light.
 
     Attributes:
-        blur_px: Of the lens, standard deviation, pixels.
-        exposure_s: How long the shutter is open.
+        blur_px: Of the lens, standard deviation.
         shot: Noise of the light, grey levels squared per grey level.
         read: Noise of the dark, grey levels.
-        black: Grey of black ink.
         white: Grey of white paper, before the shade of its side.
         readout_s: Time from the first to the last row of a rolling shutter; 0 with a global one.
         moments: Moments of the exposure that are averaged, at most.
@@ -87,13 +85,7 @@ Pose = Callable[[str, float], "NDArray[np.float64]"]
 
 
 class SceneCamera:
-    """A camera that looks at faces.
-
-    Args:
-        lens: Its intrinsics.
-        film: How it makes a picture.
-        seed: Of its noise.
-    """
+    """A camera that looks at faces; ``seed`` is of its noise."""
 
     def __init__(self, lens: Lens, film: Film, *, seed: int) -> None:
         self._cv2 = load_cv2("figures")
@@ -116,14 +108,10 @@ class SceneCamera:
         *,
         hulls: Sequence[tuple[float, NDArray[np.float64], float]] = (),
     ) -> NDArray[np.uint8]:
-        """Return a picture, uint8 (H, W), grey.
+        """Return a picture, uint8 (H, W), grey; ``t_s`` is the middle of the exposure, ``pose`` the bodies'.
 
-        Args:
-            background: float32 (H, W), grey without noise.
-            faces: What is to be drawn.
-            pose: Where the bodies are.
-            t_s: Middle of the exposure.
-            hulls: What hides: distance, points on the picture (n, 2), grey.
+        ``background`` is float32 (H, W), grey without noise; ``hulls`` hide: distance, points on the picture
+        (n, 2), grey.
         """
         light = self.lit(background, faces, pose, t_s, hulls=hulls)
         film = self._film

@@ -28,13 +28,9 @@ class TrueTrial(NamedTuple):
     """What happened in a simulated trial, n moments long.
 
     Attributes:
-        plan: Which trial.
-        spec: Its object.
-        t_s: float64 (n,), seconds.
-        truths: The world's truth at each moment.
+        t_s: float64 (n,).
         palm: float64 (n, 3, 4), the palm's axes in the world's, rotation beside metres.
         object: float64 (n, 3, 4), the object's, its origin at the middle of its base.
-        shapes: What is drawn.
         poses: float64 (n, shapes, 7), where.
         phases: What the person was about at each moment, as :class:`tega_sim.seams.Act` names it.
         events: As scored by rule from the truth.

@@ -35,10 +35,8 @@ _CLOSE_S, _LIFT_S, _HOLD_S = 1.6, 4.0, 6.0
 class HoldTask(NamedTuple):
     """A task.
 
-    Attributes:
-        spec: The object.
-        push: Makes, of a seed, the force from above by the time since the hold began, newtons and seconds.
-        away_m: How far the object is carried while it is held, metres.
+    ``push`` makes, of a seed, the force from above by the time since the hold began, newtons and seconds;
+    ``away_m`` is how far the object is carried while it is held.
     """
 
     spec: ObjectSpec
@@ -52,7 +50,7 @@ class Outcome(NamedTuple):
     Attributes:
         lost: Whether the object slid 30 mm, fell, or was not lifted.
         harmed: Whether it was narrowed by its ``harm_m`` or more.
-        first_s: When it first slid at 5 mm/s after the hold began, seconds after that; ``None`` if it didn't.
+        first_s: When it first slid at 5 mm/s after the hold began, since then; ``None`` if it didn't.
         lost_s: When it was lost, likewise.
     """
 
@@ -83,13 +81,10 @@ TASKS: Final = {
 
 
 def hold(task: HoldTask, level: int, seed: int, *, answers: bool) -> Outcome:
-    """Grip at a level, lift, and hold for ten seconds.
+    """Grip at a level, 2 to 5, lift, and hold for ten seconds.
 
-    Args:
-        task: The task.
-        level: Level of the grip, 2 to 5.
-        seed: Seed of the object's place and of the pushes.
-        answers: Whether each slide in the hold is answered a second later by one level more.
+    ``seed`` is of the object's place and of the pushes. With ``answers``, each slide in the hold is answered
+    a second later by one level more.
     """
     world, controller, push = World(task.spec, seed=seed), hand_controller(), task.push(seed)
     forearm = SimulatedForearm((0.0, 0.1))

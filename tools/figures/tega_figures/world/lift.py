@@ -21,16 +21,14 @@ _PLAN: Final = ((1.6, 1, 0.0, 0.0), (4.0, 0, 0.0, 0.0), (5.6, 0, LIFT_M, 0.0))
 
 
 class LiftResult(NamedTuple):
-    """What came of a lift.
+    """What came of a lift, at its end.
 
     Attributes:
-        held: Whether the object was up and not dropped at the end.
-        height_m: Of the object over where it stood, at the end.
-        slip_m: At the end.
+        held: Whether the object was up and not dropped.
+        height_m: Of the object over where it stood.
         slips: How many there were, as a trial's score counts them (:class:`tega_sim.score.TrialScorer`).
         narrowing_m: Largest deformation.
-        damage_m: At the end.
-        lift_off_s: When the object left the table; None: it never did.
+        lift_off_s: When the object left the table; ``None``: it never did.
         trace: What was so every 3 ms.
     """
 
@@ -47,14 +45,7 @@ class LiftResult(NamedTuple):
 def lift(
     spec: ObjectSpec | str, level: int, *, physics: Physics | None = None, hold_s: float = 2.0
 ) -> LiftResult:
-    """Lift an object at one closure level.
-
-    Args:
-        spec: The object, or its name.
-        level: Closure level to grip with, 2 to 5.
-        physics: How the motion is computed.
-        hold_s: How long to hold after the hand is up.
-    """
+    """Lift an object at one closure level, 2 to 5, and hold it for ``hold_s`` after the hand is up."""
     world, controller = World(spec, physics=physics, start_m=(0.0, 0.12)), hand_controller()
     trace: list[WorldTruth] = []
     scorer = TrialScorer(world.spec.harm_m)

@@ -23,14 +23,7 @@ _N_PER_M: Final = 80.0
 
 
 def draw_scene(folder: Path) -> Path:
-    """Draw the three objects held, with the forces on them.
-
-    Args:
-        folder: Where to; made where it is not there.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Draw the three objects held, with the forces on them, into a folder, made where it is missing."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:

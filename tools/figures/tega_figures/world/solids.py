@@ -21,14 +21,10 @@ _LIGHT: Final = np.array([-0.35, -0.55, 0.76])
 
 
 def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64], *, thing: str = "") -> None:
-    """Draw primitives into a 3-D axes.
+    """Draw primitives into axes of matplotlib's ``projection="3d"``.
 
-    Args:
-        axes: Of matplotlib's ``projection="3d"``.
-        shapes: From :meth:`~tega_sim.world.World.shapes`.
-        poses: From :meth:`~tega_sim.world.World.poses`, float64 (n, 7).
-        thing: ``bottle``, ``container`` or ``bag``: draw the object as the page does, instead of the cylinder that
-            fingers touch.
+    ``shapes`` and ``poses``, float64 (n, 7), are of :class:`~tega_sim.world.World`. ``thing`` is ``bottle``,
+    ``container`` or ``bag``: draw the object as the page does, instead of the cylinder that fingers touch.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
