@@ -10,6 +10,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from reference.sessions import SECONDS
 from tega.config.choose import preset_metric
@@ -18,6 +20,7 @@ from tega.recording import export, growing_table
 from tega.recording.export import export_file
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet
 from tega.recording.mcap_reader import read_ahead
+from tega.runtime.files.csv_writer import cell_text
 from tega.ui.cli.main import main
 
 
@@ -86,6 +89,19 @@ def test_a_parquet_column_that_comes_late_is_missing_before(
         "late": [None, None, "a", "b", None],
     }
     assert [path.name for path in tmp_path.iterdir()] == ["late.parquet"]
+
+
+@given(
+    cells=st.one_of(
+        st.lists(st.floats()),
+        st.lists(st.integers(-(2**63), 2**64 - 1)),
+        st.lists(st.booleans()),
+        st.lists(st.text(alphabet=',"\nab')),
+        st.lists(st.one_of(st.floats(), st.integers(-9, 9), st.booleans(), st.none())),
+    )
+)
+def test_a_column_s_text_is_that_of_its_cells(cells: list[Any]) -> None:
+    assert list(growing_table._texts(cells)) == list(map(cell_text, cells))
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])

@@ -41,7 +41,7 @@ def bus_frames(frames: Iterable[Any]) -> tuple[BusFrame, ...]:
 
 def frames_text(frames: Iterable[Any]) -> str:
     """Return frames for people: identifier and bytes of each, ``R`` for one that asks."""
-    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)
+    return " ".join([f"{f.id:03X}#{'R' if f.remote else f.data.hex()}" for f in frames]).upper()
 
 
 class HandCommand(Record, frozen=True, kw_only=True):
