@@ -18,8 +18,9 @@ from tega.config.choose import preset_metric
 from tega.errors import ConfigError
 from tega.recording import export, growing_table
 from tega.recording.export import export_file
-from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet
+from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
 from tega.recording.mcap_reader import read_ahead
+from tega.runtime.call_beside import called_beside
 from tega.runtime.files.csv_writer import cell_text
 from tega.ui.cli.main import main
 
@@ -91,6 +92,26 @@ def test_a_parquet_column_that_comes_late_is_missing_before(
     assert [path.name for path in tmp_path.iterdir()] == ["late.parquet"]
 
 
+@pytest.mark.parametrize("kind", [GrowingCsv, GrowingParquet])
+def test_a_part_with_other_columns_is_appended(kind: type[GrowingTable], tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas", reason="reads both kinds")
+    rows: list[Columns] = [
+        {"k": [0, 1], "text": ["a,b", "c"]},
+        {"late": [0.5], "k": [2]},
+        {"k": [3, 4], "late": [1.5, 2.5], "text": ["", 'd"\n']},
+    ]
+    whole, table = kind(tmp_path / "whole"), kind(tmp_path / "table")
+    table.add(rows[0])
+    for columns in rows:
+        whole.add(columns)
+    for k, columns in enumerate(rows[1:]):
+        part = kind(tmp_path / f"part{k}")
+        part.add(columns)
+        table.append(part.close())
+    read = pandas.read_csv if kind is GrowingCsv else pandas.read_parquet
+    pandas.testing.assert_frame_equal(read(table.close()), read(whole.close()))
+
+
 @given(
     cells=st.one_of(
         st.lists(st.floats()),
@@ -102,6 +123,33 @@ def test_a_parquet_column_that_comes_late_is_missing_before(
 )
 def test_a_column_s_text_is_that_of_its_cells(cells: list[Any]) -> None:
     assert list(growing_table._texts(cells)) == list(map(cell_text, cells))
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_two_processes_write_the_same_tables_as_one(
+    kind: Any, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = export_file(lossless, tmp_path / "whole", kind=kind)
+    called: list[tuple[Any, ...]] = []
+
+    def noted(*asked: Any, lost: Exception) -> Any:
+        called.append(asked)
+        return called_beside(*asked, lost=lost)
+
+    monkeypatch.setattr(export, "called_beside", noted)
+    monkeypatch.setattr(export, "_SPLIT_BYTES", 0)
+    halves = export_file(lossless, tmp_path / "halves", kind=kind)
+    assert 0.3 < called[0][-1] / lossless.stat().st_size < 0.7
+    assert [path.name for path in halves] == [path.name for path in whole]
+    for one in (tmp_path / "whole").iterdir():
+        other = tmp_path / "halves" / one.name
+        if one.suffix == ".parquet":
+            parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[parquet]")
+            found, wanted = parquet.read_table(other), parquet.read_table(one)
+            assert (found.schema, str(found.to_pydict())) == (wanted.schema, str(wanted.to_pydict()))
+        else:
+            assert other.read_bytes() == one.read_bytes()
+    assert len(list((tmp_path / "halves").iterdir())) == len(list((tmp_path / "whole").iterdir()))
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])

@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from itertools import groupby
 from operator import attrgetter, methodcaller
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from tega.errors import ConfigError
+from tega.errors import ConfigError, RecordingError
 from tega.recording.column_names import channel_columns, emg_source, list_columns, time_column
 from tega.recording.copies import note_copy
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
-from tega.recording.mcap_reader import McapReader, Message, Progress
+from tega.recording.mcap_index import open_indexed
+from tega.recording.mcap_reader import WHOLE, McapReader, Message, Progress, Within
 from tega.recording.origin import LEAD_IN
 from tega.recording.pictures import paired
 from tega.records.hand import frames_text
-from tega.runtime.files.foreign_file import reports_damage
+from tega.runtime.call_beside import called_beside
+from tega.runtime.files.foreign_file import MIB, reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
 
-# Pictures' cells, seven kilobytes each, wait with the messages that they are in.
+# Pictures' cells, seven kilobytes each, wait with the messages that they are in: memory that the system clears anew.
 _MESSAGES_KEPT: Final = 1024
+_BYTES_KEPT: Final = MIB // 2
+# Of a larger file another process writes the second half: two minutes of four fingers.
+_SPLIT_BYTES: Final = 512 * MIB
+_GROWING: Final = {"csv": GrowingCsv, "parquet": GrowingParquet}
 
 
 @reports_damage
@@ -44,8 +52,8 @@ def export_file(
 
     ``folder`` is new or empty, else ``ConfigError``. ``parquet`` needs the extra of that name. With
     ``pictures`` every picture is written too, as PNG or the JPEG that it is, in a folder per finger named by
-    its number. ``progress`` is called as the file is read. A topic or an attachment with a name that cannot
-    be a file's is ``UnsafeNameError``.
+    its number. ``progress`` is called as the file is read, of a large one its first half: another process
+    reads the second. A topic or an attachment with a name that cannot be a file's is ``UnsafeNameError``.
     """
     if kind == "parquet":
         require("pyarrow.parquet", driver="export", extra="parquet")
@@ -53,14 +61,52 @@ def export_file(
         raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
     folder.mkdir(parents=True, exist_ok=True)
     note_copy(path, folder)
-    reader = McapReader(path)
+    split = not pictures and path.is_file() and path.stat().st_size >= _SPLIT_BYTES
+    middle = open_indexed(path).middle() if split else None
+    if middle is None:
+        return _closed(_write_tables(path, folder, kind, pictures=pictures, progress=progress)[0])
+    lost = RecordingError("the program that writes the second half ended", "run it again; is memory short?")
+    with (
+        tempfile.TemporaryDirectory(dir=folder, prefix=".") as beside,
+        called_beside(_write_second_half, path, Path(beside), kind, middle, lost=lost) as written,
+    ):
+        tables, cut = _write_tables(path, folder, kind, (0, middle), progress=progress)
+        for part in [] if cut else written():
+            tables.setdefault(part.name, _GROWING[kind](folder / part.name)).append(part)
+            part.unlink()
+        for attached in [] if cut else Path(beside).iterdir():
+            attached.replace(folder / attached.name)
+    return _closed(tables)
+
+
+def _closed(tables: Mapping[str, GrowingTable]) -> list[Path]:
+    """Finish the tables that have rows, and return their files."""
+    return sorted(table.close() for table in tables.values() if not table.empty)
+
+
+def _write_second_half(path: Path, folder: Path, kind: str, begins: int) -> list[Path]:
+    """Write the tables of what a recording holds from a place on, and return them; attached files are beside them."""
+    return _closed(_write_tables(path, folder, kind, (begins, math.inf))[0])
+
+
+def _write_tables(
+    path: Path,
+    folder: Path,
+    kind: str,
+    within: Within = WHOLE,
+    *,
+    pictures: bool = False,
+    progress: Progress | None = None,
+) -> tuple[dict[str, GrowingTable], str]:
+    """Write what a recording holds in a part of its file; return the tables, and why the file ends early."""
+    reader = open_indexed(path) if within[0] else McapReader(path)
     reader.progress = progress or reader.progress
     tables: dict[str, _TopicTable] = {}
-    growing = GrowingCsv if kind == "csv" else GrowingParquet
     epoch_ns = 0
     channels: Sequence[str] = ()
-    for message in paired(reader.messages(lambda topic: pictures or not topic.endswith("/image"))):
-        topic, schema, log_ns, _, value, image = message
+    messages = reader.messages(lambda topic: pictures or not topic.endswith("/image"), within)
+    for message in paired(messages):
+        topic, schema, log_ns, n_bytes, value, image = message
         if image is not None:
             finger = plain_name(topic.split("/")[2], subject=f"{topic}: finger", source=path.name)
             _picture(image, folder / finger, value.seq)
@@ -70,11 +116,12 @@ def export_file(
                 epoch_ns, info = int(reader.metadata.get("tega", {}).get("epoch_ns", "0")), emg_source(reader)
                 channels = () if info is None else info.channels
             name = plain_name(topic.strip("/").replace("/", "."), subject="topic", source=path.name)
-            to = growing(folder / f"{name}.{kind}")
+            to = _GROWING[kind](folder / f"{name}.{kind}")
             table = tables[topic] = _TopicTable(to, schema, epoch_ns, channels)
         table.log_ns.append(log_ns)
         table.values.append(value)
-        if len(table.values) >= _MESSAGES_KEPT:
+        table.n_bytes += n_bytes
+        if len(table.values) >= _MESSAGES_KEPT or table.n_bytes >= _BYTES_KEPT:
             table.flush()
     attached = [
         plain_name(name, subject="attachment", source=path.name) for name in reader.files if name != LEAD_IN
@@ -83,7 +130,7 @@ def export_file(
         (folder / name).write_bytes(reader.files[name])
     for table in tables.values():
         table.flush()
-    return sorted(table.to.close() for table in tables.values() if table.to.n_rows)
+    return {table.to.path.name: table.to for table in tables.values()}, reader.cut
 
 
 class _TopicTable:
@@ -97,6 +144,7 @@ class _TopicTable:
         self.to, self._schema, self._epoch_ns, self._channels = to, schema, epoch_ns, channels
         self.log_ns: list[int] = []
         self.values: list[Any] = []
+        self.n_bytes = 0
 
     def flush(self) -> None:
         """Write the rows of all messages that wait."""
@@ -107,6 +155,7 @@ class _TopicTable:
             at += n
         self.log_ns.clear()
         self.values.clear()
+        self.n_bytes = 0
 
 
 def _columns(schema: str, log_s: Sequence[float], values: Sequence[Any], channels: Sequence[str]) -> Columns:

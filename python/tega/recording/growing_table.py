@@ -30,13 +30,17 @@ class GrowingTable(ABC):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.n_rows = 0
+        self.empty = True
 
     def add(self, columns: Columns) -> None:
         """Add rows."""
-        if n_rows := len(next(iter(columns.values()), ())):
-            self.n_rows += n_rows
+        if len(next(iter(columns.values()), ())):
+            self.empty = False
             self._write(columns)
+
+    @abstractmethod
+    def append(self, part: Path) -> None:
+        """Add the rows of a finished table of this kind."""
 
     @abstractmethod
     def close(self) -> Path:
@@ -65,31 +69,41 @@ class GrowingCsv(GrowingTable):
             self._file.close()
         return self.path
 
-    def _write(self, columns: Columns) -> None:
-        if not columns.keys() <= self._names.keys():
-            self._names |= dict.fromkeys(columns)
-            self._begin()
-        assert self._file is not None
-        texts = [_texts(columns[name]) if name in columns else repeat("") for name in self._names]
-        self._file.write("\n".join(map(",".join, zip(*texts, strict=False))) + "\n")
+    def append(self, part: Path) -> None:
+        """Add the rows of a finished table of this kind."""
+        self.empty = False
+        with part.open(encoding="utf-8", newline="") as file:
+            lines = csv.reader(file)
+            columns = next(lines)
+            to = self._file_with(columns)
+            if columns == list(self._names):
+                to.writelines(file)
+                return
+            for cells in lines:
+                row = dict(zip(columns, cells, strict=True))
+                to.write(",".join([cell_text(row.get(name, "")) for name in self._names]) + "\n")
 
-    def _begin(self) -> None:
-        """Begin the file, or write it anew with further columns."""
+    def _write(self, columns: Columns) -> None:
+        to = self._file_with(columns)
+        texts = [_texts(columns[name]) if name in columns else repeat("") for name in self._names]
+        to.write("\n".join(map(",".join, zip(*texts, strict=False))) + "\n")
+
+    def _file_with(self, columns: Iterable[str]) -> IO[str]:
+        """Return the file; where it has not all of these columns, it is begun, or written anew with them."""
+        known = len(self._names)
+        self._names |= dict.fromkeys(columns)
+        if self._file is not None and len(self._names) == known:
+            return self._file
         old = None
         if self._file is not None:
-            self._file.close()
+            self.close()
             old = self._set_aside()
         self._file = self.path.open("w", encoding="utf-8", newline="\n")
         self._file.write(",".join(map(cell_text, self._names)) + "\n")
-        if old is None:
-            return
-        with old.open(encoding="utf-8", newline="") as file:
-            lines = csv.reader(file)
-            next(lines)
-            for cells in lines:
-                more = [""] * (len(self._names) - len(cells))
-                self._file.write(",".join(map(cell_text, [*cells, *more])) + "\n")
-        old.unlink()
+        if old is not None:
+            self.append(old)
+            old.unlink()
+        return self._file
 
 
 def _texts(cells: Sequence[Any]) -> Iterable[str]:
@@ -126,8 +140,18 @@ class GrowingParquet(GrowingTable):
         self._file.close()
         return self.path
 
+    def append(self, part: Path) -> None:
+        """Add the rows of a finished table of this kind."""
+        self.empty = False
+        with self._parquet.ParquetFile(part) as source:
+            for k in range(source.num_row_groups):
+                self._take(source.read_row_group(k))
+
     def _write(self, columns: Columns) -> None:
-        self._parts.append(self._arrow.table(dict(columns)))
+        self._take(self._arrow.table(dict(columns)))
+
+    def _take(self, rows: Any) -> None:
+        self._parts.append(rows)
         self._n_waiting += self._parts[-1].num_rows
         if self._n_waiting >= _ROWS_PER_GROUP:
             self._write_group()

@@ -90,6 +90,18 @@ class IndexedReader(McapReader):
         ids = {number for number, channel in self._channels.items() if channel.topic == topic}
         return any(ids & chunk.lists.keys() for chunk in self._chunks)
 
+    def middle(self) -> int | None:
+        """Return where in the file the second half of its parts begins; ``None`` where no index leads there."""
+        if self._passed or not self._chunks:
+            return None
+        chunk = self._chunks[len(self._chunks) // 2]
+        try:
+            with open_recording(self.path) as file:
+                found = self._record_at(file, chunk.begins)
+        except Exception:  # whatever damage makes the reader say
+            return None
+        return chunk.begins if getattr(found, "message_start_time", None) == chunk.from_ns else None
+
     def places(self, topic: str, *, from_ns: int, to_ns: int) -> NDArray[Any]:
         """Return a topic's places, of :data:`PLACE`, in a span of log time, in the file's order."""
         found = self._passed.get(topic) if self._passed else self._listed(topic, from_ns, to_ns)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+import math
 import struct
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 from tega.errors import RecordingError
 from tega.recording.foreign import no_session
@@ -31,6 +32,10 @@ Progress = Callable[[str, int, int], None]
 def _no_progress(_subject: str, _done: int, _total: int) -> None:
     """Show nothing."""
 
+
+Within = tuple[int, float]
+"""Where in a file the first part to read begins, and the first that is not read."""
+WHOLE: Final[Within] = (0, math.inf)
 
 # A day of four cameras without loss is less; a record of TEGA's is at most one chunk of 4 MiB and one picture.
 _MOST_MIB = 1024 * 1024
@@ -129,8 +134,12 @@ class McapReader:
         """Whether the file was finished, and not recovered or cut, as far as that is known yet."""
         return not self.cut and "end" in self.metadata
 
-    def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[Message]:
+    def messages(
+        self, wanted: Callable[[str], bool] = lambda _topic: True, within: Within = WHOLE
+    ) -> Iterator[Message]:
         """Return the messages in the order of writing; ``wanted`` is asked per topic whether to decode.
+
+        Of a part of the file that is not its beginning only a reader with an index knows the channels.
 
         Raises ``RecordingError`` also for an MCAP that was not recorded by TEGA.
         """
@@ -140,10 +149,10 @@ class McapReader:
         plans: dict[int, Plan] = {}
         with (
             open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file,
-            closing(read_ahead(self._parts(file))) as parts,
+            closing(read_ahead(self._parts(file, within[1]))) as parts,
         ):
-            mib = file.seek(0, io.SEEK_END) // MIB
-            file.seek(0)
+            mib = int(min(file.seek(0, io.SEEK_END), within[1])) // MIB
+            file.seek(within[0])
             while True:
                 try:
                     part = next(parts, None)
@@ -189,13 +198,19 @@ class McapReader:
             channel.topic, schema.name, decoder(schema.name, schema.data).FromString if decode else None
         )
 
-    def _parts(self, file: IO[bytes]) -> Iterator[tuple[int, list[Any]]]:
-        """Read the file's parts: where each begins, and the records in it."""
-        reader = _pass_reader()(
-            file, emit_chunks=True, validate_crcs=self._check_sums, record_size_limit=MOST_RECORD
-        )
+    def _parts(self, file: IO[bytes], ends: float) -> Iterator[tuple[int, list[Any]]]:
+        """Read the file's parts from where it stands: where each begins, and the records in it."""
         begins = file.tell()
+        reader = _pass_reader()(
+            file,
+            skip_magic=begins > 0,
+            emit_chunks=True,
+            validate_crcs=self._check_sums,
+            record_size_limit=MOST_RECORD,
+        )
         for record in reader.records:
+            if begins >= ends:
+                return
             if type(record).__name__ != "MessageIndex":
                 yield begins, chunk_records(record, check_sum=self._check_sums)
             begins = file.tell()
