@@ -16,7 +16,8 @@ HOLDS = (
     Case("large ball", 0.3, "slopes", "vocdex", 6492855054770293862),
     Case("edge", 0.8, "slopes", "tacto", 6191578288683992749),
 )
-# Fitted line by line, slow bands put these areas off by 8 to 23 %.
+# Fitted line by line, slow bands put these areas off by 8 to 23 %. The last was off by 50 % when it was outlined by a
+# depth that its light contradicts.
 SLOW = tuple(
     case._replace(lamp_hz=120.0)
     for case in (
@@ -24,6 +25,7 @@ SLOW = tuple(
         Case("bar", 0.3, "slopes", "D20641", 7570470667680161510),
         Case("face", 0.3, "slopes", "D20641", 13908686207634548141),
         Case("edge", 0.4, "lamps", "D20641", 282747977437598182),
+        Case("edge", 0.8, "slopes", "tacto", 6191578288683992749),
     )
 )
 
@@ -37,4 +39,4 @@ def test_bands_of_mains_light_leave_the_area_of_a_hold(
     banded = measure(hold._replace(mains=0.02))
     assert banded.reported == 1.0
     assert banded.area_px == pytest.approx(still.area_px, rel=0.05)
-    assert banded.area_scatter < 0.05
+    assert banded.area_scatter < 0.04

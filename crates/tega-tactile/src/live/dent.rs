@@ -1,8 +1,8 @@
 //! From cells that differ from the untouched gel to the dent: where, how wide, how deep.
 //!
 //! Two maps describe a dent and each is weak where the other is strong: the energy of the colour change, which is a ring around a ball, and the
-//! depth from shading, which fills the ring. The outline is where the mean of both, each over its own peak, crosses one level; the middle is
-//! found by itself ([`middle`](super::middle)).
+//! depth from shading, which fills the ring. The outline is where the mean of both, each over its own peak, crosses one level; where shading makes
+//! no depth at the cells that change, energy alone outlines. The middle is found by itself ([`middle`](super::middle)).
 
 use super::cells::Grid;
 use super::colour::{Field, LANES, total};
@@ -20,6 +20,10 @@ pub(super) const DENT_LEVEL: f32 = 0.32;
 const CONTACT_LEVEL: f32 = 0.5;
 /// Share of the peak of the energy under which a cell is taken for untouched when depth is counted from there.
 const UNTOUCHED: f32 = 0.2;
+
+/// Depth at the cells that change, as a share of its peak: under the first the gel's light is not what shading takes it for, from the second on it
+/// may be.
+const AGREES: [f32; 2] = [0.01, 0.03];
 
 /// The length, as a share of the picture's diagonal, that a dent's height is given over.
 const HEIGHT_SHARE: f64 = 0.125;
@@ -176,6 +180,10 @@ impl DentReader {
         // Where no colour changes, what is left of depth is rounding.
         let deepest = if strongest > 0.0 { peak(&self.depth_mm) } else { 0.0 };
         let (per_change, per_depth) = (half_share(strongest), half_share(deepest));
+        // Where shading contradicts, its depth is a matter of noise: change alone outlines.
+        let agreed = 2.0 * per_depth * at_change(&self.depth_mm, &self.change);
+        let trust = ((agreed - AGREES[0]) / (AGREES[1] - AGREES[0])).clamp(0.0, 1.0);
+        let (per_change, per_depth) = ((2.0 - trust) * per_change, trust * per_depth);
         for ((dent, e), h) in self.dent.iter_mut().zip(&self.change).zip(&self.depth_mm) {
             *dent = e * per_change + h * per_depth;
         }
@@ -270,6 +278,22 @@ fn one_two_one(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     }
 }
 
+/// Mean depth of the cells, each weighed by its change squared.
+#[inline(always)]
+fn at_change(depth: &[f32], change: &[f32]) -> f32 {
+    let mut sums = [[0f32; LANES]; 2];
+    // At most seven cells of the last corner are left out.
+    for (d, e) in depth.as_chunks::<LANES>().0.iter().zip(change.as_chunks::<LANES>().0) {
+        for lane in 0..LANES {
+            let weight = e[lane] * e[lane];
+            sums[0][lane] += weight;
+            sums[1][lane] += weight * d[lane];
+        }
+    }
+    let [weights, sums] = sums.map(|lanes| total(&lanes));
+    if weights > 0.0 { sums / weights } else { 0.0 }
+}
+
 /// Mean depth where the colours hardly change, each cell weighed by how little.
 #[inline(always)]
 fn untouched(depth: &[f32], change: &[f32], strongest: f32) -> f32 {
@@ -304,6 +328,25 @@ mod tests {
         let dent: Vec<f32> = (0..23).map(|k| level + [-9.0, -0.25, 0.0, 0.25, 9.0][k % 5] * RIM).collect();
         let wanted: f32 = (0..23).map(|k| [0.0, 0.25, 0.5, 0.75, 1.0][k % 5]).sum();
         assert!((count(&dent, level) - wanted).abs() < 1e-3, "{} {wanted}", count(&dent, level));
+    }
+
+    #[test]
+    fn depth_that_lies_beside_the_change_is_not_outlined() {
+        let at = |cells: std::ops::Range<usize>, value: f32| -> Vec<f32> {
+            (0..32).map(|k| if cells.contains(&k) { value } else { 0.0 }).collect()
+        };
+        let dent_of = |deep: std::ops::Range<usize>| {
+            let maps = (at(8..16, 10.0), at(deep, 0.5));
+            let mut reader =
+                DentReader { change: maps.0, depth_mm: maps.1, dent: at(0..0, 0.0), ..DentReader::default() };
+            reader.combine(10.0);
+            reader.dent
+        };
+        assert_eq!(dent_of(16..24), at(8..16, 1.0));
+        assert_eq!(dent_of(8..16), at(8..16, 1.0));
+        // One of the eight cells is enough for both to count.
+        let both = dent_of(15..24);
+        assert_eq!((both[8], both[15], both[16]), (0.5, 1.0, 0.5));
     }
 
     #[test]
