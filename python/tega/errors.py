@@ -11,6 +11,7 @@
     ├── ConfigError (ValueError)            a settings file: unknown key, wrong type, value out of range
     ├── RecordingError (ValueError)         a recording that is missing, cut short or cannot be parsed
     ├── WireError (ValueError)              a packet that cannot be encoded
+    ├── FeatureError (RuntimeError)         a feature of another package that fails while it is used
     └── DeviceUnavailableError (RuntimeError)
         ├── WrongDeviceError            a device answers, but not the one the settings ask for
         ├── MissingExtraError (ImportError) a device needs a package that is not installed
@@ -28,6 +29,7 @@ __all__ = [
     "ConfigError",
     "DeviceUnavailableError",
     "DtypeError",
+    "FeatureError",
     "InvalidValueError",
     "MissingExtraError",
     "MissingToolError",
@@ -90,6 +92,10 @@ class UnsafeNameError(InvalidValueError):
 
 class WireError(TegaError, ValueError):
     """A packet cannot be encoded from the values given."""
+
+
+class FeatureError(TegaError, RuntimeError):
+    """A function of a feature raises an error, or returns something else than it should."""
 
 
 class DeviceUnavailableError(TegaError, RuntimeError):

@@ -10,7 +10,7 @@ from typing import Any, Final
 import msgspec
 
 from tega.config.errors import Overridden, explain
-from tega.config.guests import TableContext, guest_tables, read_guest_tables
+from tega.config.guests import TableContext, read_guest_tables
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
 from tega.config.removed import check_removed, without_constants
 from tega.config.sections import (
@@ -31,6 +31,8 @@ from tega.config.stage_sections import (
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
+from tega.records.types import record_types
+from tega.runtime.features import named
 from tega.stages.registry import stage_class
 
 LEAST: Final = 1e-12
@@ -115,7 +117,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     check_removed(tree, origins)
     check_magnitudes(tree, origins)
     tree = dict(tree)
-    given = {key: tree.pop(key) for key in guest_tables() if key in tree}
+    if tree.keys() & named("settings"):
+        record_types()  # leaves out features whose records cannot be recorded
+    given = {key: tree.pop(key) for key in named("settings") if key in tree}
     if "guests" in tree:
         raise ConfigError(f"{where(origins, 'guests')}: guests: unknown key", "use the feature's own table")
     config: SessionConfig = convert(tree, SessionConfig, "")

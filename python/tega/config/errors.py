@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import msgspec
 
-from tega.config.guests import guest_tables
 from tega.config.removed import CONSTANTS
 from tega.errors import ConfigError
+from tega.runtime.features import broken_features, named
 from tega.runtime.nearest import nearest_hint
 from tega.runtime.number_text import number_text
 
@@ -64,13 +64,13 @@ def explain(
         if full in CONSTANTS:
             text = f"{_origin(origins, full)}: {full} was taken out in 0.3"
             return ConfigError(text, f"leave it out: it is always {CONSTANTS[full]:g}")
-        known = [*_field_names(kind), *(guest_tables() if not key else ())]
+        known = [*_field_names(kind), *(named("settings") if not key else ())]
         hint = nearest_hint(name, known, "known here:", cutoff=0.5)
         elsewhere = [full for full in _dotted_keys(wanted) if full.rpartition(".")[2] == name]
         if 0 < len(elsewhere) <= _MOST_ELSEWHERE:
             hint = f"did you mean {' or '.join(map(repr, elsewhere))}?"
         elif not key and isinstance(_value_at(value, name, ""), dict | list):
-            hint = f"if this is a feature's table, install its package; else {hint}"
+            hint = f"{_of_feature(name)}; else {hint}"
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
     if (missing := re.match(r"Object missing required field `(.*)`", subject)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")
@@ -78,6 +78,14 @@ def explain(
             f"{_origin(origins, key)}: {full}: missing", _choices(_type_at(kind, missing.group(1)))
         )
     return ConfigError(f"{_origin(origins, key)}: {_wrong_value(key, value, subject)}", _choices(kind))
+
+
+def _of_feature(name: str) -> str:
+    """Return what to do if an unknown table is that of a feature: one that is left out, or one that is missing."""
+    for one in broken_features():
+        if not one.settings or name in one.settings:
+            return f"if this is a table of the feature {one.name!r}, {one.said}: {one.hint}"
+    return "if this is a feature's table, install its package"
 
 
 def wrong_value(error: msgspec.ValidationError, tree: Any) -> str:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import GenericAlias
 from typing import Any, NamedTuple
 
+import msgspec
+
 from tega.config.sections import SessionConfig
-from tega.runtime.features import Feature, features, load_target
+from tega.runtime.features import call_member, features, load_target, named
 
 
 class TableContext(NamedTuple):
@@ -23,24 +26,18 @@ class TableContext(NamedTuple):
     with_options: Callable[[Any, str, str], Any]
 
 
-def guest_tables() -> dict[str, tuple[Feature, str]]:
-    """Return the feature and the type's target of every table that a feature brings, by its key."""
-    return {
-        key: (feature, target) for feature in features().values() for key, target in feature.settings.items()
-    }
-
-
 def read_guest_tables(
     given: Mapping[str, Any], context: TableContext, convert: Callable[[Any, Any, str], Any]
 ) -> dict[str, Any]:
     """Return the tables that were given, each as its feature's type and checked by its feature."""
-    known = guest_tables()
+    known = named("settings")
     found: dict[str, Any] = {}
     for key, tree in given.items():
         feature, target = known[key]
-        table = convert(tree, load_target(target, feature), key)
+        kind = load_target(target, feature, (type(msgspec.Struct), GenericAlias), "msgspec Struct")
+        table = convert(tree, kind, key)
         if feature.check:
-            table = load_target(feature.check, feature)(table, context)
+            table = call_member(feature, "check", table, context, kind=type(table))
         found[key] = table
     return found
 

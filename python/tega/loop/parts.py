@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from typing import Any, NamedTuple
+from types import NoneType
+from typing import Any, NamedTuple, cast
 
 from tega.config import Pace, SessionConfig
 from tega.devices.base import Tracker
-from tega.errors import DeviceUnavailableError, TegaError
 from tega.haptics import Layout
+from tega.loop.feature_part import FeaturePart
 from tega.loop.inbox.inputs import Inputs
 from tega.loop.inbox.prepared import Prepared
 from tega.loop.latency import LatencyTrace
@@ -17,8 +18,9 @@ from tega.loop.loop_report import LoopReport
 from tega.loop.sinks import Sinks
 from tega.loop.snapshot import LoopView
 from tega.records.bus import Bus
+from tega.records.types import record_types
 from tega.runtime.device_items import DeviceInfo
-from tega.runtime.features import features, targets
+from tega.runtime.features import call_member, having
 from tega.runtime.wake import Bell
 from tega.safety.guard import Guard
 
@@ -153,16 +155,10 @@ def open_parts(context: PartContext) -> list[Part]:
     Raises:
         TegaError: A part cannot be opened; the message says why.
     """
+    record_types()  # leaves out features whose records cannot be recorded
     found: list[Part] = []
-    for name, open_part in targets("part"):
-        try:
-            part = open_part(context)
-        except TegaError:
-            raise
-        except Exception as error:
-            problem = f"feature {name!r}: its part does not open: {type(error).__name__}: {error}"
-            hint = f"--debug shows where; else remove {features()[name].package} and report it to its authors"
-            raise DeviceUnavailableError(problem, hint) from error
+    for feature in having("part"):
+        part = call_member(feature, "part", context, kind=(Part, NoneType))
         if part is not None:
-            found.append(part)
+            found.append(part if feature.own else cast("Part", FeaturePart(feature, part)))
     return found

@@ -1,4 +1,4 @@
-"""Name the features that a recording was made with and that are not installed here."""
+"""Name the features that a recording was made with and that are not installed or not loaded here."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from tega.recording.mcap_reader import McapReader
-from tega.runtime.features import features
+from tega.runtime.features import broken_features, features
 
 # A recording can come from anybody: nothing but the name of a package is printed out of it, and what to install only
 # where that package is TEGA's own.
@@ -17,9 +17,11 @@ _REQUIREMENT: Final = re.compile(r"[A-Za-z0-9][\w.-]{0,63}(\[[\w,-]{1,64}\])?", 
 
 
 def absent_features(metadata: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Return a sentence for each feature of a recording's tables that is not installed here."""
+    """Return a sentence for each feature of a recording's tables that is not installed or not loaded here."""
+    broken = {one.name: f"{one.said}: {one.hint}" for one in broken_features()}
     return [
-        f"recorded with the feature {name!r}, which is not installed here: {_next_step(requirement)}"
+        f"recorded with the feature {name!r}, "
+        + broken.get(name, f"which is not installed here: {_next_step(requirement)}")
         for name, requirement in metadata.get("features", {}).items()
         if name not in features() and _NAME.fullmatch(name) and _REQUIREMENT.fullmatch(requirement)
     ]

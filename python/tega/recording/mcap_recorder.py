@@ -214,6 +214,12 @@ class McapRecorder:
             return
         try:
             self._file.write(item.record, item.t_ns)
+        except (AttributeError, TypeError, ValueError) as error:  # a record with values that its type forbids
+            self._queue.dropped[topic] += 1
+            if self._queue.dropped[topic] == 1:
+                text = "recording: a record of %s is left out: %s: %s; later ones are counted as dropped"
+                _LOG.error(text, topic, type(error).__name__, error)
+            return
         except Exception as error:  # a recorder must never take a run with it
             self._stop(f"{topic} could not be written: {type(error).__name__}: {error}")
             return

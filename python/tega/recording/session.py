@@ -27,6 +27,8 @@ from tega.recording.mcap_schemas import VERSIONS, unit_table
 from tega.recording.recorder_process import RecorderProcess
 from tega.recording.versions import versions
 from tega.records import End, HandExchange, Record
+from tega.records.types import record_types
+from tega.runtime.features import author_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -71,6 +73,7 @@ class Recording(Part):
         self._start_ns: int | None = None
         self._early: list[HandExchange] = []
         self.trial = self._recorder.path.stem
+        self._kinds, self._undeclared = frozenset(record_types()), dict[type[Record], str]()
         bus.subscribe(Record, self._take, name="recording")
 
     def alerts(self) -> Mapping[str, Callable[[], str]]:
@@ -169,7 +172,7 @@ class Recording(Part):
 
     def problem(self) -> str:
         """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
-        problem = self._recorder.problem()
+        problem = "; ".join(filter(None, (self._recorder.problem(), *self._undeclared.values())))
         return f"recording: {problem}" if problem else ""
 
     def ended(self, report: LoopReport, n_waits: int) -> None:
@@ -192,7 +195,14 @@ class Recording(Part):
 
     def _take(self, record: Record) -> None:
         """Take a record; before the session starts, only exchanges with a hand are kept."""
-        if isinstance(record, HandExchange):
+        if (kind := type(record)) not in self._kinds:  # a recording has no schema for it
+            if kind not in self._undeclared:
+                author = author_of(kind.__module__)
+                named = f"{kind.__module__}.{kind.__name__} is not in the records of"
+                whose = f"the feature {author.name!r}" if author else "a feature"
+                self._undeclared[kind] = f"{kind.topic} is not recorded: {named} {whose}"
+                _LOG.error("recording: %s; add it there", self._undeclared[kind])
+        elif isinstance(record, HandExchange):
             with self._lock:
                 start_ns = self._start_ns
                 if start_ns is None:

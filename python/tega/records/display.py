@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from tega.runtime.features import targets
+from tega.errors import TegaError
+from tega.runtime.features import call_member, having, warn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,8 +46,11 @@ class DisplayRows:
 
     def __init__(self, bus: Bus, name: str) -> None:
         self._rows: dict[str, str] = {}
-        for _, panel in targets("panels"):
-            panel(bus)
+        for feature in having("panels"):
+            try:
+                call_member(feature, "panels", bus)
+            except TegaError as error:  # a display must not end what it shows
+                warn(f"a panel is left out: {error.message}", error.hint)
         bus.subscribe(DisplayRow, self._take, name=name)
 
     def __call__(self) -> dict[str, str]:

@@ -17,6 +17,7 @@ from tega.records.base import Record
 Part = type[msgspec.Struct]
 
 _WIRE: Mapping[Any, str] = {int: "int64", float: "double", str: "string", bool: "bool", bytes: "bytes"}
+_SCALARS = {*_WIRE.values(), "int32", "uint32", "uint64", "float"}
 # What the annotations of arrays need when they are looked up; the records themselves import no NumPy.
 _NAMES = {"np": np, "NDArray": NDArray}
 
@@ -62,7 +63,7 @@ def fields(kind: Part) -> tuple[MessageField, ...]:
         if attribute not in unwritten:
             try:
                 found += _fields_of(name, attribute, hints[attribute])
-            except (KeyError, ValueError) as error:
+            except (LookupError, TypeError, ValueError, AttributeError) as error:
                 raise InvalidValueError(
                     f"record {kind.__name__}: field {attribute} has the type {hints[attribute]}, which no file holds",
                     "use int, float, bool, str, bytes, a quantity of tega.records.base, or a tuple of one of these",
@@ -84,7 +85,10 @@ def _fields_of(name: str, attribute: str, hint: Any) -> list[MessageField]:
                 for k, (axis, one) in enumerate(zip("xy", of, strict=True))
             ]
         return [_field(name, attribute, None, of[0])._replace(repeated=True)]
-    return [_field(name, attribute, None, hint)._replace(optional=optional)]
+    one = _field(name, attribute, None, hint)
+    if one.wire not in _SCALARS:  # a struct stands in tuples only
+        raise ValueError(one.wire)
+    return [one._replace(optional=optional)]
 
 
 def _field(name: str, attribute: str, of_pair: int | None, hint: Any) -> MessageField:

@@ -1,174 +1,202 @@
 """Find the features that installed packages add to TEGA: entry-point group ``tega.features``.
 
 A feature is one declaration. Every target is ``"module:object"`` and is imported when it is first needed, so that a
-feature that is not used costs nothing.
+feature that is not used costs nothing. One with a mistake is left out, and named with the next step; the rest works.
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache
+from importlib.metadata import EntryPoint
 from typing import Any
 
-from tega.errors import ConfigError, MissingExtraError, TegaError
-from tega.runtime.plugins import plugin_package, plugins
+from tega.errors import ConfigError, FeatureError, MissingExtraError, TegaError
+from tega.runtime.declaration import Feature, Verb, clash, mistake
+from tega.runtime.plugins import every_plugin, plugin_package
 
-__all__ = ["Broken", "Feature", "Verb", "broken_features", "features", "load_target", "targets"]
+__all__ = ["Broken", "Feature", "Verb", "broken_features", "features", "load_target"]
 
 GROUP = "tega.features"
 
 
-@dataclass(frozen=True, slots=True)
-class Verb:
-    """A verb of the command line.
-
-    Attributes:
-        target: The click command or group, ``"module:object"``.
-        summary: One line for the help.
-        group: Section of the help of ``tega-teleop`` in which it stands.
-    """
-
-    target: str
-    summary: str
-    group: str = "Groups"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Feature:
-    """Everything that one package adds to TEGA; every member is optional.
-
-    Attributes:
-        summary: The feature in one line.
-        settings: Tables of the settings file: the key, and the msgspec type of the table.
-        check: Check of those tables, called as ``check(table, context)`` with a
-            :class:`tega.config.guests.TableContext`; returns the table to use.
-        records: Record types, a tuple of :class:`tega.records.Record` classes.
-        part: Part of a run, called as ``open_part(context)`` with a :class:`tega.loop.parts.PartContext`; returns a
-            :class:`tega.loop.parts.Part`, or ``None`` where this run does not need it.
-        verbs: Verbs by name; a name of two words, such as ``"emg fitts"``, joins a group.
-        checks: Check for ``doctor``, called with the settings; returns findings.
-        panels: Panel of page and terminal, called with the run's bus: it subscribes to its records and publishes
-            :class:`~tega.records.display.DisplayRow` and :class:`~tega.records.display.DisplayPicture`.
-        in_play: Whether its part, with its tables, joins when a recording is played; none that steers or films may.
-        played: Player of its recorded topics for ``play``, a ``Player`` of :mod:`tega.recording.replay.followed_file`.
-        formats: Formats of ``recording export`` by name, each called as ``export(recordings, out, **options)``.
-        streams: Programs for ``run --stream`` by name, each called with the run's bus; returns a context manager that
-            has an attribute ``url`` once it is entered.
-        extra: Extra of the package that brings the libraries it needs.
-        package: Package that declares it; set where the declaration is found.
-    """
-
-    summary: str
-    settings: Mapping[str, str] = field(default_factory=dict)
-    check: str = ""
-    records: str = ""
-    part: str = ""
-    verbs: Mapping[str, Verb] = field(default_factory=dict)
-    checks: str = ""
-    panels: str = ""
-    in_play: bool = False
-    played: str = ""
-    formats: Mapping[str, str] = field(default_factory=dict)
-    streams: Mapping[str, str] = field(default_factory=dict)
-    extra: str = ""
-    package: str = ""
-
-    @property
-    def requirement(self) -> str:
-        """Its package, with the extra that brings the libraries it needs."""
-        return f"{self.package}[{self.extra}]" if self.extra else self.package
-
-
-def load_target(target: str, feature: Feature) -> Any:
-    """Import the object that ``"module:object"`` of a feature names.
+def load_target(target: str, feature: Feature, kind: Any = Callable, words: str = "function or class") -> Any:
+    """Import the object that ``"module:object"`` of a feature names, and check that it is of a kind.
 
     Raises:
         MissingExtraError: Its module needs a package that is not installed.
-        ConfigError: There is no such module or object.
+        ConfigError: There is no such module or object, or it is of another kind.
+        FeatureError: Its module cannot be imported.
     """
     module, _, name = target.partition(":")
+    said, correct = f"feature {feature.name!r}: {target}", f"correct {feature.package}, or update it"
     try:
-        loaded = importlib.import_module(module)
+        loaded = getattr(importlib.import_module(module), name, None)
     except ModuleNotFoundError as error:
         missing = error.name or "a package"
         if "." in missing and f"{module}.".startswith(f"{missing}."):
-            raise _misspelt(target, feature) from error
+            raise ConfigError(f"{said} does not exist", correct) from error
         line = f"pip install '{feature.requirement}'" if feature.extra else f"pip install {missing}"
-        raise MissingExtraError(f"{target} needs {missing!r}: {error}", f"install it with: {line}") from error
-    if not hasattr(loaded, name):
-        raise _misspelt(target, feature)
-    return getattr(loaded, name)
+        raise MissingExtraError(f"{said} needs {missing!r}: {error}", f"install it with: {line}") from error
+    except (Exception, SystemExit) as error:
+        raise FeatureError(f"{said}: {type(error).__name__}: {error}", _way_out(feature)) from error
+    if loaded is None:
+        raise ConfigError(f"{said} does not exist", correct)
+    if not isinstance(loaded, kind):
+        raise ConfigError(f"{said} is {loaded!r}, not a {words}", correct)
+    return loaded
 
 
-def _misspelt(target: str, feature: Feature) -> ConfigError:
-    return ConfigError(
-        f"{target} does not exist", f"correct the declaration in {feature.package}, or update it"
-    )
+def call_feature(
+    feature: Feature, what: str, function: Callable[..., Any], /, *arguments: Any, kind: Any = object
+) -> Any:
+    """Call a function of a feature, ``what`` of it, and return its result.
+
+    Raises:
+        TegaError: As the function raised it.
+        FeatureError: It raised another error, or its result is not of the kind.
+    """
+    try:
+        result = function(*arguments)
+    except TegaError:
+        raise
+    except (Exception, SystemExit) as error:
+        problem = f"{type(error).__name__}: {error}"
+        raise FeatureError(f"feature {feature.name!r}: {what}: {problem}", _way_out(feature)) from error
+    if not isinstance(result, kind):
+        names = " or ".join(one.__name__ for one in (kind if isinstance(kind, tuple) else (kind,)))
+        problem = f"feature {feature.name!r}: {what} returned {result!r}, not {names}"
+        raise FeatureError(problem, _way_out(feature))
+    return result
+
+
+def call_member(feature: Feature, member: str, *arguments: Any, kind: Any = object) -> Any:
+    """Import and call a member of a feature, such as ``"part"``; errors are those of both steps."""
+    target = getattr(feature, member)
+    return call_feature(feature, f"{member} {target}", load_target(target, feature), *arguments, kind=kind)
+
+
+def _way_out(feature: Feature) -> str:
+    """Return how to go on without a feature."""
+    if feature.own:
+        return "run again with --debug and report it"
+    tables = "".join(f"leave out [{key}], or " for key in feature.settings)
+    return f"to go on without it, {tables}pip uninstall {feature.package}; --debug shows where"
 
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """A feature that could not be loaded.
+    """A feature that is left out.
 
     Attributes:
         name: Its name.
         problem: The error, in one line.
         hint: How to repair or remove it.
+        settings: Keys of its tables, as far as they are known.
     """
 
     name: str
     problem: str
     hint: str
+    settings: tuple[str, ...] = ()
+
+    @property
+    def said(self) -> str:
+        """Sentence that it is installed, with the error."""
+        return f"which is installed but could not be loaded: {self.problem}"
 
 
-def features() -> Mapping[str, Feature]:
-    """Return the features of all installed packages by name; those that cannot be loaded are left out."""
-    return _loaded()[0]
+def features() -> dict[str, Feature]:
+    """Return the features of all installed packages by name; those that are left out are not among them."""
+    return dict(_loaded()[0])
+
+
+def having(member: str) -> list[Feature]:
+    """Return the features that give a member, such as ``"part"``."""
+    return [feature for feature in features().values() if getattr(feature, member)]
+
+
+def named(member: str) -> dict[str, tuple[Feature, Any]]:
+    """Return the feature and the value of every name in a member of names, such as ``"formats"``."""
+    return {name: (one, value) for one in having(member) for name, value in getattr(one, member).items()}
 
 
 def broken_features() -> tuple[Broken, ...]:
-    """Return the features that could not be loaded."""
-    return _loaded()[1]
+    """Return the features that are left out."""
+    return tuple(_loaded()[1])
+
+
+def leave_out(feature: Feature, error: TegaError) -> None:
+    """Leave out a feature from now on, and warn of it."""
+    _loaded()[0].pop(feature.name, None)
+    problem = error.message.removeprefix(f"feature {feature.name!r}: ")
+    _warn_of(Broken(feature.name, problem, error.hint, tuple(feature.settings)), _loaded()[1])
+
+
+def author_of(module: str) -> Feature | None:
+    """Return the feature of another package to which a module belongs; ``None`` for none."""
+    top = module.partition(".")[0]
+    return next((one for one in features().values() if one.module == top and not one.own), None)
+
+
+_WARNINGS: dict[str, str] = {}
+_SHOW: list[Callable[[str, str], None]] = []
+
+
+def warn(message: str, hint: str) -> None:
+    """Warn of a feature, once for each message."""
+    if message not in _WARNINGS:
+        _WARNINGS[message] = hint
+        for show in _SHOW:
+            show(message, hint)
+
+
+def show_warnings(show: Callable[[str, str], None]) -> None:
+    """Have ``show(message, hint)`` called with every warning of a feature: those so far, and later ones."""
+    _loaded()
+    _SHOW[:] = [show]
+    for message, hint in _WARNINGS.items():
+        show(message, hint)
+
+
+def _warn_of(feature: Broken, broken: list[Broken]) -> None:
+    broken.append(feature)
+    warn(f"feature {feature.name!r} is left out: {feature.problem}", feature.hint)
 
 
 @cache
-def _loaded() -> tuple[dict[str, Feature], tuple[Broken, ...]]:
-    """Import every declaration; one that fails does not keep the others out."""
+def _loaded() -> tuple[dict[str, Feature], list[Broken]]:
+    """Import every declaration, TEGA's own first; one that fails does not keep the others out."""
     found: dict[str, Feature] = {}
     broken: list[Broken] = []
-    own = {name: not entry.value.startswith("tega.") for name, entry in plugins(GROUP).items()}
-    for name, entry in sorted(plugins(GROUP).items(), key=lambda pair: (own[pair[0]], pair[0])):
-        package = plugin_package(entry)
+    for entry in every_plugin(GROUP):
         try:
-            feature = entry.load()
-        except Exception as error:
-            text = f"{type(error).__name__}: {error}"
-            hint = f"correct the declaration {entry.value}, or update or remove {package}"
-            if isinstance(error, ImportError):
-                hint = f"pip install --force-reinstall {package}, or remove {package}"
-            broken.append(Broken(name, text, hint))
-            continue
-        if isinstance(feature, Feature):
-            found[name] = replace(feature, package=package)
-        else:
-            problem = f"{entry.value} is a {type(feature).__name__}, not a tega.runtime.features.Feature"
-            broken.append(Broken(name, problem, f"update or remove {package}"))
-    return found, tuple(broken)
+            found[entry.name] = _declared(entry, found)
+        except ConfigError as error:
+            _warn_of(Broken(entry.name, error.message, error.hint), broken)
+    return found, broken
 
 
-def targets(member: str) -> Iterator[tuple[str, Any]]:
-    """Yield name and loaded object of every feature that gives a member, such as ``"part"``.
-
-    Raises:
-        TegaError: Its module needs a package that is not installed, or there is no such object.
-    """
-    for name, feature in features().items():
-        target = getattr(feature, member)
-        if not target:
-            continue
-        try:
-            yield name, load_target(target, feature)
-        except TegaError as error:
-            raise type(error)(f"feature {name!r}: {error.message}", error.hint) from error
+def _declared(entry: EntryPoint, found: dict[str, Feature]) -> Feature:
+    """Import a declaration and check it against those that were found; ``ConfigError`` with the next step."""
+    package, module = plugin_package(entry), entry.module.partition(".")[0]
+    correct = f"correct the declaration {entry.value}, or update or remove {package}"
+    try:
+        feature = entry.load()
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ImportError):
+            missing = (error.name or module).partition(".")[0]
+            lacks = isinstance(error, ModuleNotFoundError) and missing != module
+            correct = (
+                f"pip install {missing if lacks else f'--force-reinstall {package}'}, or remove {package}"
+            )
+        raise ConfigError(f"{type(error).__name__}: {error}", correct) from error
+    if not isinstance(feature, Feature):
+        problem = f"{entry.value} is a {type(feature).__name__}, not a tega.runtime.features.Feature"
+        raise ConfigError(problem, correct)
+    feature = replace(feature, name=entry.name, package=package, module=module)
+    if problem := mistake(feature) or clash(feature, found):
+        raise ConfigError(problem, correct)
+    return feature

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from typing import Any
 
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
@@ -13,14 +13,24 @@ from tega.runtime.nearest import nearest_hint
 
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:
-    """Return the entry points of a group by name; imports none of them."""
+    """Return the entry points of a group by name; imports none of them. Of two with one name, TEGA's own counts."""
+    return {entry.name: entry for entry in reversed(every_plugin(group))}
+
+
+def every_plugin(group: str) -> tuple[EntryPoint, ...]:
+    """Return the entry points of a group, TEGA's own first, of these the core's, then by name; imports none of them."""
     return _plugins(group, tuple(sys.path))
 
 
 @cache
-def _plugins(group: str, _path: tuple[str, ...]) -> dict[str, EntryPoint]:
+def _plugins(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     """Read the metadata of every installed package, which takes 10 ms and more: once for each search path."""
-    return {entry.name: entry for entry in entry_points(group=group)}
+
+    def order(entry: EntryPoint) -> tuple[bool, bool, str, str]:
+        package = plugin_package(entry)
+        return package != "tega", not entry.value.startswith("tega."), entry.name, package
+
+    return tuple(sorted(entry_points(group=group), key=order))
 
 
 def find_plugin(group: str, subject: str, name: str) -> EntryPoint:
@@ -59,4 +69,10 @@ def load_plugin(entry: EntryPoint, subject: str) -> Any:
 
 def plugin_package(entry: EntryPoint) -> str:
     """Return the distribution that brings an entry point."""
-    return entry.dist.name if entry.dist is not None else "an unknown package"
+    return _name(entry.dist) if entry.dist is not None else "an unknown package"
+
+
+@cache
+def _name(package: Distribution) -> str:
+    """Read a package's name out of its metadata, which takes a millisecond: once for each package."""
+    return package.name

@@ -37,7 +37,7 @@ from tega.recording.replay.measured import Measured
 from tega.recording.replay.playhead import PlayedItems, Playhead, Track
 from tega.records import ArmTurn, Contact, EmgSamples, HandCommand, HandLook, Haptics, Imposed, Intent, Marker
 from tega.records.bus import Bus
-from tega.runtime.features import targets
+from tega.runtime.features import call_member, having
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.lifecycle import Elsewhere
 from tega.stages.base import MeasuredPicture
@@ -71,7 +71,7 @@ class PlayedRun(Part):
         self._closing = threading.Event()
         self._snapshot: PlayedMoment | None = None
         self.facts: dict[str, Any] = {}
-        self._players: list[Player] = [player() for _, player in targets("played")]
+        self._players: list[Player] = [call_member(feature, "played") for feature in having("played")]
         for player in self._players:
             player.listen(feed.bus)
 

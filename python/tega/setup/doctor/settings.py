@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable
 from typing import Final
 
+import msgspec
+
 from tega.config import SessionConfig
+from tega.errors import TegaError
 from tega.loop.rig import names_input
-from tega.runtime.features import targets
+from tega.runtime.features import Feature, call_feature, call_member, having
 from tega.setup.doctor.arm import check_arm
 from tega.setup.doctor.bench import try_all
 from tega.setup.doctor.calibration import check_calibration
@@ -39,9 +43,23 @@ def examine(
     findings = try_all([case for case in cases if id(case) not in left], deadline_s)
     calibration = check_calibration(config, settings=settings or name)
     others = [finding for _, finding in twice] + check_arm(config)
-    for _, check in targets("checks"):
-        others += check(config)
+    for feature in having("checks"):
+        others += _of_feature(feature, config)
     return Examination(settings=name, findings=(*no_input, *findings, *others, *calibration))
+
+
+def _of_feature(feature: Feature, config: SessionConfig) -> list[Finding]:
+    """Return the findings of a feature's check, or one that the check fails."""
+    try:
+        found = call_member(feature, "checks", config)
+        findings: list[Finding] = call_feature(feature, f"checks {feature.checks}", _findings, found)
+    except TegaError as error:
+        return [Finding(check=feature.name, status="error", finding=error.message, todo=(error.hint,))]
+    return findings
+
+
+def _findings(found: Iterable[Finding]) -> list[Finding]:
+    return msgspec.convert(msgspec.to_builtins(list(found)), list[Finding])
 
 
 def _no_input(config: SessionConfig) -> list[Finding]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tega.errors import MissingExtraError
-from tega.runtime.features import Feature, features, load_target
+from tega.errors import MissingExtraError, TegaError
+from tega.runtime.features import load_target, named, warn
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.options import echo_json, json_option, progress_bar
 
@@ -20,16 +19,14 @@ _TABLES = ("csv", "parquet")
 def _guest_formats() -> dict[str, ExportFormat]:
     """Return the formats of features by name; one that cannot be loaded is left out."""
     found: dict[str, ExportFormat] = {}
-    for name, (target, feature) in _targets().items():
-        with contextlib.suppress(MissingExtraError):
-            found[name] = load_target(target, feature)
+    for name, (feature, target) in named("formats").items():
+        try:
+            found[name] = load_target(target, feature, ExportFormat, "ExportFormat")
+        except MissingExtraError:
+            pass  # named where the format is chosen
+        except TegaError as error:
+            warn(f"format {name!r} is left out: {error.message}", error.hint)
     return found
-
-
-def _targets() -> dict[str, tuple[str, Feature]]:
-    return {
-        name: (target, feature) for feature in features().values() for name, target in feature.formats.items()
-    }
 
 
 class _Export(click.Command):
@@ -42,11 +39,12 @@ class _Export(click.Command):
 
 
 def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
-    known = (*_TABLES, *_targets())
-    if value in _targets():
-        load_target(*_targets()[value])  # names the package that it lacks
-    elif value not in known:
-        raise click.BadParameter(f"{value!r} is not one of {', '.join(known)}")
+    guests = named("formats")
+    if value in guests:
+        feature, target = guests[value]
+        load_target(target, feature, ExportFormat, "ExportFormat")  # names the package that it lacks
+    elif value not in _TABLES:
+        raise click.BadParameter(f"{value!r} is not one of {', '.join((*_TABLES, *guests))}")
     return value
 
 

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import click
 
-from tega.runtime.features import Feature, Verb, features, load_target
+from tega.runtime.features import Feature, Verb, load_target, named
 
 
 def guest_verbs(group: str = "") -> dict[str, tuple[Feature, Verb]]:
     """Return the verbs that features add, by name: those of a group, or those of ``tega-teleop`` itself."""
     prefix = f"{group} " if group else ""
     return {
-        name.removeprefix(prefix): (feature, verb)
-        for feature in features().values()
-        for name, verb in feature.verbs.items()
+        name.removeprefix(prefix): found
+        for name, found in named("verbs").items()
         if name.startswith(prefix) and " " not in name.removeprefix(prefix)
     }
 
 
 def guest_command(feature: Feature, verb: Verb) -> click.Command:
     """Import the command of a feature's verb."""
-    command: click.Command = load_target(verb.target, feature)
+    command: click.Command = load_target(verb.target, feature, click.Command, "click command")
     return command
 
 
@@ -30,6 +29,14 @@ class GuestGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """List the own verbs and those of features."""
         return sorted({*super().list_commands(ctx), *guest_verbs(self.name or "")})
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the verbs; those of features by their declaration, so that none is imported."""
+        guests = {
+            name: click.Command(name, short_help=verb.summary)
+            for name, (_, verb) in guest_verbs(self.name or "").items()
+        }
+        click.Group(commands=guests | self.commands).format_commands(ctx, formatter)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a verb of the group."""

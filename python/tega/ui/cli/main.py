@@ -8,90 +8,64 @@ import sys
 import traceback
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
 from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
 from tega.runtime.checkout_tools import needs_tools
-from tega.runtime.features import broken_features
+from tega.runtime.features import Verb, author_of, show_warnings
 from tega.ui.cli.guest_group import guest_command, guest_verbs
 
 EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
 
 
-class _Verb(NamedTuple):
-    group: str
-    module: str
-    function: str
-    summary: str
-
-
 # The summaries stand here so that `--help` imports no verb.
 _VERBS = {
-    "run": _Verb("Start", "tega.ui.cli.run", "run", "Run a session on the devices of a settings file."),
-    "replay": _Verb(
-        "Start", "tega.ui.cli.replay", "replay", "Run the loop on pictures and EMG from files; write tables."
+    "run": Verb("tega.ui.cli.run:run", "Run a session on the devices of a settings file.", "Start"),
+    "replay": Verb(
+        "tega.ui.cli.replay:replay", "Run the loop on pictures and EMG from files; write tables.", "Start"
     ),
-    "verify": _Verb(
-        "Start", "tega.ui.cli.verify", "verify", "Re-run a recording and check that the output is identical."
+    "verify": Verb(
+        "tega.ui.cli.verify:verify", "Re-run a recording and check that the output is identical.", "Start"
     ),
-    "play": _Verb("Start", "tega.ui.cli.play", "play", "Play a recording on the vest and the hand."),
-    "init": _Verb(
-        "Prepare", "tega.ui.cli.init", "init", "Write a settings file for the devices that are plugged in."
+    "play": Verb("tega.ui.cli.play:play", "Play a recording on the vest and the hand.", "Start"),
+    "init": Verb(
+        "tega.ui.cli.init:init", "Write a settings file for the devices that are plugged in.", "Prepare"
     ),
-    "doctor": _Verb(
-        "Prepare", "tega.ui.cli.doctor", "doctor", "Check the devices; print each problem with its fix."
+    "doctor": Verb(
+        "tega.ui.cli.doctor:doctor", "Check the devices; print each problem with its fix.", "Prepare"
     ),
-    "calibrate": _Verb(
-        "Prepare",
-        "tega.ui.cli.calibrate",
-        "calibrate",
-        "Calibrate fingertips, muscles and vest for a person.",
+    "calibrate": Verb(
+        "tega.ui.cli.calibrate:calibrate", "Calibrate fingertips, muscles and vest for a person.", "Prepare"
     ),
-    "stages": _Verb(
-        "Prepare", "tega.ui.cli.stages", "stages", "List metrics, decoders, mappings and layouts."
+    "stages": Verb("tega.ui.cli.stages:stages", "List metrics, decoders, mappings and layouts.", "Prepare"),
+    "devices": Verb(
+        "tega.ui.cli.devices:devices", "List the drivers, and the devices that they see.", "Prepare"
     ),
-    "devices": _Verb(
-        "Prepare", "tega.ui.cli.devices", "devices", "List the drivers, and the devices that they see."
-    ),
-    "audit": _Verb(
-        "Examine",
-        "tega_figures.audit.command",
-        "audit",
+    "audit": Verb(
+        "tega_figures.audit.command:audit",
         "Compare readings of the contact equations on a recording.",
-    ),
-    "bench": _Verb(
-        "Examine", "tega_figures.bench.command", "bench", "Measure the run time and error of each kernel."
-    ),
-    "soak": _Verb(
         "Examine",
-        "tega_campaigns.soak.command",
-        "soak",
+    ),
+    "bench": Verb(
+        "tega_figures.bench.command:bench", "Measure the run time and error of each kernel.", "Examine"
+    ),
+    "soak": Verb(
+        "tega_campaigns.soak.command:soak",
         "Run all emulated devices for long, with random faults.",
+        "Examine",
     ),
-    "recording": _Verb(
-        "Groups", "tega.ui.cli.recording", "recording", "Inspect, export, trim and merge recordings."
+    "recording": Verb("tega.ui.cli.recording:recording", "Inspect, export, trim and merge recordings."),
+    "emg": Verb("tega.ui.cli.emg:emg", "Fit a decoder to a person; compare and score decoders."),
+    "vest": Verb(
+        "tega.ui.cli.vest:vest", "Switch motors on one at a time; measure how long they take to start."
     ),
-    "emg": _Verb(
-        "Groups", "tega.ui.cli.emg", "emg", "Fit a decoder to a person; compare and score decoders."
+    "hand": Verb("tega.ui.cli.hand:hand", "Check the robot hand, teach its closure poses, time its loop."),
+    "arm": Verb(
+        "tega.ui.cli.arm:arm", "Check a Franka robot; align the forearm's tracker with the operator."
     ),
-    "vest": _Verb(
-        "Groups",
-        "tega.ui.cli.vest",
-        "vest",
-        "Switch motors on one at a time; measure how long they take to start.",
-    ),
-    "hand": _Verb(
-        "Groups", "tega.ui.cli.hand", "hand", "Check the robot hand, teach its closure poses, time its loop."
-    ),
-    "arm": _Verb(
-        "Groups",
-        "tega.ui.cli.arm",
-        "arm",
-        "Check a Franka robot; align the forearm's tracker with the operator.",
-    ),
-    "config": _Verb("Groups", "tega.ui.cli.config", "config", "Show or check a settings file."),
+    "config": Verb("tega.ui.cli.config:config", "Show or check a settings file."),
 }
 
 # What a verb was called before: it runs, and says what it is called now.
@@ -122,7 +96,8 @@ class _Verbs(click.Group):
             guest = guest_verbs().get(cmd_name)
             return None if guest is None else guest_command(*guest)
         with needs_tools(f"tega-teleop {cmd_name}"):
-            command: click.Command = getattr(importlib.import_module(verb.module), verb.function)
+            module, _, function = verb.target.partition(":")
+            command: click.Command = getattr(importlib.import_module(module), function)
         return command
 
     def resolve_command(
@@ -140,11 +115,9 @@ class _Verbs(click.Group):
             ) from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        rows = [(verb.group, name, verb.summary) for name, verb in _VERBS.items()]
-        rows += [(verb.group, name, verb.summary) for name, (_, verb) in guest_verbs().items()]
-        groups = dict.fromkeys((*_GROUPS, *(group for group, _, _ in rows)))
-        for group in groups:
-            if found := [(name, summary) for where, name, summary in rows if where == group]:
+        verbs = _VERBS | {name: verb for name, (_, verb) in guest_verbs().items()}
+        for group in dict.fromkeys((*_GROUPS, *(verb.group for verb in verbs.values()))):
+            if found := [(name, verb.summary) for name, verb in verbs.items() if verb.group == group]:
                 with formatter.section(group):
                     formatter.write_dl(found)
 
@@ -204,9 +177,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words and (now := _EARLIER.get(words[0])):
         click.echo(f"note: {words[0]} is now: tega-teleop {now}", err=True)
         words[:1] = now.split()
-    for feature in broken_features():
-        click.echo(f"warning: feature {feature.name!r} is left out: {feature.problem}", err=True)
-        click.echo(f"hint: {feature.hint}", err=True)
+    show_warnings(_warn)
     try:
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:
@@ -236,11 +207,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _notify(f"{where}{error.strerror or error}", "", debug=debug)
         sys.exit(EXIT_FAILED)
     except Exception as error:  # the last resort: no traceback unless asked for
-        _notify(
-            f"unexpected {type(error).__name__}: {error}", "run again with --debug and report it", debug=debug
-        )
+        author = _author(error)
+        problem = f"unexpected {type(error).__name__}{f' in {author}' if author else ''}: {error}"
+        whom = f" to the authors of {author}" if author else ""
+        _notify(problem, f"run again with --debug and report it{whom}", debug=debug)
         sys.exit(EXIT_FAILED)
     sys.exit(result if isinstance(result, int) else 0)
+
+
+def _author(error: BaseException) -> str:
+    """Return the package of the feature in whose code, or by whose call, an error arose; ``""`` for TEGA's own."""
+    modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return next((feature.package for one in reversed(modules) if (feature := author_of(one))), "")
+
+
+def _warn(message: str, hint: str) -> None:
+    click.echo(f"warning: {message}", err=True)
+    click.echo(f"hint: {hint}", err=True)
 
 
 def _usage(error: click.UsageError) -> None:

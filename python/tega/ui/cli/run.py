@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from tega.runtime.features import features, load_target
+from tega.runtime.features import call_feature, load_target, named
 from tega.ui.cli.options import json_option, sets_option, stop_keys, worn_by
 from tega.ui.cli.page import open_page, run_viewed, view_options
 
@@ -20,19 +20,18 @@ if TYPE_CHECKING:
 
 def stream_names() -> list[str]:
     """Return the names of all streams."""
-    return sorted(name for feature in features().values() for name in feature.streams)
+    return sorted(named("streams"))
 
 
 @contextmanager
 def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
     """Stream the records on a bus for the duration of the block; the address is printed on stderr."""
-    found = {
-        name: (target, feature) for feature in features().values() for name, target in feature.streams.items()
-    }
     with ExitStack() as stack:
         for name in dict.fromkeys(names):
-            stream = stack.enter_context(load_target(*found[name])(bus))
-            click.echo(f"{name}: {stream.url}", err=True)
+            feature, target = named("streams")[name]
+            make = load_target(target, feature)
+            made = call_feature(feature, f"stream {target}", make, bus, kind=AbstractContextManager)
+            click.echo(f"{name}: {stack.enter_context(made).url}", err=True)
         yield
 
 

@@ -1,0 +1,462 @@
+"""A feature of another package with any mistake is named with the next step, and everything else works."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from tega.config import SessionConfig, check_tree
+from tega.errors import ConfigError, FeatureError, TegaError
+from tega.loop import run_session
+from tega.records import Marker, types
+from tega.records.bus import Bus
+from tega.records.display import DisplayRows
+from tega.runtime import features as loader
+from tega.runtime.declaration import OWN_NAMES
+from tega.runtime.features import Feature, broken_features, features, load_target
+from tega.setup.doctor.settings import examine
+from tega.ui.cli import main as command_line
+from tega.ui.cli.guest_group import GuestGroup
+
+Install = Callable[..., None]
+
+
+def checked(tree: dict[str, Any]) -> SessionConfig:
+    """Return the settings of a tree."""
+    return check_tree(tree, {}, base=Path()).config
+
+
+GOOD = """
+from tega.runtime.features import Feature, Verb
+FEATURE = Feature(summary="Load.", {members})
+"""
+MEMBERS = """
+from typing import Annotated, Any, ClassVar
+import click, msgspec
+from tega.loop.parts import Part
+from tega.records import Contact, Marker, Record
+from tega.records.base import Count, Ns, quantity
+from tega.setup.doctor import Finding
+
+class Table(msgspec.Struct):
+    warn_n: float = 1.0
+
+class Load(Record, frozen=True, kw_only=True):
+    topic: ClassVar[str] = "/load"
+    t_ns: Ns
+    fingers: Count
+
+class Extra(Record, frozen=True, kw_only=True):
+    topic: ClassVar[str] = "/load/extra"
+    t_ns: Ns
+
+RECORDS = (Load,)
+
+class LoadPart(Part):
+    pass
+
+{code}
+
+def open_part(context):
+    part = LoadPart()
+    part.bus = context.bus
+    return part
+"""
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Return a function that installs a package with a feature, as an installer leaves it, for this test."""
+    modules: list[str] = []
+
+    def forget() -> None:
+        loader._loaded.cache_clear()
+        loader._WARNINGS.clear()
+        loader._SHOW.clear()
+        types.record_types.cache_clear()
+
+    def add(
+        members: str = "", code: str = "", *, name: str = "load", of: str = "tega-load", head: str = ""
+    ) -> None:
+        package = of.replace("-", "_")
+        modules.extend((package, f"{package}.members"))
+        site = tmp_path / of
+        info = site / f"{package}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {of}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[tega.features]\n{name} = {package}:FEATURE\n")
+        (site / package).mkdir()
+        (site / package / "__init__.py").write_text(head + GOOD.format(members=members))
+        (site / package / "members.py").write_text(MEMBERS.format(code=code))
+        monkeypatch.syspath_prepend(str(site))
+        forget()
+
+    forget()
+    yield add
+    for module in modules:
+        sys.modules.pop(module, None)
+    monkeypatch.undo()
+    forget()
+
+
+def left_out(name: str = "load") -> str:
+    """Return why a feature is left out, with the next step, after everything of TEGA's own was found."""
+    types.record_types()
+    assert {"recording", "output", "sim", "scene", "study"} <= features().keys()
+    (one,) = (one for one in broken_features() if one.name == name)
+    assert one.hint
+    return f"{one.problem}; {one.hint}"
+
+
+RECORDS = 'records="tega_load.members:RECORDS"'
+
+
+def record(topic: str, fields: str = "t_ns: Ns", name: str = "Odd", more: str = "") -> str:
+    """Return the code of a record type that becomes the feature's only one."""
+    lines = (f"class {name}(Record, frozen=True, kw_only=True):", f"    topic: ClassVar[str] = {topic!r}")
+    return "\n".join((*lines, f"    {more}\n    {fields}", f"RECORDS = ({name},)"))
+
+
+@pytest.mark.parametrize(
+    ("members", "code", "named"),
+    [
+        ("settings='load'", "", "settings is 'load', not a Mapping[str, str]"),
+        ("settings={'load': 3}", "", "settings['load'] is 3, not a str"),
+        ("records=(int,)", "", "records is (<class 'int'>,), not a str"),
+        ("part=print", "", "part is <built-in function print>, not a str"),
+        ("in_play='no'", "", "in_play is 'no', not a bool"),
+        ("verbs={'load': 'm:load'}", "", "verbs['load'] is 'm:load', not a Verb"),
+        ("verbs={'load': Verb('m:load', None)}", "", "verbs['load'].summary is None, not a str"),
+        ("verbs={'run': Verb('m:f', 's')}", "", "verbs: the name 'run' is taken by TEGA"),
+        ("verbs={'export': Verb('m:f', 's')}", "", "verbs: the name 'export' is taken by TEGA"),
+        ("verbs={'emg fit': Verb('m:f', 's')}", "", "verbs: the name 'emg fit' is taken by TEGA"),
+        ("verbs={'demo': Verb('m:f', 's')}", "", "verbs: the name 'demo' is taken by feature 'sim'"),
+        ("verbs={'egm load': Verb('m:f', 's')}", "", "'egm load' joins no group: there is no group 'egm'"),
+        ("verbs={'emg load now': Verb('m:f', 's')}", "", "'emg load now' is neither one word nor two"),
+        ("settings={'emg': 'm:T'}", "", "settings: the name 'emg' is taken by TEGA"),
+        ("settings={'scene': 'm:T'}", "", "settings: the name 'scene' is taken by feature 'scene'"),
+        ("formats={'csv': 'm:F'}", "", "formats: the name 'csv' is taken by TEGA"),
+        ("streams={'rerun': 'm:S'}", "", "streams: the name 'rerun' is taken by feature 'viewers'"),
+        ("records='tega_load.members:RECORD'", "", "tega_load.members:RECORD does not exist"),
+        ("records='tega_load.members:Load'", "", "not a tuple of Record classes"),
+        (RECORDS, "RECORDS = (int,)", "RECORDS holds <class 'int'>, not a Record class"),
+        (RECORDS, "raise ValueError('boom')", "tega_load.members:RECORDS: ValueError: boom"),
+        (RECORDS, record("/load/{nix}"), "its topic /load/{nix} has no field 'nix' to stand for"),
+        (RECORDS, record(""), "has the topic ''"),
+        (RECORDS, record("/touch/event"), "has the topic of tega.records.touch.Event"),
+        (RECORDS, record("/tactile/thumb/contact"), "has the topic of tega.records.touch.Contact"),
+        (RECORDS, record("/odd", name="Contact"), "has the name of tega.records.touch.Contact"),
+        (RECORDS, record("/odd", more='schema: ClassVar[str] = "Contact"'), "sets its schema to 'Contact'"),
+        (RECORDS, record("/odd", more='schema: ClassVar[str] = "foxglove.Grid"'), "sets its schema to 'foxglove.Grid'"),
+        (RECORDS, record("/odd", "held: dict[str, int]"), "field held has the type"),
+        (RECORDS, record("/odd", "held: Annotated[int, msgspec.Meta(ge=0)]"), "field held has the type"),
+        (RECORDS, record("/odd", "held: 'Unknown'"), "name 'Unknown' is not defined"),
+        (RECORDS, record("/odd", "held: Annotated[int, quantity('1', 'int33')]"), "field held has the type"),
+        (RECORDS, record("/odd", "held: Table"), "field held has the type"),
+    ],
+)  # fmt: skip
+def test_a_bad_declaration_is_left_out_and_named(
+    install: Install, members: str, code: str, named: str
+) -> None:
+    install(members, code)
+    assert named in left_out()
+    assert "load" not in features()
+    assert len(types.record_types()) > 20
+
+
+@pytest.mark.parametrize(
+    ("head", "named"),
+    [
+        ("import no_such_lib\n", "pip install no_such_lib, or remove tega-load"),
+        ("import tega_load.gone\n", "pip install --force-reinstall tega-load, or remove tega-load"),
+        ("raise SystemExit(7)\n", "SystemExit: 7; correct the declaration tega_load:FEATURE"),
+    ],
+)
+def test_a_declaration_that_is_not_imported_is_named(install: Install, head: str, named: str) -> None:
+    install(head=head)
+    assert named in left_out()
+
+
+def test_ctrl_c_while_a_declaration_is_imported_stops(install: Install) -> None:
+    install(head="raise KeyboardInterrupt\n")
+    with pytest.raises(KeyboardInterrupt):
+        features()
+
+
+def test_tega_s_own_come_first_and_the_later_of_two_is_left_out(install: Install) -> None:
+    install(name="sim", of="a-load")
+    assert "the entry point 'sim' has the name of a feature of tega" in left_out("sim")
+    assert features()["sim"].package == "tega"
+    install("settings={'load': 'm:T'}", name="one", of="b-load")
+    install("settings={'load': 'm:T'}", name="two", of="c-load")
+    assert "the name 'load' is taken by feature 'one'" in left_out("two")
+    assert features()["one"].package == "b-load"
+
+
+def test_tega_s_own_names_are_all_there() -> None:
+    verbs = {*command_line._VERBS, *command_line._EARLIER}
+    for name in command_line._VERBS:
+        group = command_line.cli.get_command(click.Context(command_line.cli), name)
+        if isinstance(group, GuestGroup):
+            verbs |= {f"{name} {verb}" for verb in group.commands}
+    assert set(OWN_NAMES["verbs"]) == verbs
+    assert set(OWN_NAMES["settings"]) == set(SessionConfig.__struct_fields__)
+
+
+@pytest.mark.parametrize("member", ["part", "checks", "panels", "played"])
+def test_a_target_of_another_kind_names_member_value_and_kind(install: Install, member: str) -> None:
+    install(f"{member}='tega_load.members:odd'", "odd = 'text'")
+    with pytest.raises(
+        ConfigError, match=r"'load': tega_load\.members:odd is 'text', not a function or class"
+    ):
+        loader.call_member(features()["load"], member)
+
+
+def test_a_table_of_a_feature_that_is_left_out_is_refused_with_the_error(install: Install) -> None:
+    tree = {"load": {"warn_n": 2.0}}
+    install("settings={'load': 'tega_load.members:Table'}, " + RECORDS, record("/touch/event"))
+    checked({})
+    assert not broken_features()  # nothing of it is imported for settings without its table
+    with pytest.raises(ConfigError, match="load: unknown key") as refused:
+        checked(tree)
+    assert "'load', which is installed but could not be loaded: record" in refused.value.hint
+
+
+def test_a_feature_that_is_not_imported_is_named_by_recordings_and_settings(install: Install) -> None:
+    from tega.recording.absent import absent_features
+
+    install(head="import no_such_lib\n")
+    (text,) = absent_features({"features": {"load": "tega-load"}})
+    assert "'load', which is installed but could not be loaded: ModuleNotFoundError" in text
+    assert "not installed here" not in text
+    with pytest.raises(ConfigError) as refused:
+        checked({"load": {"warn_n": 2.0}})
+    assert "installed but could not be loaded: ModuleNotFoundError" in refused.value.hint
+
+
+@pytest.mark.parametrize(
+    ("code", "named"),
+    [
+        ("def check(table): return table", r"check tega_load.members:check: TypeError: check\(\) takes 1"),
+        ("def check(table, context): pass", "check tega_load.members:check returned None, not Table"),
+    ],
+)
+def test_a_check_that_fails_is_named(install: Install, code: str, named: str) -> None:
+    install("settings={'load': 'tega_load.members:Table'}, check='tega_load.members:check'", code)
+    with pytest.raises(FeatureError, match=f"feature 'load': {named}") as refused:
+        checked({"load": {}})
+    assert "leave out [load], or pip uninstall tega-load" in refused.value.hint
+
+
+@pytest.mark.parametrize(
+    ("code", "named"),
+    [
+        ("", "tega_load.members:check does not exist"),
+        ("def check(config): return None", "TypeError"),
+        ("def check(config): return 'fine'", "ValidationError"),
+        ("def check(config): return 1 / 0", "ZeroDivisionError: division by zero"),
+        ("def check(config): return [Finding(check='x', status='odd', finding='x')]", "Invalid enum value 'odd'"),
+    ],
+)  # fmt: skip
+def test_a_check_of_doctor_that_fails_is_a_finding(install: Install, code: str, named: str) -> None:
+    install("checks='tega_load.members:check'", code)
+    found = examine(checked({"vest": {"driver": "on-screen-vest"}}), name="lab.toml").findings
+    (one,) = (one for one in found if one.check == "load")
+    assert one.status == "error"
+    assert "feature 'load'" in one.finding
+    assert named in one.finding
+    assert one.todo
+    assert len(found) > 1
+
+
+def test_a_panel_that_fails_is_left_out_once(install: Install) -> None:
+    install("panels='tega_load.members:panel'", "def panel(bus): raise ValueError('boom')")
+    warnings: list[str] = []
+    loader.show_warnings(lambda message, _hint: warnings.append(message))
+    for display in ("terminal", "page"):
+        assert DisplayRows(Bus(), display)() == {}
+    assert warnings == [
+        "a panel is left out: feature 'load': panels tega_load.members:panel: ValueError: boom"
+    ]
+
+
+@pytest.mark.parametrize("verb", ["load", "emg load"])
+def test_an_error_in_a_verb_names_its_package(
+    install: Install, verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(
+        f"verbs={{{verb!r}: Verb('tega_load.members:verb', 'Loads.', 'Examine')}}",
+        "@click.command()\ndef verb(): click.open_file(None)",
+    )
+    with pytest.raises(SystemExit) as ended:
+        command_line.main(verb.split())
+    assert ended.value.code == 1
+    assert "report it to the authors of tega-load" in capsys.readouterr().err
+
+
+def test_help_imports_no_verb_and_a_bad_one_is_named(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install("verbs={'emg load': Verb('tega_load.members:odd', 'Loads it all.')}", "odd = 'text'")
+    with pytest.raises(SystemExit) as ended:
+        command_line.main(["emg", "--help"])
+    assert ended.value.code == 0
+    assert "Loads it all." in capsys.readouterr().out
+    assert "tega_load.members" not in sys.modules
+    with pytest.raises(SystemExit) as ended:
+        command_line.main(["emg", "load"])
+    assert ended.value.code == 1
+    assert "'load': tega_load.members:odd is 'text', not a click command" in capsys.readouterr().err
+
+
+def test_a_bad_format_is_named_and_the_tables_are_there(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install("formats={'loads': 'tega_load.members:odd'}", "odd = 'text'")
+    with pytest.raises(SystemExit) as ended:
+        command_line.main(["recording", "export", "--help"])
+    assert ended.value.code == 0
+    assert "format 'loads' is left out: feature 'load': tega_load.members:odd" in capsys.readouterr().err
+
+
+def run(folder: Path, **members: Any) -> tuple[dict[str, Any], dict[str, int]]:
+    """Run two seconds of synthetic touch; return the summary, and the recorded messages by topic."""
+    from tega.recording.mcap_reader import McapReader
+
+    tree = {
+        "session": {"pace": "fast", "duration_s": 2.0},
+        "tactile": {"thumb": {"driver": "synthetic-touch"}, "index": {"driver": "synthetic-touch"}},
+        "recording": {"dir": str(folder / "recorded"), "stop_free_mib": 0.0},
+        **members,
+    }
+    summary = run_session(checked(tree))
+    counts: dict[str, int] = {}
+    for message in McapReader(folder / "recorded" / summary["recording"]["file"]).messages():
+        counts[message.topic] = counts.get(message.topic, 0) + 1
+    assert summary["recording"]["state"] == "complete"
+    assert summary["recording"]["duration_s"] >= 1.9
+    assert counts["/tactile/thumb/contact"] > 10
+    json.dumps(summary)
+    return summary, counts
+
+
+PUBLISHES = """
+def begin(self, run):
+    self.bus.subscribe(Contact, self.publish, name="load")
+def publish(self, contact):
+    self.bus.publish({record})
+LoadPart.begin, LoadPart.publish = begin, publish
+"""
+PART = "part='tega_load.members:open_part', " + RECORDS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("published", "named"),
+    [
+        ("Extra(t_ns=contact.t_ns)", "Extra is not in the records of the feature 'load'"),
+        ("Marker(t_ns=contact.t_ns, text=3, source='load')", ""),
+    ],
+)
+def test_a_record_that_cannot_be_recorded_costs_itself_only(
+    install: Install, tmp_path: Path, caplog: pytest.LogCaptureFixture, published: str, named: str
+) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    install(PART, PUBLISHES.format(record=published))
+    summary, counts = run(tmp_path)
+    assert not any(topic.startswith("/load") for topic in counts)
+    if named:
+        assert named in caplog.text
+        assert any(named in text for text in summary["safety"]["alerts"])
+    else:
+        assert f"a record of {Marker.topic} is left out: TypeError" in caplog.text
+        assert summary["recording"]["dropped"][Marker.topic] > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hook", ["end", "ended", "summary", "notes", "finish", "displayed"])
+@pytest.mark.parametrize("does", ["raises", "rubbish"])
+def test_a_part_that_fails_at_the_end_costs_itself_only(
+    install: Install, tmp_path: Path, hook: str, does: str
+) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    body = {
+        "raises": "raise ValueError('boom')",
+        "rubbish": "[d.update(odd={1}) for d in given]; return 'odd'",
+    }
+    body["rubbish"] = body["rubbish"] if hook == "finish" else "return 'odd'"
+    install(PART, f"def hook(self, *given): {body[does]}\nLoadPart.{hook} = hook")
+    if hook == "displayed":
+        from tega.loop.snapshot import Snapshot
+
+        bus = Bus()
+        bus.subscribe(Snapshot, lambda _snapshot: None, name="test")
+        tree = {
+            "session": {"pace": "fast", "duration_s": 1.0},
+            "tactile": {"thumb": {"driver": "synthetic-touch"}},
+        }
+        summary = run_session(checked(tree), bus=bus)
+    else:
+        summary, _ = run(tmp_path)
+    assert "odd" not in summary
+    named = [note for note in summary["notes"] if "feature 'load'" in note]
+    expected = 0 if does == "rubbish" and hook in {"end", "ended"} else 1  # what they return is nobody's
+    assert len(named) == expected
+    assert all(f"{hook}()" in note for note in named)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("body", "named"),
+    [
+        ("1 / 0", "feature 'load': alerts: 'load': ZeroDivisionError: division by zero"),
+        ("None", "feature 'load': alerts: 'load' returned None, not str"),
+    ],
+)
+def test_an_alert_that_fails_stops_the_run_with_the_feature_s_name(
+    install: Install, tmp_path: Path, body: str, named: str
+) -> None:
+    install(PART, f"LoadPart.alerts = lambda self: {{'load': lambda: {body}}}")
+    with pytest.raises(FeatureError) as stopped:
+        run(tmp_path)
+    assert stopped.value.message == named
+    assert "to go on without it, pip uninstall tega-load" in stopped.value.hint
+    assert not list((tmp_path / "recorded").glob("*.part"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("code", "named"),
+    [
+        ("open_parts = 'text'", "is 'text', not a function or class"),
+        (
+            "def open_parts(context): raise ValueError('boom')",
+            "part tega_load.members:open_parts: ValueError: boom",
+        ),
+        ("LoadPart.alerts = lambda self: 'text'", "alerts() returned 'text', not Mapping"),
+        ("LoadPart.prepared = lambda self, prepared: None", "prepared() returned None, not Prepared"),
+        ("class LoadPart:\n    pass", "open_part returned <tega_load.members.LoadPart"),
+    ],
+)
+def test_a_part_of_the_wrong_kind_is_named(install: Install, tmp_path: Path, code: str, named: str) -> None:
+    target = "open_parts" if "open_parts" in code else "open_part"
+    install(f"part='tega_load.members:{target}'", code)
+    with pytest.raises(TegaError, match="feature 'load'") as refused:
+        run(tmp_path)
+    assert named in refused.value.message
+
+
+def test_a_good_feature_is_loaded(install: Install) -> None:
+    install(PART + ", settings={'load': 'tega_load.members:Table'}, verbs={'emg load': Verb('m:f', 's')}")
+    types.record_types()
+    assert not broken_features()
+    assert features()["load"].package == "tega-load"
+    assert import_module("tega_load.members").Load in types.record_types()
+    assert isinstance(load_target("tega_load.members:open_part", Feature(summary="")), object)
