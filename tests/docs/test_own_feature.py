@@ -99,6 +99,11 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     rows = (tmp_path / "grips" / f"{file.stem}-grips.csv").read_text().splitlines()
     assert rows[0] == "t_s,fingers"
     assert {row.split(",")[1] for row in rows[1:]} == {"2"}
+    (tmp_path / "to.toml").write_text('session.out_dir = "played"\n[grip]\nfirm_from = 2\n')
+    played, _ = json.JSONDecoder().raw_decode(
+        tega(installed, tmp_path, "play", str(file), "--to", "to.toml", "--speed", "max", "--json")
+    )
+    assert played["grip"]["firm"] == firm
     tega(installed, tmp_path, "recording", "export", str(file), "--out", "tables")
     assert any("grip" in path.name for path in (tmp_path / "tables").iterdir())
 

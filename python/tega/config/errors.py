@@ -70,7 +70,7 @@ def explain(
         if 0 < len(elsewhere) <= _MOST_ELSEWHERE:
             hint = f"did you mean {' or '.join(map(repr, elsewhere))}?"
         elif not key and isinstance(_value_at(value, name, ""), dict | list):
-            hint = f"{_of_feature(name)}; else {hint}"
+            hint = _of_feature(name, hint)
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
     if (missing := re.match(r"Object missing required field `(.*)`", subject)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")
@@ -80,12 +80,17 @@ def explain(
     return ConfigError(f"{_origin(origins, key)}: {_wrong_value(key, value, subject)}", _choices(kind))
 
 
-def _of_feature(name: str) -> str:
-    """Return what to do if an unknown table is that of a feature: one that is left out, or one that is missing."""
+def _of_feature(name: str, otherwise: str) -> str:
+    """Return what to do with an unknown table, which may be that of a feature that is left out or missing."""
     for one in broken_features():
+        whose = f"of the feature {one.name!r}, {one.said}; {one.hint}"
         if not one.settings or name in one.settings:
-            return f"if this is a table of the feature {one.name!r}, {one.said}: {one.hint}"
-    return "if this is a feature's table, install its package"
+            return (
+                f"this is a table {whose}"
+                if one.settings
+                else f"if this is a table {whose}; else {otherwise}"
+            )
+    return f"if this is a feature's table, install its package; else {otherwise}"
 
 
 def wrong_value(error: msgspec.ValidationError, tree: Any) -> str:

@@ -18,7 +18,7 @@ _REQUIREMENT: Final = re.compile(r"[A-Za-z0-9][\w.-]{0,63}(\[[\w,-]{1,64}\])?", 
 
 def absent_features(metadata: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Return a sentence for each feature of a recording's tables that is not installed or not loaded here."""
-    broken = {one.name: f"{one.said}: {one.hint}" for one in broken_features()}
+    broken = {one.name: f"{one.said}; {one.hint}" for one in broken_features()}
     return [
         f"recorded with the feature {name!r}, "
         + broken.get(name, f"which is not installed here: {_next_step(requirement)}")

@@ -179,6 +179,10 @@ class Recording(Part):
         """Record how the loop ended, and after how many deadlines."""
         self._recorder.put(End(end_ns=report.end_ns, ended=report.ended, n_waits=n_waits))
 
+    def notes(self) -> list[str]:
+        """Return which records were not recorded."""
+        return list(self._undeclared.values())
+
     def finish(self, summary: dict[str, Any]) -> None:
         """Finish the file, and add its report to the summary."""
         summary["recording"] = self.close(summary)

@@ -11,6 +11,7 @@ FEATURE = Feature(
     part="own_feature.part:open_part",
     checks="own_feature.doctor:check_grip",
     panels="own_feature.panel:show_grip",
+    in_play=True,
     verbs={"grip": Verb("own_feature.verb:grip", "Count the firm grips of a recording.", "Examine")},
     formats={"grips": "own_feature.grips_format:FORMAT"},
     streams={"grips": "own_feature.stream:GripLines"},
