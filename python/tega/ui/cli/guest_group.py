@@ -36,7 +36,7 @@ class GuestGroup(click.Group):
             name: click.Command(name, short_help=verb.summary)
             for name, (_, verb) in guest_verbs(self.name or "").items()
         }
-        click.Group(commands=guests | self.commands).format_commands(ctx, formatter)
+        click.Group(commands={**guests, **self.commands}).format_commands(ctx, formatter)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a verb of the group."""
