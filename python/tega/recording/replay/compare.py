@@ -101,12 +101,10 @@ class Rule(NamedTuple):
             if all(map(_same, fields(ours), fields(theirs))):
                 return {}
         now, again = ({} if record is None else self.values(record) for record in (ours, theirs))
-        names = (n for n in {**now, **again} if n not in self.left_out)
-        return {
-            n: (str(now.get(n, "absent")), str(again.get(n, "absent")))
-            for n in names
-            if not _same(now.get(n), again.get(n))
-        }
+        names = [
+            n for n in {**now, **again} if n not in self.left_out and not _same(now.get(n), again.get(n))
+        ]
+        return {n: (str(now.get(n, "absent")), str(again.get(n, "absent"))) for n in names}
 
 
 MEASURED = Rule(values, _LOOP_TIMES | {"cci_norm", "eda_norm", "front", "back"})

@@ -191,6 +191,8 @@ def contacts_kept(head: Head) -> str:
     """Return why contacts stay as recorded; ``""`` where measuring the pictures again gives them bit for bit."""
     if not head.baselines:
         return ""
+    if any(head.sources[finger].unit == "contact" for finger in head.baselines):
+        return "another station measured them"
     if not head.lossless:
         return "the pictures were compressed (JPEG)"
     chosen = chosen_stage("metric", head.config.stages, head.config.session.preset)
@@ -208,9 +210,8 @@ def levels_kept(head: Head) -> str:
     """Return why levels stay as recorded; ``""`` where they are decoded in the samples."""
     if "emg" not in head.sources:
         return ""
-    if chosen_stage("decoder", head.config.stages, head.config.session.preset).kind.outside:
-        return "another program decoded them"
-    return "they came as levels, without samples" if head.sources["emg"].unit == "level" else ""
+    outside = chosen_stage("decoder", head.config.stages, head.config.session.preset).kind.outside
+    return "another program decoded them" if outside or head.sources["emg"].unit == "level" else ""
 
 
 def _comparable(head: Head) -> dict[str, Any]:

@@ -123,7 +123,7 @@ def _show(replay: Replay) -> None:
     console.print(f"  {'what was computed is ' if kept else ''}{verdict}")
     for name, why in kept.items():
         console.print(f"  {name.capitalize()} are those recorded: {why}.", soft_wrap=True, markup=False)
-    if "contacts" in kept:
+    if "contacts" in kept and any(finger.compared for finger in replay.pictures):
         console.print(
             "  --json has the differences of contacts measured again in the pictures.", soft_wrap=True
         )
