@@ -35,9 +35,8 @@ class FarFinger(Elsewhere):
 
     def __init__(self, name: str, robot: str, *, rate_hz: float) -> None:
         label = f"{name} of {robot!r}"
-        super().__init__(
-            DeviceInfo(driver="net", kind="tactile", label=label, live=True, rate_hz=rate_hz or None)
-        )
+        how: dict[str, Any] = {"rate_hz": rate_hz or None, "unit": "contact"}
+        super().__init__(DeviceInfo(driver="net", kind="tactile", label=label, live=True, **how))
         self._pictures: queue.Queue[tuple[int, int, bytes]] = queue.Queue(1)
         self.ended = False
 

@@ -14,8 +14,11 @@ from pathlib import Path
 
 import msgspec
 
+import tega
 from tega.recording.mcap_schemas import MESSAGES
-from tega.records.schema import Part, fields
+from tega.records import RECORDS
+from tega.records.schema import Part, fields, parts, schema_name
+from tega.runtime.features import features, targets
 
 FILE = Path(__file__).parent.parent / "golden" / "record-fields.json"
 
@@ -33,7 +36,16 @@ def fields_now(kind: Part) -> Fields:
     ]
 
 
-def problems(table: Table, messages: Mapping[str, Part] = MESSAGES) -> list[str]:
+def own_messages() -> dict[str, Part]:
+    """Return the messages of TEGA's own distribution, without those of other installed features."""
+    own = [kinds for name, kinds in targets("records") if features()[name].package == "tega"]
+    names = {
+        schema_name(part) for kinds in (RECORDS, *own) for kind in kinds for part in (kind, *parts(kind))
+    }
+    return {name: kind for name, kind in MESSAGES.items() if name in names}
+
+
+def problems(table: Table, messages: Mapping[str, Part]) -> list[str]:
     """Return what is wrong with the records as they are now: a sentence each."""
     found = []
     for name, kind in messages.items():
@@ -65,9 +77,10 @@ def update() -> None:
         SystemExit: A record is not as an earlier file needs it.
     """
     table: Table = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
-    if found := problems(table):
+    messages = own_messages()
+    if found := problems(table, messages):
         raise SystemExit("\n".join(found))
-    for name, kind in MESSAGES.items():
+    for name, kind in messages.items():
         versions, version = table.setdefault(name, {}), str(getattr(kind, "version", 1))
         if version not in versions:
             print(f"{name}: version {version} added")  # noqa: T201  # this is a program
@@ -79,4 +92,7 @@ def update() -> None:
 if __name__ == "__main__":
     if sys.argv[1:] != ["--update"]:
         raise SystemExit(__doc__)
+    read, edited = Path(tega.__file__).resolve().parent, FILE.resolve().parents[2] / "python" / "tega"
+    if read != edited:
+        raise SystemExit(f"tega is read from {read}, not from {edited}: install that one, with make setup")
     update()

@@ -207,7 +207,7 @@ def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_
     there, here = tmp_path / "at-robot", tmp_path / "at-operator"
     with Program("robot", robot_file, "--record", str(there), "--lossless") as robot:
         robot.await_said("waits for an operator")
-        with Program("operator", operator_file, "--record", str(here)) as operator:
+        with Program("operator", operator_file, "--record", str(here), "--lossless") as operator:
             operator.await_said("\nactive: ")
             robot.await_said("\nactive: ")
             time.sleep(1.0)
@@ -218,7 +218,12 @@ def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_
     assert came.items() <= given.items()  # bit for bit, by number
     report = replay_file(there / "trial-001.mcap")
     assert report.same
-    assert {"/emg/levels", "/hand/frames"} <= {stream.stream for stream in report.streams}
+    kept = {stream.stream: stream.as_recorded for stream in report.streams}
+    assert (kept["/emg/levels"], kept["/hand/frames"]) == ("another program decoded them", "")
+    report = replay_file(here / "trial-001.mcap")
+    assert report.same
+    kept = {stream.stream: stream.as_recorded for stream in report.streams}
+    assert (kept["/tactile/thumb/contact"], kept["/emg/levels"]) == ("another station measured them", "")
 
 
 def test_full_touch_is_what_the_operator_s_calibration_says_else_what_the_robot_s_does() -> None:

@@ -2,8 +2,8 @@
 
 Filters and limits carry what came before. So that a replay of the part can bring them to where they were, the new file
 has, attached and apart from its own messages, the *lead-in*: EMG samples, levels, contacts, the turns of an arm and the
-conversation with a hand from the start of the session on, but no picture, since a contact depends on its own picture
-alone.
+conversation with a hand from the start of the session on, but no picture: contacts of a metric with memory are then
+those recorded.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from tega import records
 from tega.config.choose import chosen_stage, is_outside
 from tega.hand import joined_level
 from tega.loop.inbox.stream import NEVER_NS
+from tega.recording.replay.head import contacts_kept, levels_kept
 from tega.records import (
     BesideContact,
     BesideIntent,
@@ -39,6 +40,7 @@ _LATE_NS = 60_000_000_000
 _KEPT = 5
 _BESIDE = (BesideContact, BesideIntent)
 
+_LOOP_TIMES = frozenset({"t_ns", "taken_ns", "known_ns"})
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _SPEEDS = ("x", "y", "z", "about_x", "about_y", "about_z")
 
@@ -70,6 +72,7 @@ class Comparison(msgspec.Struct):
         fields: Number of differing rows, by field.
         last_t_s: Time of the last row that differs; ``None`` where none does.
         first: The first differences.
+        as_recorded: Why its records were taken as recorded; empty where they were computed.
     """
 
     stream: str
@@ -79,6 +82,7 @@ class Comparison(msgspec.Struct):
     fields: dict[str, int]
     last_t_s: float | None
     first: list[Difference]
+    as_recorded: str = ""
 
 
 class Rule(NamedTuple):
@@ -88,6 +92,23 @@ class Rule(NamedTuple):
     left_out: frozenset[str] = frozenset({"t_ns"})  # fields that are not compared
     listed: bool = False  # a stream without a record is listed, too
     shared: bool = False  # what only the replay has is no difference, and does not count
+    kept: str = ""  # why the loop was given the records themselves
+
+    def differing(self, ours: Any, theirs: Any) -> dict[str, tuple[str, str]]:
+        """Return both values of each field that differs, as text; a record that is missing is ``None``."""
+        if isinstance(ours, Record) and theirs is not None:  # at first sight: nearly always they are equal
+            fields = _compared_fields(type(ours), self.left_out)
+            if all(map(_same, fields(ours), fields(theirs))):
+                return {}
+        now, again = ({} if record is None else self.values(record) for record in (ours, theirs))
+        names = [
+            n for n in {**now, **again} if n not in self.left_out and not _same(now.get(n), again.get(n))
+        ]
+        return {n: (str(now.get(n, "absent")), str(again.get(n, "absent"))) for n in names}
+
+
+MEASURED = Rule(values, _LOOP_TIMES | {"cci_norm", "eda_norm", "front", "back"})
+"""What a metric measures of a contact; the loop adds the rest."""
 
 
 class Compared:
@@ -97,7 +118,7 @@ class Compared:
     """
 
     def __init__(self, stream: str, rule: Rule) -> None:
-        self.found = Comparison(stream, 0, 0, 0, {}, None, [])
+        self.found = Comparison(stream, 0, 0, 0, {}, None, [], rule.kept)
         self.rule, self.last_recorded_ns = rule, 0
         # Those without a counterpart yet, by time: whether replayed, the tick at which it was known, and the record.
         self._waiting: dict[int, deque[tuple[bool, int, Any]]] = {}
@@ -121,30 +142,26 @@ class Compared:
     def settle(self, until_ns: int, cut_ns: int = NEVER_NS) -> None:
         """Note what is on one side only: both are complete up to the tick ``until_ns``.
 
-        What only the replay has from ``cut_ns`` on is no difference: the recording was cut there.
+        What only the replay has from ``cut_ns`` on does not count: the recording was cut there.
         """
         for t_ns in sorted(self._waiting):
             if self._waiting[t_ns][-1][1] < until_ns:
                 for replayed, _, record in self._waiting.pop(t_ns):
                     if not replayed:
                         self._compare(t_ns, record, None)
-                    elif not self.rule.shared and t_ns < cut_ns:
+                    elif self.rule.shared:
+                        continue
+                    elif t_ns < cut_ns:
                         self._compare(t_ns, None, record)
+                    else:
+                        self.found.replayed -= 1
 
     def _compare(self, t_ns: int, ours: Any, theirs: Any) -> None:
-        values, left_out, *_ = self.rule
-        if isinstance(ours, Record) and theirs is not None:  # at first sight: nearly always they are equal
-            fields = _compared_fields(type(ours), left_out)
-            if all(map(_same, fields(ours), fields(theirs))):
-                return
-        now, again = ({} if record is None else values(record) for record in (ours, theirs))
-        names = [n for n in {**now, **again} if n not in left_out and not _same(now.get(n), again.get(n))]
-        found, t_s = self.found, t_ns / 1e9
-        found.differ += bool(names)
-        for name in names:
+        found, t_s, different = self.found, t_ns / 1e9, self.rule.differing(ours, theirs)
+        found.differ += bool(different)
+        for name, texts in different.items():
             found.last_t_s = max(t_s, found.last_t_s or t_s)
             found.fields[name] = found.fields.get(name, 0) + 1
-            texts = (str(side.get(name, "absent")) for side in (now, again))
             insort(found.first, Difference(t_s, name, *texts), key=attrgetter("t_s"))
             del found.first[_KEPT:]
 
@@ -247,8 +264,10 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
     lost = ("activity",) if int(head.versions.get("Levels", "1")) < 3 else ()
     rules: dict[type[Record], Rule] = {
         Picture: Rule(lambda picture: {"pixels_crc32": picture}, listed=True),
-        Contact: Rule(values, frozenset({"t_ns", "taken_ns", "known_ns"}), listed=True),
-        records.Intent: Rule(values, frozenset({"t_ns", "taken_ns", *lost}), listed=True),
+        Contact: Rule(values, _LOOP_TIMES, listed=True, kept=contacts_kept(head)),
+        records.Intent: Rule(
+            values, frozenset({"t_ns", "taken_ns", *lost}), listed=True, kept=levels_kept(head)
+        ),
         records.Event: Rule(values),
         VestFrame: Rule(values, frozenset({"t_ns", "handed_ns"}), listed=True),
         # The loop once left frames out that the vest showed already: a frame sent then was made at that time.

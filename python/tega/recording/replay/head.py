@@ -184,7 +184,34 @@ def metric_change(head: Head) -> str:
     then = head.facts.get("metric", f"{name} 1")
     if then == now or then.partition(" ")[0] != name:
         return ""
-    return f"metric: {then} -> {now}, so contacts are those recorded"
+    return f"metric: {then} -> {now}"
+
+
+def contacts_kept(head: Head) -> str:
+    """Return why contacts stay as recorded; ``""`` where measuring the pictures again gives them bit for bit."""
+    if not head.baselines:
+        return ""
+    if any(head.sources[finger].unit == "contact" for finger in head.baselines):
+        return "another station measured them"
+    if not head.lossless:
+        return "the pictures were compressed (JPEG)"
+    chosen = chosen_stage("metric", head.config.stages, head.config.session.preset)
+    if change := metric_change(head):
+        return f"another version measured them ({change.removeprefix('metric: ')})"
+    if head.from_ns == 0 or not chosen.kind.memory:
+        return ""
+    from_s = head.from_ns / 1e9
+    return (
+        f"the metric {chosen.name} remembers earlier pictures, and those before {from_s:g} s were trimmed off"
+    )
+
+
+def levels_kept(head: Head) -> str:
+    """Return why levels stay as recorded; ``""`` where they are decoded in the samples."""
+    if "emg" not in head.sources:
+        return ""
+    outside = chosen_stage("decoder", head.config.stages, head.config.session.preset).kind.outside
+    return "another program decoded them" if outside or head.sources["emg"].unit == "level" else ""
 
 
 def _comparable(head: Head) -> dict[str, Any]:

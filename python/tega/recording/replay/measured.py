@@ -21,8 +21,9 @@ from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
 from tega.loop.inbox.stream import NEVER_NS
 from tega.recording.cells import read_sums
+from tega.recording.replay.compare import MEASURED
 from tega.recording.replay.feed import Newest, RecordFeed
-from tega.recording.replay.head import metric_change, with_changes
+from tega.recording.replay.head import contacts_kept, levels_kept, metric_change, with_changes
 from tega.records import AdaptationSwitch, BesideContact, BesideIntent, Contact, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
 
@@ -36,10 +37,10 @@ _STEP_NS = 1_000_000_000
 
 
 class PictureError(msgspec.Struct):
-    """Errors of a finger's contacts measured in JPEG pictures, or in their cells, against those recorded.
+    """Errors of a finger's contacts measured in a recording's pictures, or in their cells, against those recorded.
 
-    ``contact_changed`` counts frames in which only one of the two has contact. The area (``eda``) is in
-    pixels, over all frames; ``cci`` is the concentration.
+    ``contact_changed`` counts frames in which only one of the two has contact, ``fields`` those in which a field
+    differs, by its name. The area (``eda``) is in pixels, over all frames; ``cci`` is the concentration.
     """
 
     finger: str
@@ -49,11 +50,14 @@ class PictureError(msgspec.Struct):
     eda_max_px: float = 0.0
     cci_mean: float = 0.0
     cci_max: float = 0.0
+    fields: dict[str, int] = {}
 
     def note(self, recorded: Contact, again: Contact) -> None:
-        """Compare a contact with that of the compressed picture of the same frame."""
+        """Compare a contact with that measured again in the same frame."""
         eda, cci = float(abs(recorded.eda - again.eda)), abs(recorded.cci - again.cci)
         self.compared += 1
+        for name in MEASURED.differing(recorded, again):
+            self.fields[name] = self.fields.get(name, 0) + 1
         self.contact_changed += recorded.in_contact != again.in_contact
         self.eda_mean_px += (eda - self.eda_mean_px) / self.compared
         self.cci_mean += (cci - self.cci_mean) / self.compared
@@ -120,27 +124,23 @@ class Measured:
     """Measures pictures and samples of a recording as they are read.
 
     The bus receives adaptations, the output of stages beside the connected ones, and pictures measured as in
-    the run. ``again`` is whether measuring the pictures again gives the recorded contacts to the last bit:
-    the pictures are unchanged, the metric has the version that measured them, and either the recording begins
-    with the session or the metric has no memory.
+    the run. ``again`` is whether contacts are those measured again, and not :func:`contacts_kept`.
     """
 
     def __init__(self, feed: RecordFeed, bus: Bus) -> None:
         head, config = feed.head, feed.head.config
-        metric, decoder = (
-            chosen_stage(group, config.stages, config.session.preset).kind for group in ("metric", "decoder")
-        )
-        # Else the contacts are those recorded, and the pictures are not what they were measured in.
-        exact = head.lossless and not metric_change(head)
-        self.again = exact and (head.from_ns == 0 or not metric.memory)
+        decoder = chosen_stage("decoder", config.stages, config.session.preset).kind
+        self.again = not contacts_kept(head)
         self._from_ns = head.from_ns
+        # Else the pictures are not what the contacts were measured in.
+        exact = head.lossless and not metric_change(head)
         notify = bus.publish if exact and bus.wants(MeasuredPicture) else None
         self._fingers = MeasuredFingers(feed, notify) if self.again or notify else None
         self._intents = Newest[Intent]()
         emg = head.calibration.emg if "emg" in head.sources else None
         maxima = None if emg is None else replace(emg, kind=head.emg_kind)
         # The intents of an operator's station or of another program are those recorded.
-        self._decodes = "emg" in head.sources and not decoder.outside and head.sources["emg"].unit != "level"
+        self._decodes = "emg" in head.sources and not levels_kept(head)
         beside = tuple(one for one in config.stages.beside if not is_outside(one))
         if beside and (bus.wants(BesideContact) or bus.wants(BesideIntent)):
             feed.bus.subscribe(Picture, bus.publish, vital=True)

@@ -71,9 +71,10 @@ def play_file(
 ) -> dict[str, Any]:
     """Play a recorded run; return the summary, with a table ``played``.
 
-    For a lossless recording contacts and levels are computed again from the raw streams; else the recorded
-    ones are used. Times at which the run had switched its motors off, or set a level against the muscles, are
-    played too. Times in the summary are the recording's, counted from the beginning of the lead.
+    Contacts and levels are computed again from the raw streams where that gives those of the run, as in a
+    replay; else the recorded ones are used. Times at which the run had switched its motors off, or set a
+    level against the muscles, are played too. Times in the summary are the recording's, counted from the
+    beginning of the lead.
 
     Sources and maxima of ``to`` are not used, and nothing is recorded; the vibration counts towards the daily
     dose of the person that it names. ``speed`` is seconds of the session a second, 0.05 to 20, ``None`` for

@@ -1,8 +1,9 @@
 """Re-run a recording: run the loop on it tick by tick as it ran, and compare the output.
 
 The loop receives at each tick the input that it received in the run, so a replay does not depend on how threads were
-scheduled. For a lossless recording everything is computed from the raw frames and samples. With JPEG images it is
-computed from the recorded contacts, and the images are measured as well to find the error.
+scheduled. Everything is computed from the raw frames and samples. Where the frames do not give the contacts of the run
+(:func:`~tega.recording.replay.head.contacts_kept`) it is computed from the recorded contacts, and the frames are
+measured as well to find the error.
 """
 
 from __future__ import annotations
@@ -53,15 +54,15 @@ class Replay(msgspec.Struct, frozen=True):
 
     Attributes:
         file: The recording.
-        lossless: Whether it was computed from the raw streams.
+        lossless: Whether the pictures are as they were.
         complete: Whether the recording was finished by the run that made it.
         changed: Settings that differ from the run's own, in words.
         from_s: Beginning of the recording in its session; the time before is computed too, but not compared.
         duration_s: Duration of the loop from there on.
-        streams: Each one compared.
-        pictures: Errors of JPEG images.
+        streams: Each one compared; ``as_recorded`` has the reason where one was not computed.
+        pictures: Errors of contacts measured again, by finger, where those recorded were taken.
         dropped: Records lost, by topic; these cannot be computed again.
-        same: Whether nothing differs.
+        same: Whether nothing that was computed differs.
         pose_base: Number of the most open level in the run's settings, 0 or 1.
     """
 

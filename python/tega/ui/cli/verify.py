@@ -86,12 +86,9 @@ def _show(replay: Replay) -> None:
     from tega.ui.cli.tables import wide_console
 
     console = wide_console()
-    how = (
-        "from the raw pictures and samples"
-        if replay.lossless
-        else "from the contacts and samples as recorded"
+    console.print(
+        f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s re-run{_inputs(replay)}", soft_wrap=True
     )
-    console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s re-run {how}")
     if replay.from_s > 0:
         console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
     for change in replay.changed:
@@ -112,20 +109,45 @@ def _show(replay: Replay) -> None:
             where = f"{s.first[0].t_s:.3f} to {s.last_t_s:.3f} s"
             subject = ", ".join(f"{field} {count}" for field, count in list(s.fields.items())[:4])
             subject += f" and {len(s.fields) - 4} more" if len(s.fields) > 4 else ""
-        table.add_row(s.stream, str(s.recorded), str(s.replayed), str(s.differ), where, subject)
+        replayed, differ = str(s.replayed), str(s.differ)
+        if s.as_recorded:
+            replayed, differ = "as recorded", differ if s.differ else "-"
+        table.add_row(s.stream, str(s.recorded), replayed, differ, where, subject)
     console.print(table)
     for s in replay.streams:
         for d in s.first[:3]:
             message = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
             console.print(f"  {message}", markup=False)
+    kept = {name: why for name, why in _kept(replay).items() if why}
     verdict = "[green]identical, bit for bit[/]" if replay.same else "[red]not identical[/]"
-    console.print(f"  {verdict}")
-    if replay.pictures:
+    console.print(f"  {'what was computed is ' if kept else ''}{verdict}")
+    for name, why in kept.items():
+        console.print(f"  {name.capitalize()} are those recorded: {why}.", soft_wrap=True, markup=False)
+    if "contacts" in kept and any(finger.compared for finger in replay.pictures):
         console.print(
-            "  The pictures were compressed (JPEG), so contacts are those recorded; everything after them was computed "
-            "again. --json has the errors of contacts measured in the compressed pictures.",
-            soft_wrap=True,
+            "  --json has the differences of contacts measured again in the pictures.", soft_wrap=True
         )
+
+
+def _kept(replay: Replay) -> dict[str, str]:
+    """Return why contacts and levels, where there are any, were taken as recorded; ``""`` where computed."""
+    found = {}
+    for s in replay.streams:
+        if s.stream.endswith("/contact"):
+            found["contacts"] = s.as_recorded
+        elif s.stream == "/emg/levels":
+            found["levels"] = s.as_recorded
+    return found
+
+
+def _inputs(replay: Replay) -> str:
+    """Return in words what a recording was re-run from."""
+    raw = {"contacts": "pictures", "levels": "samples"}
+    kept = _kept(replay)
+    if len(kept) == 2 and not any(kept.values()):
+        return " from the raw pictures and samples"
+    words = [f"the {name} as recorded" if why else f"the raw {raw[name]}" for name, why in kept.items()]
+    return f" from {' and '.join(words)}" if words else ""
 
 
 def _short(text: str) -> str:

@@ -1,0 +1,70 @@
+"""``python -m reference.record_fields --update``: which records it takes in, and from which tega."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tega
+from reference import record_fields
+
+TESTS = Path(__file__).parents[1]
+EXAMPLE = TESTS.parent / "examples/own_feature/src/own_feature"
+
+
+def run(*words: str, folder: Path, site: Path) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(folder), str(site), *sys.path])
+    return subprocess.run(
+        [sys.executable, *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    """Return a folder in which a feature that is not TEGA's is installed."""
+    if not EXAMPLE.is_dir():
+        pytest.skip("not a checkout")
+    info = tmp_path / "site/own_feature-0.1.0.dist-info"
+    info.mkdir(parents=True)
+    (info.parent / "own_feature").symlink_to(EXAMPLE, target_is_directory=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-feature\nVersion: 0.1.0\n")
+    (info / "entry_points.txt").write_text("[tega.features]\ngrip = own_feature.feature:FEATURE\n")
+    return info.parent
+
+
+def test_records_of_an_installed_foreign_feature_are_left_out(site: Path, tmp_path: Path) -> None:
+    known = record_fields.FILE.read_text(encoding="utf-8")
+    file = tmp_path / "record-fields.json"
+    file.write_text(known, encoding="utf-8")
+    program = (
+        "import pathlib; from tega.recording.mcap_schemas import MESSAGES; assert 'Grip' in MESSAGES\n"
+        f"from reference import record_fields as r; r.FILE = pathlib.Path({str(file)!r}); r.update()\n"
+        "assert r.own_messages().keys() == MESSAGES.keys() - {'Grip'}"
+    )
+    done = run("-c", program, folder=TESTS, site=site)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+    assert file.read_text(encoding="utf-8") == known
+
+
+def test_a_tega_that_is_not_of_the_checkout_is_named_and_refused(tmp_path: Path) -> None:
+    for name in ("reference/record_fields.py", "golden/record-fields.json"):
+        (tmp_path / "tests" / name).parent.mkdir(parents=True)
+        shutil.copy(TESTS / name, tmp_path / "tests" / name)
+    file = tmp_path / "tests/golden/record-fields.json"
+    file.write_text("{}")
+    there = run("-m", "reference.record_fields", "--update", folder=tmp_path / "tests", site=tmp_path)
+    assert there.returncode == 1
+    assert f"tega is read from {Path(tega.__file__).resolve().parent}" in there.stderr
+    assert "make setup" in there.stderr
+    assert file.read_text() == "{}"

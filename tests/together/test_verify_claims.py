@@ -1,0 +1,159 @@
+"""What ``verify`` claims to have computed again: header, table, verdict and sentence agree with what it did."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from reference.command import call
+from reference.sessions import record, stream, tree
+from tega.config import check_tree
+from tega.loop import run_session
+from tega.loop.inbox.frames import FrameMeter
+from tega.recording.replay import replay_file
+from tega.recording.replay.feed import RecordFeed
+from tega.recording.trim import trim_session
+from tega.stages.metrics import LiveMetric
+
+CONTACTS = "/tactile/thumb/contact"
+CLAIM = "re-run from the raw pictures and samples"
+
+
+def in_paper(folder: Path) -> Path:
+    """Return a lossless recording with a metric that has no memory."""
+    session = tree(folder)
+    session["session"]["preset"] = "paper"
+    return folder / str(run_session(check_tree(session, {}, base=folder).config)["recording"]["file"])
+
+
+def kept(capsys: pytest.CaptureFixture[str], path: Path) -> dict[str, str]:
+    """Return the streams that were taken as recorded, each with the reason, as ``--json`` has them."""
+    (found,) = json.loads(call(capsys, "verify", path, "--json")[0])
+    assert found["same"]
+    return {one["stream"]: one["as_recorded"] for one in found["streams"] if one["as_recorded"]}
+
+
+def row(text: str, name: str) -> list[str]:
+    return next(line.split() for line in text.splitlines() if line.split()[:1] == [name])
+
+
+def test_a_whole_recording_is_measured_in_its_pictures(
+    lossless: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert kept(capsys, lossless) == {}
+    text = call(capsys, "verify", lossless)[0]
+    assert CLAIM in text
+    assert row(text, CONTACTS)[1:] == ["90", "90", "0"]
+    assert "  identical, bit for bit\n" in text
+    assert "as recorded" not in text
+
+
+def test_a_part_that_a_metric_with_memory_measured_keeps_its_contacts_and_says_why(
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = trim_session(lossless, from_s=0.5, to_s=1.2, out=tmp_path / "part")
+    reasons = kept(capsys, part)
+    assert reasons.keys() == {CONTACTS, "/tactile/ring/contact"}
+    why = "the metric live remembers earlier pictures, and those before 0.5 s were trimmed off"
+    assert set(reasons.values()) == {why}
+    text = call(capsys, "verify", part)[0]
+    assert "re-run from the contacts as recorded and the raw samples" in text
+    assert row(text, CONTACTS)[2:] == ["as", "recorded", "-"]
+    assert row(text, "/emg/levels")[3] == "0"
+    assert "  what was computed is identical, bit for bit\n" in text
+    assert f"Contacts are those recorded: {why}." in text
+    assert "JPEG" not in text
+    assert CLAIM not in text
+
+
+def test_a_part_that_a_metric_without_memory_measured_is_measured_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = trim_session(in_paper(tmp_path / "whole"), from_s=0.5, to_s=1.2, out=tmp_path / "part")
+    assert kept(capsys, part) == {}
+    assert CLAIM in call(capsys, "verify", part)[0]
+    broken(monkeypatch)
+    assert stream(replay_file(part), CONTACTS).fields.keys() == {"peak"}
+
+
+def broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make every measured peak one grey value too large."""
+    take = FrameMeter.take
+
+    def one_more(meter: FrameMeter, frame: Any) -> Any:
+        contact = take(meter, frame)
+        return None if contact is None else replace(contact, peak=contact.peak + 1)
+
+    monkeypatch.setattr(FrameMeter, "take", one_more)
+
+
+def test_a_changed_field_of_contacts_that_are_kept_is_counted_in_the_json(
+    lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = trim_session(lossless, from_s=0.5, to_s=1.2, out=tmp_path / "part")
+    broken(monkeypatch)
+    replay = replay_file(part)
+    assert replay.same
+    assert [one.fields["peak"] for one in replay.pictures] == [one.compared for one in replay.pictures]
+    assert all(one.compared for one in replay.pictures)
+
+
+def test_contacts_of_compressed_pictures_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = record(tmp_path / "jpeg", lossless=False)
+    why = "the pictures were compressed (JPEG)"
+    assert set(kept(capsys, path).values()) == {why}
+    text = call(capsys, "verify", path)[0]
+    assert "re-run from the contacts as recorded and the raw samples" in text
+    assert f"Contacts are those recorded: {why}." in text
+    assert all(one.compared and one.fields == {} for one in replay_file(path).pictures)
+
+
+def test_contacts_of_another_version_of_the_metric_are_kept(
+    lossless: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LiveMetric, "version", LiveMetric.version + 1)
+    (why,) = set(kept(capsys, lossless).values())
+    assert why == (
+        f"another version measured them (live {LiveMetric.version - 1} -> live {LiveMetric.version})"
+    )
+    assert CLAIM not in call(capsys, "verify", lossless)[0]
+
+
+def test_muscles_alone_are_not_said_to_have_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = tree(tmp_path / "session", lossless=False)
+    del session["tactile"]
+    run_session(check_tree(session, {}, base=tmp_path).config)
+    text = call(capsys, "verify", tmp_path / "session")[0]
+    assert "re-run from the raw samples\n" in text
+    assert "Contacts" not in text
+
+
+def test_levels_that_came_as_levels_are_kept(lossless: Path) -> None:
+    from tega.recording.replay.head import levels_kept
+
+    head = RecordFeed(lossless).head
+    assert levels_kept(head) == ""
+    far = head.sources["emg"]
+    assert "another program" in levels_kept(replace(head, sources={"emg": replace(far, unit="level")}))
+
+
+def test_a_tick_after_the_end_of_a_part_is_not_counted(lossless: Path, tmp_path: Path) -> None:
+    for until_ms in range(700, 760, 10):
+        part = trim_session(lossless, from_s=0.3, to_s=until_ms / 1000, out=tmp_path / str(until_ms))
+        replay = replay_file(part)
+        assert replay.same
+        assert {s.stream: s.replayed - s.recorded for s in replay.streams if s.replayed != s.recorded} == {}
+
+
+def test_the_example_has_as_many_rows_replayed_as_recorded() -> None:
+    example = Path(__file__).parents[2] / "examples/recorded-lift/trial-001.mcap"
+    if not example.is_file():
+        pytest.skip("not a checkout")
+    replay = replay_file(example)
+    assert all(s.recorded == s.replayed for s in replay.streams)
