@@ -18,7 +18,7 @@ import tega
 from tega.recording.mcap_schemas import MESSAGES
 from tega.records import RECORDS
 from tega.records.schema import Part, fields, parts, schema_name
-from tega.runtime.features import features, targets
+from tega.runtime.features import having, load_target
 
 FILE = Path(__file__).parent.parent / "golden" / "record-fields.json"
 
@@ -38,7 +38,7 @@ def fields_now(kind: Part) -> Fields:
 
 def own_messages() -> dict[str, Part]:
     """Return the messages of TEGA's own distribution, without those of other installed features."""
-    own = [kinds for name, kinds in targets("records") if features()[name].package == "tega"]
+    own = [load_target(feature.records, feature, tuple) for feature in having("records") if feature.own]
     names = {
         schema_name(part) for kinds in (RECORDS, *own) for kind in kinds for part in (kind, *parts(kind))
     }
