@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from tega.errors import RecordingError
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_queue import BoundedQueue, Item
-from tega.records import Record, RecorderStatus
+from tega.records import RECORDS, Record, RecorderStatus
 from tega.runtime.threads import run_realtime
 
 if TYPE_CHECKING:
@@ -214,14 +214,16 @@ class McapRecorder:
             return
         try:
             self._file.write(item.record, item.t_ns)
-        except (AttributeError, TypeError, ValueError) as error:  # a record with values that its type forbids
+        except Exception as error:  # a recorder must never take a run with it
+            problem = f"{topic} could not be written: {type(error).__name__}: {error}"
+            own = type(item.record) in RECORDS and not isinstance(error, TypeError)
+            if own or isinstance(error, OSError):
+                self._stop(problem)
+                return
+            # A feature's own record, or one with values of another type: the others do not suffer from it.
             self._queue.dropped[topic] += 1
             if self._queue.dropped[topic] == 1:
-                text = "recording: a record of %s is left out: %s: %s; later ones are counted as dropped"
-                _LOG.error(text, topic, type(error).__name__, error)
-            return
-        except Exception as error:  # a recorder must never take a run with it
-            self._stop(f"{topic} could not be written: {type(error).__name__}: {error}")
+                _LOG.error("recording: %s; later ones are counted as dropped", problem)
             return
         self.written[topic] = self.written.get(topic, 0) + 1
         self._newest_ns = max(self._newest_ns, item.t_ns)
