@@ -167,7 +167,7 @@ def sensor_noise(
     Returns:
         Standard deviation of a cell's mean (8 x 8 pixels at 320 x 240), counts: blue, green, red whatever
         ``order`` is.
-        At least a quarter and at most four times that of a DIGIT.
+        At least 0.4 and at most 4 times that of a DIGIT.
 
     Raises:
         DtypeError: A frame is not a uint8 array.

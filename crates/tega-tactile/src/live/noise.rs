@@ -11,9 +11,9 @@ use crate::frame::{MAX_SIDE, Order};
 
 /// Standard deviation of a cell's mean from frame to frame in counts, blue, green, red: measured on a DIGIT.
 const PRIOR: [f32; 3] = [1.32, 0.65, 1.17];
-/// A measured noise is kept within these multiples of the prior: a compressed stream repeats its noise and seems to
-/// have none, and a flickering lamp is no noise.
-const LEAST: f32 = 0.25;
+/// A measured noise is kept within these multiples of the prior: a compressed stream repeats its noise and a quiet
+/// camera rounds it away, so both seem to have none, and a flickering lamp is no noise.
+const LEAST: f32 = 0.4;
 const MOST: f32 = 4.0;
 
 /// A few cells, stuck or touched, are left out: one of so many.
@@ -39,7 +39,7 @@ impl Default for SensorNoise {
 }
 
 impl SensorNoise {
-    /// Takes a given noise, kept within a quarter and four times that of a DIGIT.
+    /// Takes a given noise, kept within 0.4 and 4 times that of a DIGIT.
     ///
     /// # Errors
     /// [`TactileError::OutOfRange`] for a value that is not finite or is negative.
