@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -157,3 +158,10 @@ def test_an_interrupted_calibration_s_picture_lies_in_its_folder(tmp_path: Path)
     for name in ("/etc/passwd", "gels/../../x.png", "", "gels//x.png"):
         with pytest.raises(UnsafeNameError, match=r"unfinished\.json: picture "):
             path_below(folder.path, name, subject="picture", source="unfinished.json")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system lists open files in /proc")
+def test_a_refused_recording_is_closed(stolen: dict[str, Path], tmp_path: Path) -> None:
+    with pytest.raises(UnsafeNameError) as refused:
+        export_file(stolen["finger"], tmp_path / "out", pictures=True)
+    assert stolen["finger"] not in [path.resolve() for path in Path("/proc/self/fd").iterdir()], refused

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from functools import cache, partial
 from itertools import groupby
 from operator import attrgetter, methodcaller
@@ -104,25 +105,29 @@ def _write_tables(
     tables: dict[str, _TopicTable] = {}
     epoch_ns = 0
     channels: Sequence[str] = ()
-    messages = reader.messages(lambda topic: pictures or not topic.endswith("/image"), within)
-    for message in paired(messages):
-        topic, schema, log_ns, n_bytes, value, image = message
-        if image is not None:
-            finger = plain_name(topic.split("/")[2], subject=f"{topic}: finger", source=path.name)
-            _picture(image, folder / finger, value.seq)
-        table = tables.get(topic)
-        if table is None:
-            if not tables:
-                epoch_ns, info = int(reader.metadata.get("tega", {}).get("epoch_ns", "0")), emg_source(reader)
-                channels = () if info is None else info.channels
-            name = plain_name(topic.strip("/").replace("/", "."), subject="topic", source=path.name)
-            to = _GROWING[kind](folder / f"{name}.{kind}")
-            table = tables[topic] = _TopicTable(to, schema, epoch_ns, channels)
-        table.log_ns.append(log_ns)
-        table.values.append(value)
-        table.n_bytes += n_bytes
-        if len(table.values) >= _MESSAGES_KEPT or table.n_bytes >= _BYTES_KEPT:
-            table.flush()
+    taken = reader.messages(lambda topic: pictures or not topic.endswith("/image"), within)
+    with closing(taken) as messages:
+        for message in paired(messages):
+            topic, schema, log_ns, n_bytes, value, image = message
+            if image is not None:
+                finger = plain_name(topic.split("/")[2], subject=f"{topic}: finger", source=path.name)
+                _picture(image, folder / finger, value.seq)
+            table = tables.get(topic)
+            if table is None:
+                if not tables:
+                    epoch_ns, info = (
+                        int(reader.metadata.get("tega", {}).get("epoch_ns", "0")),
+                        emg_source(reader),
+                    )
+                    channels = () if info is None else info.channels
+                name = plain_name(topic.strip("/").replace("/", "."), subject="topic", source=path.name)
+                to = _GROWING[kind](folder / f"{name}.{kind}")
+                table = tables[topic] = _TopicTable(to, schema, epoch_ns, channels)
+            table.log_ns.append(log_ns)
+            table.values.append(value)
+            table.n_bytes += n_bytes
+            if len(table.values) >= _MESSAGES_KEPT or table.n_bytes >= _BYTES_KEPT:
+                table.flush()
     attached = [
         plain_name(name, subject="attachment", source=path.name) for name in reader.files if name != LEAD_IN
     ]

@@ -136,7 +136,7 @@ class McapReader:
 
     def messages(
         self, wanted: Callable[[str], bool] = lambda _topic: True, within: Within = WHOLE
-    ) -> Iterator[Message]:
+    ) -> Generator[Message]:
         """Return the messages in the order of writing; ``wanted`` is asked per topic whether to decode.
 
         Of a part of the file that is not its beginning only a reader with an index knows the channels.
