@@ -218,10 +218,10 @@ class Comparing:
 
     def _add(self, record: Any, *, replayed: bool) -> None:
         """Add a record to its stream, unless the recording begins later."""
-        if 0 < self._feed.head.from_ns > record.log_ns:
-            return
-        stream = self._stream(type(record), record.where)
-        stream.add(record, record.t_ns, record.log_ns, replayed=replayed)
+        from_ns = self._feed.head.from_ns
+        if from_ns == 0 or record.log_ns >= from_ns:
+            stream = self._stream(type(record), record.where)
+            stream.add(record, record.t_ns, record.log_ns, replayed=replayed)
 
     def _add_made(self, frame: VestFrame) -> None:
         sent = SentFrame(t_ns=frame.t_ns, layout=frame.layout, intensities=frame.intensities)
