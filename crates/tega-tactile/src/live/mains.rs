@@ -144,10 +144,12 @@ impl Mains {
         (variance > LEAST * LEAST).then_some((along, variance))
     }
 
-    /// Bands that hardly move, if there are any and none that do.
+    /// Bands that hardly move, if there are any and none that do: the stronger ones, as bands along one way leave a faint trace along the other.
     fn wave(&self) -> Option<Along> {
         let moves = self.known().is_some_and(|(along, _)| self.moves(along, FOLLOWED));
-        BOTH.into_iter().find(|along| self.waves[*along as usize].is_known() && !moves)
+        let [rows, columns] = self.waves.each_ref().map(Wave::power);
+        let (along, power) = if columns > rows { (Along::Columns, columns) } else { (Along::Rows, rows) };
+        (power > 0.0 && !moves).then_some(along)
     }
 
     /// Whether two pictures one after the other have less than a share of their gains' square in common.
@@ -365,4 +367,27 @@ fn answer(white: &Field, gel: &Field, noise: [f32; 3], k: usize) -> [f32; 2] {
     let light = |c: usize| gel[c][k] / noise[c];
     let both = [0, 1, 2].map(|c| [white[c][k] * light(c), light(c) * light(c)]);
     [0, 1].map(|v| (both[0][v] + both[2][v]) + both[1][v])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_waves_the_stronger_one_is_followed() {
+        let gains = |amplitude: f32, periods: f32| -> Vec<f32> {
+            (0..40).map(|k| amplitude * (std::f32::consts::TAU * periods * k as f32 / 40.0).sin()).collect()
+        };
+        // Bands along one way, and the trace that they leave along the other.
+        for strong in BOTH {
+            let mut mains = Mains::default();
+            for along in BOTH {
+                let gain = if along == strong { gains(0.02, 3.6) } else { gains(0.0006, 1.5) };
+                (0..30).for_each(|_| mains.waves[along as usize].learn([&gain, &gain], 1.0 / 30.0));
+                assert!(mains.waves[along as usize].is_known());
+            }
+            assert_eq!(mains.wave(), Some(strong));
+        }
+        assert_eq!(Mains::default().wave(), None);
+    }
 }

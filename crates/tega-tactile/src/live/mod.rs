@@ -22,6 +22,7 @@ mod mains;
 mod middle;
 mod noise;
 mod peak;
+mod quantised;
 mod shape;
 mod still;
 mod thumbnail;

@@ -6,6 +6,7 @@ use tega_error::OutOfRange;
 use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average};
 use super::colour::Field;
 use super::mains::Mains;
+use super::quantised::quantised;
 use crate::error::TactileError;
 use crate::frame::{MAX_SIDE, Order};
 
@@ -55,6 +56,7 @@ impl SensorNoise {
     /// Measures it over frames of an untouched gel: how much each cell varies about its own mean, the median over the cells, so that no cell
     /// that is stuck or touched decides. What all of the picture does together, and so most of a drift, is taken out first, and so are
     /// the bands of mains light. A video that was compressed repeats its noise from frame to frame and changes it slowly; that counts as well.
+    /// It is at least the error of the steps in which JPEG has quantised the first frame.
     ///
     /// # Errors
     /// [`TactileError::TooFewFrames`] for fewer than two, [`TactileError::Channels`], [`TactileError::Size`] or
@@ -75,8 +77,10 @@ impl SensorNoise {
         let middles = medians(&changes);
         let banded = Self { bgr: spread(&changes, &middles, order) };
         // Bands move the medians too.
-        Ok(without_bands(&mut changes, &middles, banded.arranged(order), &grid)
-            .map_or(banded, |()| Self { bgr: spread(&changes, &medians(&changes), order) }))
+        let varies = without_bands(&mut changes, &middles, banded.arranged(order), &grid)
+            .map_or(banded.bgr, |()| spread(&changes, &medians(&changes), order));
+        let steps = quantised(first, order);
+        Ok(Self { bgr: std::array::from_fn(|c| within(varies[c].max(steps[c]), c)) })
     }
 
     /// The noise as the bytes of a pixel lie.

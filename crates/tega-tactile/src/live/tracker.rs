@@ -8,16 +8,16 @@
 //!
 //! Lags are of first order and take the time between two frames into account; arithmetic runs in one order, so a replay gives the same bits.
 
+mod report;
+
 use ndarray::ArrayView3;
 use tega_error::OutOfRange;
 
-use super::cells::Grid;
 use super::colour::Field;
 use super::course::{Ends, Held, Now, State, Then, step};
 use super::dent::Dent;
 use super::fading::Fading;
 use super::filter::MapFilter;
-use super::law::Sums;
 use super::mains::{BOTH, Mains};
 use super::still::{Cells, follow, glance, glance_again, judge, plain};
 use super::touch::{Touch, TrackerOptions};
@@ -27,6 +27,12 @@ use crate::error::TactileError;
 const REST_PRIOR: f64 = 1.4;
 /// A contact is this many times the rest.
 const OVER_REST: f64 = 1.75;
+/// Where S at rest jumps from frame to frame, as where quantised cells flip, a contact is so many mean jumps over the rest.
+const OVER_JUMPS: f64 = 7.0;
+/// But no more than this many times the rest: light taps jump as well.
+const OVER_REST_MOST: f64 = 2.5;
+/// Over how long jumps are averaged, seconds.
+const JUMPS_S: f64 = 5.0;
 /// The least S that is a contact, however quiet the sensor.
 const LEAST_GATE: f64 = 0.95;
 /// A first look that stays under this share of the threshold needs no second.
@@ -55,10 +61,6 @@ const PENDING_S: f64 = 0.3;
 /// What a leftover may still change by after that: this share of the peak, falling with this time constant.
 const LEFTOVER: f64 = 0.06;
 const LEFTOVER_S: f64 = 1.5;
-/// Shares of the threshold at which the strength is 0 and 1.
-const STRENGTH_FROM: f64 = 0.6;
-const STRENGTH_FULL: f64 = 2.0;
-
 /// Follows one fingertip; see the module.
 #[derive(Debug, Clone)]
 pub struct TouchTracker {
@@ -70,6 +72,8 @@ pub struct TouchTracker {
     pending: Field,
     state: State,
     rest: f64,
+    /// By how much S at rest differs from one frame to the next, mean.
+    jumps: f64,
     smooth: Option<f64>,
     leftover: f64,
     /// What fades in the rest since the last release.
@@ -109,6 +113,7 @@ impl TouchTracker {
             gel,
             state: State::Quiet,
             rest: REST_PRIOR,
+            jumps: 0.0,
             smooth: None,
             leftover: 0.0,
             fading: Fading::default(),
@@ -198,7 +203,8 @@ impl TouchTracker {
         }
         self.dark_s = 0.0;
         self.leftover *= 1.0 - step(dt_s, LEFTOVER_S);
-        let began = (OVER_REST * self.rest).max(LEAST_GATE);
+        let over = self.rest + OVER_JUMPS * self.jumps;
+        let began = over.max(OVER_REST * self.rest).min(OVER_REST_MOST * self.rest).max(LEAST_GATE);
         let threshold = began + self.leftover;
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
         let still = self.state == State::Quiet;
@@ -298,7 +304,11 @@ impl TouchTracker {
             State::Quiet if s > threshold && self.cells.colour.tells() => {
                 self.state = State::Contact(Held::new(s));
             }
-            State::Quiet => self.rest_on(rest, dt_s),
+            State::Quiet => {
+                let share = step(dt_s, JUMPS_S).max(1.0 / self.quiet_frames);
+                self.jumps += share * ((s - before).abs() - self.jumps);
+                self.rest_on(rest, dt_s);
+            }
             State::Contact(held) => match held.pass(&now) {
                 Some(Ends::Quiet) => {
                     self.leftover = leftover.max(LEFTOVER * held.peak);
@@ -357,89 +367,5 @@ impl TouchTracker {
         for (pending, means) in self.pending.iter_mut().zip(&self.cells.means) {
             follow(pending, means, 1.0 / super::cells::UNITS_PER_COUNT, share as f32);
         }
-    }
-
-    fn touch(&mut self, s: f64, threshold: f64, dt_s: f64) -> Touch {
-        let mut touch = Touch { difference: s, threshold, ..Touch::default() };
-        self.dent = None;
-        // Where the rest has just been taken anew, S is still that against the old one.
-        if matches!(self.state, State::Released(_)) || self.smooth.is_none() {
-            self.filter.clear();
-            return touch;
-        }
-        let sure = (s / threshold - STRENGTH_FROM) / (STRENGTH_FULL - STRENGTH_FROM);
-        touch.strength = sure.clamp(0.0, 1.0);
-        if !matches!(self.state, State::Contact(_)) {
-            self.filter.clear();
-            return touch;
-        }
-        let dent = self.cells.steady_dent(self.options.outline, &mut self.filter, self.rest, dt_s);
-        let grid = &self.cells.grid;
-        let area = dent.moments.area as f64;
-        self.dent = Some(dent);
-        if area == 0.0 {
-            return touch;
-        }
-        touch.in_contact = true;
-        touch.eda = u32::try_from(dent.moments.area).unwrap_or(u32::MAX);
-        let (height, mm_per_unit) = (dent.height(grid), self.cells.reader.mm_per_unit);
-        touch.broad = area / (grid.height * grid.width) as f64;
-        let sums = Sums {
-            shaded_mm: dent.shaded_mm,
-            volume_mm3: dent.volume_mm3,
-            height_mm: height * mm_per_unit,
-            difference_mm: s * mm_per_unit,
-            broad: touch.broad,
-        };
-        touch.peak = height * self.cells.counts_per_unit();
-        touch.cci = touch.peak / area.sqrt();
-        touch.depth_mm = sums.depth_mm();
-        self.deeper = if dent.shaded_mm > 0.0 { touch.depth_mm / dent.shaded_mm } else { 0.0 };
-        touch.force_n = sums.volume_mm3() * self.options.light.stiffness_n_mm3;
-        touch.mass = dent.mass * self.cells.counts_per_unit();
-        touch.centroid_xy = dent.middle;
-        touch.spread = dent.moments.spread();
-        touch
-    }
-
-    fn touches(&self) -> bool {
-        self.dent.is_some_and(|dent| dent.moments.area > 0)
-    }
-
-    /// Whether the last frame showed a contact that may bear a load: one that has not just fallen.
-    pub fn bears_load(&self) -> bool {
-        matches!(self.state, State::Contact(Held { fallen: None, .. }))
-    }
-
-    /// Amplitude of the bands that mains light makes at rest, as a share of the light; 0 where there are none.
-    pub fn banding(&self) -> f64 {
-        self.mains.amplitude()
-    }
-
-    /// The last frame's mask, row by row, and its height and width; nothing without contact.
-    pub fn mask(&self) -> (Vec<bool>, [usize; 2]) {
-        let Grid { height, width, .. } = self.cells.grid;
-        let mut mask = vec![false; height * width];
-        if self.touches() {
-            self.cells.paint(self.options.outline, |y, first, end| {
-                if let Some(run) = mask.get_mut(y * width + first..y * width + end) {
-                    run.fill(true);
-                }
-            });
-        }
-        (mask, [height, width])
-    }
-
-    /// The last frame's depth by shading, scaled so that its largest is the contact's, millimetres, a value a cell, and the numbers of rows and
-    /// columns; 0 without contact.
-    pub fn depth_map(&self) -> (Vec<f32>, [usize; 2]) {
-        let Grid { rows, cols, .. } = self.cells.grid;
-        let by = self.deeper as f32;
-        let depth = if self.touches() {
-            self.cells.reader.depth_mm.iter().map(|shaded| by * shaded).collect()
-        } else {
-            vec![0.0; rows * cols]
-        };
-        (depth, [rows, cols])
     }
 }

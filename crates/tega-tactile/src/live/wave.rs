@@ -32,6 +32,8 @@ pub(super) struct Wave {
     /// The terms, line by line; empty where there is no wave.
     terms: Vec<[f32; TERMS]>,
     parts: [f32; TERMS],
+    /// Mean square of the gains that both thirds had in common when it was found.
+    power: f32,
 }
 
 impl Wave {
@@ -51,6 +53,11 @@ impl Wave {
     /// Whether there is one.
     pub fn is_known(&self) -> bool {
         !self.terms.is_empty()
+    }
+
+    /// Mean square of its gains, as a share of the light squared; 0 where there is none.
+    pub fn power(&self) -> f32 {
+        if self.is_known() { self.power } else { 0.0 }
     }
 
     /// Looks for the wave that explains most of both thirds.
@@ -86,6 +93,7 @@ impl Wave {
         }
         if most > EXPLAINS * one.iter().chain(other).map(|gain| gain * gain).sum::<f32>() {
             self.terms = terms_of(length, mean.len());
+            self.power = common;
             // In contact level and slope are left to the fit of the light: a wide dent would pull them, and the wave with them.
             self.terms.iter_mut().for_each(|terms| terms[..2].fill(0.0));
         }
