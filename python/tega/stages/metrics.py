@@ -86,7 +86,7 @@ class LiveMetric(Metric):
 
     summary: ClassVar[str] = "graded contact with hysteresis; CCI rises with the press"
     memory: ClassVar[bool] = True
-    version: ClassVar[int] = 10
+    version: ClassVar[int] = 11
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
     @classmethod
