@@ -364,7 +364,8 @@ def _computed(page: str, folder: Path, until: str) -> None:
 def _columns(path: Path, *, finger: str = "") -> dict[str, Any]:
     with path.open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if not finger or row["finger"] == finger]
-    return {k: np.array([float(r[k]) for r in rows]) for k in rows[0] if k != "finger"}
+    # An empty field was not measured.
+    return {k: np.array([float(r[k] or "nan") for r in rows]) for k in rows[0] if k != "finger"}
 
 
 def tutorial_vest(folder: Path) -> None:
@@ -392,7 +393,7 @@ def tutorial_emg(folder: Path) -> None:
     levels = _columns(folder / "emg-results/levels.csv")
     figure = Figure(figsize=(9, 3.2), layout="constrained")
     axes = figure.subplots()
-    channels = [k for k in levels if k not in {"t_s", "fused"}]
+    channels = [k for k in levels if k.startswith("ch")]
     for n, channel in enumerate(channels):
         axes.step(
             levels["t_s"], levels[channel] + 0.04 * (n - 1), where="post", lw=1, label=f"channel {n + 1}"
