@@ -33,7 +33,7 @@ from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptio
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
 from tega.devices.hand.can_log import read_can_log
 from tega.devices.hand.hand_log import HandLog, find_hand
-from tega.devices.tracker.sources.recorded import read_poses
+from tega.devices.tracker.sources import read_poses
 from tega.hand.poses import load_poses
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
 from tega.recording.folder import prepare_folder

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Options
-from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
+from tega.devices.emg.stream_evidence import AlternationCheck
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lifecycle import require

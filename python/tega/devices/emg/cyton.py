@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 from tega.devices.base import Found, Options
-from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived
-from tega.devices.emg.live_serial import LiveSerialEmg, LiveSerialOptions
-from tega.devices.serial_boards import find_boards
-from tega.devices.serial_port import SerialPort
+from tega.devices.emg.live_serial import LiveSerialEmg, LiveSerialOptions, SerialPort, find_boards
+from tega.devices.emg.stream_evidence import AlternationCheck
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Evidence, refuse
 

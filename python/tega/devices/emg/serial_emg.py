@@ -9,8 +9,7 @@ import msgspec
 
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived
-from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.serial_boards import find_boards
+from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, find_boards
 from tega.runtime.evidence import Evidence
 
 

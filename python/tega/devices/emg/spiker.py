@@ -15,9 +15,8 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import Options
-from tega.devices.emg.live_emg import Arrived
-from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.serial_port import POLL_S, SerialPort
+from tega.devices.emg.live_emg import POLL_S, Arrived
+from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, SerialPort
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
 

@@ -14,11 +14,22 @@ from numpy.typing import NDArray
 
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
-from tega.devices.fingertip.digit_search import find_digits
-from tega.devices.fingertip.picture_check import WORDS, JudgedPicture, PictureTally, judge_picture
-from tega.devices.fingertip.picture_origin import SensorBands, sensor_bands
-from tega.devices.fingertip.video_nodes import camera_place, find_node
-from tega.devices.jpeg_stream import MOST_SPOILED, keep_own_size, read_picture
+from tega.devices.fingertip.picture_check import (
+    WORDS,
+    JudgedPicture,
+    PictureTally,
+    SensorBands,
+    judge_picture,
+    sensor_bands,
+)
+from tega.devices.fingertip.video_nodes import (
+    MOST_SPOILED,
+    camera_place,
+    find_digits,
+    find_node,
+    keep_own_size,
+    read_picture,
+)
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
 from tega.runtime.evidence import Evidence

@@ -14,9 +14,9 @@ import numpy as np
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
-from tega.devices.hand.can_links import can_links, link_trouble
 from tega.devices.hand.hand_bus import bus_label
 from tega.devices.hand.hand_reports import LET_GO, HandAlert
+from tega.devices.machine import can_links, link_trouble
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
 from tega.runtime.evidence import Evidence

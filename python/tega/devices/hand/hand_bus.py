@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.hand.can_open import open_can_bus
-from tega.devices.hand.slcan import slcan_bus
+from tega.devices.hand.can_open import open_can_bus, slcan_bus
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.runtime.reopening import Reopening

@@ -11,7 +11,7 @@ from tega.devices.tracker.openxr_instance import TIMES, make_instance, text
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
-    from tega.devices.tracker.openxr_options import OpenXrOptions
+    from tega.devices.tracker.openxr_instance import OpenXrOptions
 
 
 _VIVE_PROFILE: Final = "/interaction_profiles/htc/vive_tracker_htcx"

@@ -15,8 +15,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.vest.player_settings import KEY_HINT, PlayerOptions, versions_to_ask
-from tega.devices.vest.player_versions import PlayerVersion, received
+from tega.devices.vest.player_versions import (
+    KEY_HINT,
+    PlayerOptions,
+    PlayerVersion,
+    received,
+    versions_to_ask,
+)
 from tega.devices.vest.vest_link import VestLink
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
-from tega.devices.hid_device import hid_module
+from tega.devices.machine import hid_module
 from tega.devices.vest.vest_link import VestLink
 from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError, WireError

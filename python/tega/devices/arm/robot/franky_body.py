@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from tega.arm.messages import HandSeen, Quaternion, Triple
-from tega.devices.arm.robot.body import RobotBody
 from tega.devices.arm.robot.fci import Library, installed_library, server_version, the_fix
+from tega.devices.arm.robot.leash import RobotBody
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.lifecycle import require
 

@@ -39,8 +39,7 @@ from tega.arm.messages import (
     encode,
 )
 from tega.arm.rotation import between, exp, multiply, unit
-from tega.devices.arm.robot.body import RobotBody
-from tega.devices.arm.robot.leash import Leash
+from tega.devices.arm.robot.leash import Leash, RobotBody
 from tega.errors import TegaError
 
 
