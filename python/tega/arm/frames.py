@@ -86,11 +86,9 @@ def _share(cutoff_hz: float, dt_s: float) -> float:
 
 
 class OneEuro:
-    """Filters places or rotations.
+    """Filters places, or with ``turns`` unit quaternions; each filtered one is on the side of the last.
 
-    Args:
-        beta: Rise of the cutoff, Hz per m/s; of rotations Hz per rad/s.
-        turns: Whether the samples are unit quaternions; each filtered one is on the side of the last.
+    ``beta`` is the rise of the cutoff, Hz per m/s; of rotations Hz per rad/s.
 
     Example:
         >>> OneEuro(1.5, 10, 1).step(np.ones(3), 0.01).tolist()

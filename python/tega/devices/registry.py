@@ -122,29 +122,23 @@ def list_drivers() -> list[DriverRecord]:
     """
     records = []
     for name, entry in plugins(GROUP).items():
+        kind = summary = problem = ""
         try:
             driver = _load(entry)
         except DeviceUnavailableError as error:
-            records.append(
-                DriverRecord(
-                    name=name,
-                    kind="",
-                    summary="",
-                    package=plugin_package(entry),
-                    ready=False,
-                    problem=str(error),
-                )
-            )
-            continue
-        missing = [m for m in driver.requires if importlib.util.find_spec(m) is None]
+            problem = str(error)
+        else:
+            kind, summary = driver.kind, driver.summary
+            if missing := [m for m in driver.requires if importlib.util.find_spec(m) is None]:
+                problem = f"needs {', '.join(missing)}: pip install 'tega[{driver.extra}]'"
         records.append(
             DriverRecord(
                 name=name,
-                kind=driver.kind,
-                summary=driver.summary,
+                kind=kind,
+                summary=summary,
                 package=plugin_package(entry),
-                ready=not missing,
-                problem=f"needs {', '.join(missing)}: pip install 'tega[{driver.extra}]'" if missing else "",
+                ready=not problem,
+                problem=problem,
             )
         )
     return sorted(records, key=lambda r: (r.kind, r.name))

@@ -39,9 +39,8 @@ class Stamp(NamedTuple):
 class SampleClock:
     """Stamps samples that are counted, and measures how fast they really come.
 
-    Args:
-        counter_turn: Number of samples after which the device's counter wraps, needed to detect a loss of whole turns
-            from the elapsed time; ``None`` for a device that does not count, where time reveals no losses.
+    The device's counter wraps after ``counter_turn`` samples, needed to detect a loss of whole turns from the
+    elapsed time; ``None`` for a device that does not count, where time reveals no losses.
 
     Example:
         >>> clock = SampleClock(250.0)

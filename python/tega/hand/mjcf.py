@@ -159,17 +159,10 @@ _THUMB_FIRST: Final = [HAND_FINGERS.index(finger) for finger in FINGERS]
 
 
 def fingertips_m(angles_rad: ArrayLike) -> NDArray[np.float64]:
-    """Return the middle of each fingertip's pad in the palm's frame.
+    """Return the middle of each fingertip's pad in the palm's frame, of 16 joint angles, else ``ValueError``.
 
-    Args:
-        angles_rad: (16,), in the order of :data:`tega.hand.motion.JOINT_NAMES`.
-
-    Returns:
-        float64 (4, 3), metres, thumb first: out of the palm, towards the index finger, towards the fingertips. Of a
-        hand that holds something upright the second is the height over the palm.
-
-    Raises:
-        ValueError: There are not 16 angles.
+    The result is float64 (4, 3), metres, thumb first: out of the palm, towards the index finger, towards the
+    fingertips. Of a hand that holds something upright the second is the height over the palm.
 
     Example:
         >>> fingertips_m([0.0] * 16).round(3)[2].tolist()

@@ -77,7 +77,6 @@ class BrainFlowEmg(LiveEmg):
         "rate": "the board's rate is the measured one",
         "values": "of a Cyton: packets of even and odd number show the same electrodes",
     }
-
     _options: BrainFlowOptions
 
     def __init__(self, options: BrainFlowOptions) -> None:

@@ -87,7 +87,6 @@ class Chords(LiveSerialEmg):
         "values": "packets have one number of channels; no value is beyond the converter's bits",
     }
     stop_command: ClassVar[bytes] = b"STOP\n"
-
     _options: ChordsOptions
 
     def __init__(self, options: ChordsOptions) -> None:

@@ -59,7 +59,6 @@ class Cyton(LiveSerialEmg):
         "rate": "the board confirms 250 Hz, and sends it",
         "values": "packets of even and odd number show the same electrodes; unused channels stay off",
     }
-
     _options: CytonOptions
 
     def __init__(self, options: CytonOptions) -> None:

@@ -164,16 +164,17 @@ def find_boards(driver: str, *, dongles: bool) -> list[Found]:
         if info.vid is None or ((info.vid, info.pid or 0) == _DONGLE) is not dongles:
             continue
         board = info.product or _BOARDS.get(info.vid, f"USB {info.vid:04x}:{info.pid or 0:04x}")
-        denied = os.name == "posix" and not os.access(info.device, os.R_OK | os.W_OK)
+        problem = hint = ""
+        if os.name == "posix" and not os.access(info.device, os.R_OK | os.W_OK):
+            problem = f"your user may not open {info.device}"
+            hint = "join the group that owns it (sudo usermod -aG dialout $USER) and log in again"
         found.append(
             Found(
                 driver=driver,
                 label=f"{info.device} ({board}{f', {info.serial_number}' if info.serial_number else ''})",
                 options={"port": _lasting_name(info.device)},
-                problem=f"your user may not open {info.device}" if denied else "",
-                hint="join the group that owns it (sudo usermod -aG dialout $USER) and log in again"
-                if denied
-                else "",
+                problem=problem,
+                hint=hint,
                 note="its firmware cannot be detected from outside",
                 may_open=False,
             )

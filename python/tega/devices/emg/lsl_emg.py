@@ -67,7 +67,6 @@ class LslEmg(LiveEmg):
         "rate": "the stated rate is the measured one",
         "values": "no channel is a counter or a time stamp; limits hold, where they are set",
     }
-
     _options: LslEmgOptions
 
     def __init__(self, options: LslEmgOptions) -> None:

@@ -43,7 +43,6 @@ class SerialEmg(LiveSerialEmg):
         "rate": "lines per second are those of rate_hz",
         "values": "each line has the fields that are set; no column is a counter or a time stamp; bits hold",
     }
-
     _options: SerialEmgOptions
 
     def __init__(self, options: SerialEmgOptions) -> None:

@@ -56,7 +56,6 @@ class Spiker(LiveSerialEmg):
         "rate": "the rate of the sketch's timer is the measured one",
         "values": "frames have the channels that were asked for; no value is beyond ten bits",
     }
-
     _options: SpikerOptions
 
     def __init__(self, options: SpikerOptions) -> None:
@@ -77,8 +76,9 @@ class Spiker(LiveSerialEmg):
         deadline = time.monotonic() + o.start_s
         while sent != o.columns:
             if time.monotonic() > deadline:
+                sends = f"sends {sent} channels" if sent else "sends no frames of a SpikerShield"
                 raise DeviceUnavailableError(
-                    f"spiker: {self._label} {_words(sent)}, {o.columns} are asked for",
+                    f"spiker: {self._label} {sends}, {o.columns} are asked for",
                     "check port, baud and the board's sketch; columns is the number of channels to ask for",
                 )
             port.write(f"c:{o.columns};\n".encode())
@@ -115,7 +115,3 @@ def _n_channels(data: bytes) -> int:
     counts = np.bincount(lengths)
     most = int(counts.argmax())
     return most // 2 if most % 2 == 0 and 2 * counts[most] > len(lengths) else 0
-
-
-def _words(n_channels: int) -> str:
-    return f"sends {n_channels} channels" if n_channels else "sends no frames of a SpikerShield"

@@ -54,10 +54,8 @@ class PacketOrder:
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the packets that are new and whole, with the number of packets that are missing before each.
 
-        Args:
-            samples: (n, channels), n at least 1.
-            missing: (n,), packets missing before each, by the counter, modulo ``turn``.
-            room: How many packets can be missing in all, by the time that has passed.
+        ``samples`` are (n, channels), n at least 1, ``missing`` (n,) by the counter, modulo ``turn``. ``room``: so
+        many packets can be missing in all, by the time that has passed.
 
         Example:
             >>> order, rows = PacketOrder(256), np.arange(3.0)[:, np.newaxis]
@@ -154,9 +152,8 @@ _JITTER_SHARE: Final = 0.5
 class ValueCheck:
     """Compares the samples of one source with its settings, half a second at a time.
 
-    Args:
-        limits: Smallest and largest value of the converter, in the samples' unit; ``None`` where they are unknown.
-        free_columns: Whether a column may be something else than a muscle, such as a counter or a time stamp.
+    ``limits`` are the converter's, in the samples' unit; ``None`` where they are unknown. With ``free_columns`` a
+    column may be something else than a muscle, such as a counter or a time stamp.
 
     Example:
         >>> check, found = ValueCheck(200.0, ["ch1"], limits=(0.0, 1023.0), free_columns=False), Contradictions()
@@ -245,13 +242,8 @@ _SD_OF_MAD: Final = 1.4826
 class AlternationCheck:
     """Compares the packets of one stream as they come.
 
-    Args:
-        used: The channels that are switched on, from 1.
-        step_uv: One step of the converter, µV.
-
-    Attributes:
-        found: The difference, in words; ``""`` for none.
-        is_decided: Whether enough packets were compared.
+    ``used`` are the channels that are switched on, from 1; ``step_uv`` is one step of the converter. ``found`` is
+    the difference, in words, ``""`` for none; ``is_decided``: enough packets were compared.
 
     Example:
         >>> check, rng = AlternationCheck([1, 2, 3], step_uv=0.022), np.random.default_rng(1)

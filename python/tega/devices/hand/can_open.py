@@ -91,8 +91,9 @@ def open_can_bus(
             # A half-made bus says so when it is forgotten: that is now.
             traceback.clear_frames(error.__traceback__)
             error.__traceback__ = error.__context__ = error.__cause__ = None
+    name = Path(channel).name if isinstance(channel, str) else channel
     raise DeviceUnavailableError(
-        f"{driver}: interface {interface!r}, channel {_plain(channel)!r} did not open: {text}", hint
+        f"{driver}: interface {interface!r}, channel {name!r} did not open: {text}", hint
     )
 
 
@@ -114,11 +115,6 @@ def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
             )
         return words, _ANY_CHANNEL
     return (f"{about.needs} missing", about.install) if missing else (words, about.channel)
-
-
-def _plain(channel: str | int) -> str | int:
-    """Return a channel without a path."""
-    return Path(channel).name if isinstance(channel, str) else channel
 
 
 @contextmanager

@@ -196,7 +196,10 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
     pieces = receive()
     received, stuck, tail = False, False, b""
     while True:
-        piece = _next(pieces, STUCK_S if received and not stuck else None)
+        try:
+            piece = pieces.get(timeout=STUCK_S if received and not stuck else None)
+        except Empty:
+            piece = None
         tail = (tail + (piece or b""))[-64:]
         if b"done" in tail:
             return
@@ -209,24 +212,13 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
             stay_alone()
         if received:
             alarm = Alarm(device)
-            why = let_go(_never if gone else lambda: not pieces.empty())
+            why = let_go((lambda: False) if gone else lambda: not pieces.empty())
             alarm.end(why if gone else "")
             if gone and not why:
                 _answer(_OFF)
         if gone:
             return
         stuck = True
-
-
-def _next(pieces: SimpleQueue[bytes], timeout_s: float | None) -> bytes | None:
-    try:
-        return pieces.get(timeout=timeout_s)
-    except Empty:
-        return None
-
-
-def _never() -> bool:
-    return False
 
 
 def receive() -> SimpleQueue[bytes]:

@@ -131,7 +131,7 @@ class HandLoop:
         before = link.phase
         out = link.exchange(frames, t_ns, level, added)
         pushes = link.phase in {"running", "releasing"}
-        taken = self._bus.send(out, outdated=standstill.is_over if pushes else _never) if out else []
+        taken = self._bus.send(out, outdated=standstill.is_over if pushes else lambda: False) if out else []
         answers = len(out) >= 4 and link.phase == "running"
         left_ns = time.monotonic_ns() if answers else 0
         if link.phase == "silent" != before:
@@ -208,7 +208,3 @@ class HandLoop:
         if self._left_to or self._guard is None:
             return self._left_to
         return 0 if self._guard.problem else self._guard.pid
-
-
-def _never() -> bool:
-    return False

@@ -36,10 +36,8 @@ class RatePoses:
     |u|²``: fine near rest, full speed at full deflection. While the device says "no data" the pose is not valid, so
     that the chain holds. Such a device needs a dead-man switch (a button held) but no clutch of its own.
 
-    Args:
-        state: Returns the device's newest state, such as :meth:`tega.devices.input.spacemouse.SpaceMouse.state`.
-        speed_m_s: At full deflection.
-        turn_rad_s: At full deflection.
+    ``state`` returns the device's newest state, such as
+    :meth:`tega.devices.input.spacemouse.SpaceMouse.state`; ``speed_m_s`` and ``turn_rad_s`` are at full deflection.
 
     Example:
         >>> still = InputReading(0, True, (0.0,) * 6, frozenset())

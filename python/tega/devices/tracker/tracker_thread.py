@@ -134,9 +134,8 @@ class DeviceClock:
     difference, and packets that arrive later than that were delayed. The shortest delay itself cannot be measured
     from one end, so the age does not include it: 2 to 10 ms on a good wireless network.
 
-    Attributes:
-        delay_ns: How much longer the newest packet was on its way than the quickest one.
-        n_leaps: Number of times that the device's clock was set.
+    ``delay_ns`` is how much longer the newest packet was on its way than the quickest one, ``n_leaps`` the number
+    of times that the device's clock was set.
 
     Example:
         >>> clock = DeviceClock()

@@ -273,7 +273,8 @@ class PlayerLink(VestLink):
         try:
             return self._run(work)
         except self._broken as error:
-            raise self._lost(error) from error
+            why = "it takes nothing any more" if isinstance(error, TimeoutError) else str(error)
+            raise DeviceUnavailableError(f"the {self._where} ended the connection: {why}") from error
 
     def _say(self, message: str) -> None:
         ws = self._ws
@@ -307,10 +308,6 @@ class PlayerLink(VestLink):
         """Read the messages that have come; waits for the first one only."""
         for message in self._call(_come(self._ws, timeout_s)):
             self._garbage += not received(self._version, message)
-
-    def _lost(self, error: Exception) -> DeviceUnavailableError:
-        why = "it takes nothing any more" if isinstance(error, TimeoutError) else str(error)
-        return DeviceUnavailableError(f"the {self._where} ended the connection: {why}")
 
 
 def _held_back(connection: Any) -> Any:

@@ -57,7 +57,6 @@ class BleVest(StreamedVest):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("bleak",)
     options_type: ClassVar[type[Options]] = BleOptions
-
     _options: BleOptions
 
     def __init__(self, options: BleOptions) -> None:

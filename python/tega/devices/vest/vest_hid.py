@@ -55,7 +55,6 @@ class HidVest(StreamedVest):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("hid",)
     options_type: ClassVar[type[Options]] = HidVestOptions
-
     _options: HidVestOptions
 
     def __init__(self, options: HidVestOptions) -> None:

@@ -31,7 +31,6 @@ class PlayerVest(StreamedVest):
     requires: ClassVar[tuple[str, ...]] = ("websockets",)
     options_type: ClassVar[type[Options]] = PlayerOptions
     sends_at_once: ClassVar[bool] = True
-
     _options: PlayerOptions
 
     def __init__(self, options: PlayerOptions) -> None:
