@@ -21,6 +21,7 @@ from tega.devices.emg.live_emg import POLL_S, Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, SerialPort
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
+from tega.wire import ChordsDecoder, chords_channels
 
 # Bytes that show how many channels a packet has: at least three packets of the largest board.
 _PROBE_BYTES = 256
@@ -97,8 +98,6 @@ class Chords(LiveSerialEmg):
 
     def _start(self) -> None:
         """Ask the board for its name, start it, and count the channels in its stream."""
-        from tega.wire import ChordsDecoder, chords_channels
-
         o = self._options
         self._board_name, port = self._find()
         known = _BOARDS.get(self._board_name)

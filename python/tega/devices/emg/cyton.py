@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from tega.devices.emg.live_serial import LiveSerialEmg, LiveSerialOptions, Seria
 from tega.devices.emg.stream_evidence import AlternationCheck
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Evidence, refuse
-
-if TYPE_CHECKING:
-    from tega.wire import CytonBatch
+from tega.wire import CytonBatch, CytonDecoder
 
 _BAUD = 115_200
 _RATE_HZ = 250.0
@@ -76,8 +74,6 @@ class Cyton(LiveSerialEmg):
 
     def _start(self) -> None:
         """Silence the board, reset it, set its channels, and start the stream."""
-        from tega.wire import CytonDecoder
-
         o = self._options
         port = self._connect(_BAUD)
         # A board that a crashed program left streaming answers nothing before it is told to stop.
@@ -97,10 +93,8 @@ class Cyton(LiveSerialEmg):
             found = f"the board answers {_short(confirmed)} where 250 Hz was set"
             refuse(self.name, self._label, Contradiction("rate", found, "update the board's firmware"))
         port.drain(quiet_s=0.05, timeout_s=0.5)
-        self._decoder, self._check = (
-            CytonDecoder(o.gain),
-            AlternationCheck(self._columns(), step_uv=4.5e6 / o.gain * 2**-23),
-        )
+        self._decoder = CytonDecoder(o.gain)
+        self._check = AlternationCheck(self._columns(), step_uv=4.5e6 / o.gain * 2**-23)
         port.write(b"b")
 
     def _reset(self, port: SerialPort) -> str:

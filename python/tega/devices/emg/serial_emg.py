@@ -11,6 +11,7 @@ from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, find_boards
 from tega.runtime.evidence import Evidence
+from tega.wire import AsciiEmgDecoder
 
 
 class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
@@ -56,8 +57,6 @@ class SerialEmg(LiveSerialEmg):
         return find_boards(cls.name, dongles=False)
 
     def _start(self) -> None:
-        from tega.wire import AsciiEmgDecoder
-
         o = self._options
         self._connect(o.baud)
         self._n_rows = 0

@@ -19,6 +19,7 @@ from tega.devices.emg.live_emg import POLL_S, Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, SerialPort
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
+from tega.wire import SpikerDecoder
 
 _STEPS_HZ: Final = 2_000_000.0
 _STEPS_A_CHANNEL: Final = 199
@@ -69,8 +70,6 @@ class Spiker(LiveSerialEmg):
 
         The board ignores commands while it starts, and opening the port may restart it.
         """
-        from tega.wire import SpikerDecoder
-
         o = self._options
         port, sent = self._connect(o.baud), 0
         deadline = time.monotonic() + o.start_s

@@ -35,8 +35,8 @@ _CLIENT: Final = "1.0.1"  # what a client that the vendor published for this ver
 _REQUESTS: Final = 1 << 31  # a request's number fits into 31 bits, as those of the vendor's clients
 
 
-class PlayerVersion:
-    """Version of the Player's websocket, ``number`` 2 or 3.
+class _PlayerVersion:
+    """State of a version of the Player's websocket, ``number`` 2 or 3.
 
     Attributes:
         tls: Encryption of its transport; ``None`` for none.
@@ -56,32 +56,12 @@ class PlayerVersion:
         self.vest_name = ""
         self.battery_percent: int | None = None
 
-    def url(self, host: str) -> str:
-        """Return the URL, with the program's identification for the Player."""
-        raise NotImplementedError
-
-    def hello(self) -> list[str]:
-        """Return the first messages; they stop anything that the vest plays."""
-        raise NotImplementedError
-
-    def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
-        """Return the messages that play (40,) intensities, percent, for 200 ms, replacing the current ones."""
-        raise NotImplementedError
-
-    def stop(self) -> str:
-        """Return the message that ends everything."""
-        raise NotImplementedError
-
     def probe(self) -> str:
         """Return a message that provokes a status and is not felt; ``""`` where there is none."""
         return ""
 
-    def receive(self, message: str) -> None:
-        """Take in a message of the Player; ``WireError`` if it is none."""
-        raise NotImplementedError
 
-
-class PlayerVersion2(PlayerVersion):
+class PlayerVersion2(_PlayerVersion):
     """Version 2: no account, no encryption, two constant keys; a status shows whether there is a vest."""
 
     number: ClassVar[int] = 2
@@ -92,15 +72,15 @@ class PlayerVersion2(PlayerVersion):
         self._name = quote(app_name, safe="")
 
     def url(self, host: str) -> str:
-        """Return the address."""
+        """Return the address, with the program's name for the Player."""
         return f"ws://{host}:{self._port}{self.path}?app_id={self._name}&app_name={self._name}"
 
     def hello(self) -> list[str]:
-        """End everything, and ask for a status."""
+        """Return the first messages: end everything, and ask for a status."""
         return [self.stop(), self.probe()]
 
     def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
-        """Return both panels under their keys: a frame replaces what its key plays."""
+        """Play (40,) intensities, percent, for 200 ms: both panels under their keys, in place of what those play."""
         return [player_v2_message(intensities, duration_ms=HOLD_MS)]
 
     def stop(self) -> str:
@@ -112,11 +92,11 @@ class PlayerVersion2(PlayerVersion):
         return player_v2_ping()
 
     def receive(self, message: str) -> None:
-        """Take in a status."""
+        """Take in a status; ``WireError`` if it is none."""
         self.has_vest = "Vest" in player_v2_status(message).connected_positions
 
 
-class PlayerVersion3(PlayerVersion):
+class PlayerVersion3(_PlayerVersion):
     """Version 3: needs the vendor's app id and key; the Player reports the vest's name, link and battery.
 
     The Player's certificate is self-signed, so it proves nothing and is not checked; only the key and frames
@@ -141,11 +121,11 @@ class PlayerVersion3(PlayerVersion):
         return f"wss://{host}:{self._port}{self.path}?workspace_id={app_id}&api_key={key}&version={_CLIENT}"
 
     def hello(self) -> list[str]:
-        """Introduce the program, and end everything."""
+        """Return the first messages: introduce the program, and end everything."""
         return [sdk3_auth_message(self._app_id, self._api_key), self.stop()]
 
     def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
-        """Return a new request and the end of the one before: how the Player mixes two is not published.
+        """Play as version 2 does: a new request, and the end of the one before; how two mix is not published.
 
         A frame without a lit motor is an end of everything.
         """
@@ -171,6 +151,9 @@ class PlayerVersion3(PlayerVersion):
         self.has_vest = bool(vests) and vests[0].connected
         self.vest_name = vests[0].name if vests else ""
         self.battery_percent = vests[0].battery_percent if self.has_vest else None
+
+
+PlayerVersion = PlayerVersion2 | PlayerVersion3
 
 
 def received(version: PlayerVersion, message: str | bytes) -> bool:

@@ -108,9 +108,7 @@ class _HidLink(VestLink):
 
     @property
     def condition(self) -> str:
-        return (
-            "" if self._status is None else f"board's vest {'connected' if self.present else 'not connected'}"
-        )
+        return "" if self._status is None else f"board's vest {'' if self.present else 'not '}connected"
 
     def connect(self) -> None:
         o = self._options

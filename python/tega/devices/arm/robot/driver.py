@@ -81,15 +81,9 @@ class ProcessArm(Opened):
             notes.append(f"{self._late} ticks of the arm's loop came late")
         if self._refused:
             notes.append(f"{self._refused} commands were not obeyed")
-        rate_hz = self._options.rate_hz
+        rate_hz, said = self._options.rate_hz, tuple(notes)
         return DeviceInfo(
-            driver=self.name,
-            kind="arm",
-            label=self.label,
-            live=True,
-            rate_hz=rate_hz,
-            unit="m",
-            notes=tuple(notes),
+            driver=self.name, kind="arm", label=self.label, live=True, rate_hz=rate_hz, unit="m", notes=said
         )
 
     @property

@@ -141,15 +141,11 @@ class Loop:
             body.begin()
             self._slew = Slew(self._s.speed_m_s, self._s.turn_rad_s, seen.place, seen.turn)
         velocities = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        if (
-            order.requested is not None
-            and order.requested.place is not None
-            and order.requested.turn is not None
-        ):
+        goal = order.requested
+        if goal is not None and goal.place is not None and goal.turn is not None:
             self._held = None
-            there = self._slew.toward(order.requested.place, order.requested.turn, dt_s)
-            if there:
-                velocities = (order.requested.velocity_m_s, order.requested.velocity_rad_s)
+            if self._slew.toward(goal.place, goal.turn, dt_s):
+                velocities = (goal.velocity_m_s, goal.velocity_rad_s)
         else:
             # Where the arm is, not where it was going: whatever it pressed against is let alone.
             self._held = self._held or seen
@@ -193,10 +189,8 @@ def _run(settings: ProcessSettings, link: socket.socket, body: RobotBody) -> Non
     next_s = time.monotonic()
     while True:
         left_s = next_s - time.monotonic()
-        if left_s > 0:
-            ready, _, _ = select.select([sys.stdin, link], [], [], left_s)
-        else:
-            ready, _, _ = select.select([sys.stdin, link], [], [], 0)
+        ready, _, _ = select.select([sys.stdin, link], [], [], max(left_s, 0))
+        if left_s <= 0:
             next_s = max(next_s, time.monotonic() - period_s)
         if sys.stdin in ready and not os.read(sys.stdin.fileno(), _MOST_BYTES):
             return
