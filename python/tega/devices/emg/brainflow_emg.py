@@ -91,7 +91,6 @@ class BrainFlowEmg(LiveEmg):
         self._alternation: AlternationCheck | None = None
 
     def _start(self) -> None:
-        """Find out about the board, connect to it and start its stream."""
         o = self._options
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it imports pkg_resources when its library is loaded

@@ -97,7 +97,6 @@ class Chords(LiveSerialEmg):
         self._waiting = b""
 
     def _start(self) -> None:
-        """Ask the board for its name, start it, and count the channels in its stream."""
         o = self._options
         self._board_name, port = self._find()
         known = _BOARDS.get(self._board_name)

@@ -73,7 +73,6 @@ class Cyton(LiveSerialEmg):
         return find_boards(cls.name, dongles=True)
 
     def _start(self) -> None:
-        """Silence the board, reset it, set its channels, and start the stream."""
         o = self._options
         port = self._connect(_BAUD)
         # A board that a crashed program left streaming answers nothing before it is told to stop.
@@ -98,7 +97,6 @@ class Cyton(LiveSerialEmg):
         port.write(b"b")
 
     def _reset(self, port: SerialPort) -> str:
-        """Reset the board and return its firmware's version."""
         port.write(b"v")
         text = port.read_until(_END, _RESET_S).decode("ascii", "replace")
         if not text:
@@ -129,7 +127,6 @@ class Cyton(LiveSerialEmg):
             refuse(self.name, self._label, Contradiction("banner", found, _DAISY_HINT))
 
     def _set(self, port: SerialPort, command: bytes, subject: str) -> str:
-        """Send a setting and return the board's confirmation."""
         port.write(command)
         text = port.read_until(_END, _ANSWER_S).decode("ascii", "replace")
         if _END.decode() not in text or "Failure" in text:

@@ -224,12 +224,10 @@ class LiveSerialEmg(LiveEmg):
         self._n_bytes = 0
 
     def _connect(self, baud: int) -> SerialPort:
-        """Open the port."""
         self._port, self._n_bytes = SerialPort(self._options.port, baud, driver=self.name), 0
         return self._port
 
     def _received(self) -> tuple[bytes, int]:
-        """Return the bytes that have arrived and when the last of them did."""
         data, arrival_ns = (b"", 0) if self._port is None else self._port.arrived()
         self._n_bytes += len(data)
         return data, arrival_ns

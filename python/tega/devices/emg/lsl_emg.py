@@ -98,7 +98,6 @@ class LslEmg(LiveEmg):
         ]
 
     def _start(self) -> None:
-        """Find the stream and connect to it."""
         o = self._options
         lsl = load_lsl(LslEmg.name)
         found = find_streams(lsl, o.by, o.value, o.start_s)

@@ -110,13 +110,11 @@ class PacketOrder:
         return before
 
     def _repeat(self) -> list[tuple[NDArray[np.float64], int]]:
-        """Count a packet that came twice."""
         self.n_repeated += 1
         self._kinds.append(_REPEATED)
         return []
 
     def _leave_out(self, kind: int) -> None:
-        """Count a damaged packet."""
         self.n_damaged += 1
         self._n_in_a_row += 1
         self._kinds.append(kind)

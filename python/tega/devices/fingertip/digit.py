@@ -224,7 +224,6 @@ class Digit(Opened):
         self._take = take
 
     def _capture(self) -> Any:
-        """Open the camera and set it up."""
         o, cv2 = self._options, self._cv2
         node = None if o.serial is None else find_node(o.serial)
         place, access = camera_place(str(o.source) if node is None else node.device)

@@ -49,7 +49,6 @@ class RecordedPictures(Opened):
         )
 
     def _begin(self, n_pictures: int | None) -> None:
-        """Begin with the first of so many pictures."""
         self._n_pictures, self._seq, self._shape = n_pictures, 0, ()
 
     @property

@@ -193,7 +193,6 @@ class Allegro(Opened):
 
     @property
     def _label(self) -> str:
-        """Adapter and bus, without a path."""
         return bus_label(self._options.interface, self._options.channel)
 
     @property
@@ -308,7 +307,6 @@ class Allegro(Opened):
         return end
 
     def _take(self, spoken: list[HandSpoken], seen: HandNews) -> None:
-        """Process the reports of the loop."""
         self._seen, self._received_s = seen, time.monotonic()
         for text in spoken:
             self._sent.extend(text.taken)

@@ -80,7 +80,6 @@ class _Hand:
 
     @property
     def label(self) -> str:
-        """Hand, adapter and bus."""
         return f"robot hand on {self._bus.label}"
 
     def let_go(self, given_up: Callable[[], bool]) -> str:

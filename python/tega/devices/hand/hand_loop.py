@@ -127,7 +127,7 @@ class HandLoop:
         before = link.phase
         out = link.exchange(frames, t_ns, level, added)
         pushes = link.phase in {"running", "releasing"}
-        taken = self._bus.send(out, outdated=standstill.is_over if pushes else lambda: False) if out else []
+        taken = self._bus.send(out, outdated=standstill.is_over if pushes else _never) if out else []
         answers = len(out) >= 4 and link.phase == "running"
         left_ns = time.monotonic_ns() if answers else 0
         if link.phase == "silent" != before:
@@ -197,3 +197,7 @@ class HandLoop:
                 guard_pid=self._left_to or (0 if guard is None or guard.problem else guard.pid),
             ),
         )
+
+
+def _never() -> bool:
+    return False

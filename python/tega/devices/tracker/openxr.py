@@ -161,7 +161,6 @@ class OpenXr(ThreadedTracker):
             self._take(session, session.locate(now_ns), now_ns)
 
     def _enter(self, state: str) -> None:
-        """Take a state of the session."""
         with self._lock:
             self._trouble = "" if state == "focused" else _STATES.get(state, _OUT_OF_FOCUS)
             # Out of focus the origin may have been moved without a word.
@@ -169,7 +168,6 @@ class OpenXr(ThreadedTracker):
                 self._restart_until_ns = time.monotonic_ns() + RESTART_NS
 
     def _take(self, session: XrSession, found: Located | None, now_ns: int) -> None:
-        """Take an answer."""
         c = self.counts
         with self._lock:
             if session.restart_from_ns:

@@ -185,7 +185,6 @@ class XrSession:
             raise DeviceUnavailableError(f"openxr: {self.runtime} {why}")
 
     def _check(self) -> None:
-        """Query the held device."""
         if self._options.source == "wrist":
             return
         path = self._xr.get_current_interaction_profile(self._session, self._path(self._user))

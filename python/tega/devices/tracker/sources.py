@@ -27,6 +27,8 @@ from tega.runtime.files.tables.rows import named_rows
 _LEAST_NS: Final = 1_000_000
 # After a longer pause the deflection of before is not summed up: nobody knows how long it lasted.
 _LONGEST_S: Final = 0.1
+# At full deflection, m/s and rad/s.
+_SPEEDS: Final = np.array([0.15] * 3 + [0.6] * 3)
 
 
 class RatePoses:
@@ -36,8 +38,7 @@ class RatePoses:
     |u|²``: fine near rest, full speed at full deflection. While the device says "no data" the pose is not valid, so
     that the chain holds. Such a device needs a dead-man switch (a button held) but no clutch of its own.
 
-    ``state`` returns the device's newest state, such as
-    :meth:`tega.devices.input.spacemouse.SpaceMouse.state`; ``speed_m_s`` and ``turn_rad_s`` are at full deflection.
+    ``state`` returns the device's newest state, such as :meth:`tega.devices.input.spacemouse.SpaceMouse.state`.
 
     Example:
         >>> still = InputReading(0, True, (0.0,) * 6, frozenset())
@@ -47,11 +48,8 @@ class RatePoses:
 
     frame: Final = "base"
 
-    def __init__(
-        self, state: Callable[[], InputReading], *, speed_m_s: float = 0.15, turn_rad_s: float = 0.6
-    ) -> None:
+    def __init__(self, state: Callable[[], InputReading]) -> None:
         self._state = state
-        self._speeds = np.array([speed_m_s] * 3 + [turn_rad_s] * 3)
         self._place, self._turn = np.zeros(3), IDENTITY
         self._last_ns: int | None = None
 
@@ -64,7 +62,7 @@ class RatePoses:
         state = self._state()
         if state.live and dt_s <= _LONGEST_S:
             motion = np.array(state.motion)
-            route = self._speeds * motion * np.abs(motion) ** 2 * dt_s
+            route = _SPEEDS * motion * np.abs(motion) ** 2 * dt_s
             self._place = self._place + route[:3]
             self._turn = unit(multiply(exp(route[3:]), self._turn))
         return (StampedPose(now_ns, self._place.tolist(), self._turn.tolist(), valid=state.live),)
@@ -92,7 +90,6 @@ def read_poses(path: Path) -> list[StampedPose]:
 
 
 def _pose(name: str, line: int, cells: dict[str, str], before: Sequence[StampedPose]) -> StampedPose:
-    """Return the pose of a line."""
     try:
         t_s, *numbers = (float(cells[column]) for column in _COLUMNS)
         valid = float(cells["valid"]) == 1 if "valid" in cells else True

@@ -33,12 +33,11 @@ class Leash:
 
     Without a command for ``hold_ms`` the arm holds its position; after ``silent_ms`` the operator has to
     engage again; after ``stop_ms`` the arm rests. A burst of old commands moves nothing, since each command
-    is judged by the time at which it was made. ``settings`` are the chain's own times, so that both ends
-    agree.
+    is judged by the time at which it was made. The times are the chain's own, so that both ends agree.
     """
 
-    def __init__(self, session: int, settings: WatchdogSettings | None = None) -> None:
-        self._session, self._s = session, settings or WatchdogSettings()
+    def __init__(self, session: int) -> None:
+        self._session, self._s = session, WatchdogSettings()
         self._last: ArmTargetWords | None = None
         self._sequence = -1
         self._engagements = 0
