@@ -116,9 +116,8 @@ class BrainFlowEmg(LiveEmg):
             self._rows = list(description.get("emg_channels") or description.get("eeg_channels") or ())
             self._n_channels = len(self._rows)
             self._rate_hz = float(description["sampling_rate"])
-            self._counter_row = (
-                description.get("package_num_channel") if described in _COUNTS_TO_256 else None
-            )
+            counts = described in _COUNTS_TO_256
+            self._counter_row = description.get("package_num_channel") if counts else None
             self._last_count, self._stamps = None, StampCheck()
             is_cyton = described == "CYTON_BOARD"
             self._alternation = AlternationCheck(range(1, 9), step_uv=_CYTON_STEP_UV) if is_cyton else None

@@ -95,10 +95,8 @@ class EmgHealth:
         found = [f"{words} (for {n * _POLL_S:g} s)" for words, n in looks]
         if self._gaps:
             longest_ms = 1000 * max(self._gaps) / self._rate_hz
-            found.insert(
-                0,
-                f"{self.missing_samples} samples were lost in {len(self._gaps)} gaps, the longest {longest_ms:.0f} ms",
-            )
+            n, lost = len(self._gaps), self.missing_samples
+            found.insert(0, f"{lost} samples were lost in {n} gaps, the longest {longest_ms:.0f} ms")
         return tuple(found)
 
     def _check(self) -> list[str]:

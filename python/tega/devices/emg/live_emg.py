@@ -306,7 +306,12 @@ class LiveEmg(Opened):
         rate_hz = self._rate_hz
         if rate_hz is None or rate_hz < LEAST_RATE_HZ:
             raise too_slow(f"{self.name}: {self._label}", rate_hz, "is said to send")
-        self._check_columns()
+        wanted, there = self._columns(), self._n_channels
+        if max(wanted) > there or len(set(wanted)) < len(wanted):
+            raise DeviceUnavailableError(
+                f"{self.name}: {self._label} has {there} channels, asked for {list(wanted)}",
+                f"set channels to different numbers from 1 to {there}",
+            )
         self._clock, self.health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
         self._measure(self._clock, rate_hz)
         self._new_health()
@@ -378,11 +383,3 @@ class LiveEmg(Opened):
 
     def _columns(self) -> tuple[int, ...]:
         return self._options.channels or self.usual_channels or tuple(range(1, self._n_channels + 1))
-
-    def _check_columns(self) -> None:
-        wanted, there = self._columns(), self._n_channels
-        if max(wanted) > there or len(set(wanted)) < len(wanted):
-            raise DeviceUnavailableError(
-                f"{self.name}: {self._label} has {there} channels, asked for {list(wanted)}",
-                f"set channels to different numbers from 1 to {there}",
-            )

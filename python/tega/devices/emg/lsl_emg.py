@@ -108,9 +108,8 @@ class LslEmg(LiveEmg):
             )
         if len(found) > 1:
             text = f"{len(found)} streams have the {o.by} {o.value!r}, from {hosts_of(found)}"
-            hint = "end the senders that are not meant" + (
-                "" if o.by == "source_id" else ", or name a source_id"
-            )
+            naming = "" if o.by == "source_id" else ", or name a source_id"
+            hint = f"end the senders that are not meant{naming}"
             refuse(self.name, self._label, Contradiction("banner", text, hint))
         stream = found[0]
         if stream.channel_format() == lsl.cf_string:
