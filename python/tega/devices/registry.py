@@ -103,9 +103,8 @@ def driver_class(name: str, kind: Kind | None = None) -> type[Device]:
 
 def _load(entry: EntryPoint) -> type[Device]:
     loaded: Any = load_plugin(entry, "driver")
-    if not isinstance(loaded, type) or not all(
-        hasattr(loaded, a) for a in ("kind", "options_type", "open", "close")
-    ):
+    members = ("kind", "options_type", "open", "close")
+    if not isinstance(loaded, type) or not all(hasattr(loaded, a) for a in members):
         raise DeviceUnavailableError(
             f"driver {entry.name!r} is registered as {entry.value!r}, which is not a driver class",
             "see tega.devices.base for the protocols",

@@ -128,9 +128,8 @@ class PacketOrder:
         standing = self._kinds.count(_REPEATED) + self._kinds.count(_STANDS)
         bad = self._kinds.count(_STANDS) + self._kinds.count(_JUMPS)
         if standing > _STANDING_SHARE * n:
-            return Contradiction(
-                "counter", f"the counter does not move in {standing} of {n} packets", self._hint
-            )
+            found = f"the counter does not move in {standing} of {n} packets"
+            return Contradiction("counter", found, self._hint)
         if bad > _BAD_SHARE * n:
             found = f"the counter does not move by one in {bad} of {n} packets"
             return Contradiction("counter", found, self._hint)
@@ -161,12 +160,7 @@ class ValueCheck:
     """
 
     def __init__(
-        self,
-        rate_hz: float,
-        names: Sequence[str],
-        *,
-        limits: tuple[float, float] | None,
-        free_columns: bool,
+        self, rate_hz: float, names: Sequence[str], *, limits: tuple[float, float] | None, free_columns: bool
     ) -> None:
         self._names, self._limits, self._free = tuple(names), limits, free_columns
         self._n_checked = max(2, round(_POLL_S * rate_hz))

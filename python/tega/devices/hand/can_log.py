@@ -249,9 +249,8 @@ class HandLog:
             case AllegroSerial():
                 facts.serial = message.text
             case AllegroInfo():
-                facts.hardware, facts.firmware = (
-                    ".".join(map(str, v)) for v in (message.hardware, message.firmware)
-                )
+                facts.hardware = ".".join(map(str, message.hardware))
+                facts.firmware = ".".join(map(str, message.firmware))
                 facts.side, self._servo_on = message.side, message.servo_on
                 self._version = 5 if message.hardware[0] == 5 else 4
 

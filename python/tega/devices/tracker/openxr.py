@@ -179,9 +179,9 @@ class OpenXr(ThreadedTracker):
             c.poses += 1
             if not found.valid:
                 c.lost += 1
-                place, turn = (
-                    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) if self._last is None else self._last[:2]
-                )
+                place, turn = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+                if self._last is not None:
+                    place, turn = self._last[:2]
                 self._poses.append(StampedPose(now_ns, place, turn, valid=False))
                 return
             if found == self._last:

@@ -79,11 +79,9 @@ class FrankyBody(RobotBody):
     def _check(self, server: int, library: Library | None) -> None:
         model = "panda" if server <= 5 else "fr3"
         if fix := the_fix(server, library):
-            own = (
-                "no library"
-                if library is None
-                else f"libfranka {library.libfranka} for server {library.server}"
-            )
+            own = "no library"
+            if library is not None:
+                own = f"libfranka {library.libfranka} for server {library.server}"
             raise WrongDeviceError(f"franky: the robot has server {server}, and here is {own}", fix)
         if model != self._o["robot"]:
             raise WrongDeviceError(

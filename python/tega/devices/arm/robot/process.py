@@ -58,11 +58,9 @@ class Slew:
         angle, left_rad = math.hypot(*arc.tolist()), self._turn_rad_s * dt_s
         there = length <= left and angle <= left_rad
         new = np.array(place) if length <= left else np.array(self.place) + route * (left / length)
-        q = (
-            np.array(turn)
-            if angle <= left_rad
-            else multiply(exp(arc * (left_rad / angle)), np.array(self.turn))
-        )
+        q = np.array(turn)
+        if angle > left_rad:
+            q = multiply(exp(arc * (left_rad / angle)), np.array(self.turn))
         x, y, z = new.tolist()
         qx, qy, qz, qw = unit(q).tolist()
         self.place, self.turn = (x, y, z), (qx, qy, qz, qw)
@@ -151,9 +149,8 @@ class Loop:
             self._held = self._held or seen
             self._slew.toward(self._held.place, self._held.turn, dt_s)
         body.lead(self._slew.place, self._slew.turn, *velocities)
-        return self._reported(
-            seen, "following", order.reason, HandSeen(now_ns, self._slew.place, self._slew.turn)
-        )
+        led = HandSeen(now_ns, self._slew.place, self._slew.turn)
+        return self._reported(seen, "following", order.reason, led)
 
     def _reported(
         self, seen: HandSeen, phase: Phase, reason: str, led: HandSeen | None = None
