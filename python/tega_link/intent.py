@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from tega.arm.pose import PoseSource
 from tega.config import SessionConfig
 from tega.devices.registry import driver_class
-from tega.devices.tracker.sources.rates import RatePoses
+from tega.devices.tracker.sources import RatePoses
 from tega.errors import ConfigError
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.records import Intent, PoseNumbers

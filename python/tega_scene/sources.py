@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.fingertip.video_nodes import camera_place
-from tega.devices.jpeg_stream import MOST_SPOILED, keep_own_size, read_picture
+from tega.devices.fingertip.video_nodes import MOST_SPOILED, camera_place, keep_own_size, read_picture
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image

@@ -26,7 +26,7 @@ from reference.processes import begun_by, hand_guards
 from reference.waiting import until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
-from tega.devices.vest.player_settings import PlayerOptions
+from tega.devices.vest.player_versions import PlayerOptions
 from tega.devices.vest.vest_player import PlayerVest
 from tega.haptics import vest_frame
 from tega_emulators.hid_port import HidBoard, HidPort

@@ -31,9 +31,8 @@ from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
 from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
 from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
-from tega.devices.hand.can_log import read_can_log
-from tega.devices.hand.hand_log import HandLog, find_hand
-from tega.devices.tracker.sources.recorded import read_poses
+from tega.devices.hand.can_log import HandLog, find_hand, read_can_log
+from tega.devices.tracker.sources import read_poses
 from tega.hand.poses import load_poses
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
 from tega.recording.folder import prepare_folder

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
-from tega.hand.tips import fingertips_m
+from tega.hand.mjcf import fingertips_m
 from tega.haptics import FINGERS
 from tega.ui.cli.main import cli
 from tega_ros2.urdf import hand_urdf

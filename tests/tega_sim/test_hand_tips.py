@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tega.hand import JOINT_LIMITS_RAD
-from tega.hand.tips import fingertips_m, tip_heights_mm
+from tega.hand.mjcf import fingertips_m, tip_heights_mm
 from tega.haptics import FINGERS
 
 

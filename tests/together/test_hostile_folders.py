@@ -13,7 +13,7 @@ import pytest
 
 from reference.sessions import record
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
-from tega.devices.vest.player_settings import PlayerOptions, versions_to_ask
+from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, RecordingError, TegaError
 from tega.recording import mcap_reader
 from tega.recording.disk import SpooledFile

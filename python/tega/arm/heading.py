@@ -36,16 +36,9 @@ class ForwardCheck(NamedTuple):
 def yaw_from_sweep(positions: ArrayLike, *, frame: str) -> float:
     """Return the heading of a movement of the forearm that the operator calls forward.
 
-    Args:
-        positions: (n, 3), places of the tracker while the operator moves the forearm straight forward, metres.
-        frame: Axes of the tracker, a name of :data:`~tega.arm.FRAMES`.
-
-    Returns:
-        ``yaw_rad`` for :class:`~tega.arm.MappingSettings`: about the vertical, from -π to π.
-
-    Raises:
-        CalibrationError: The movement was too short, not straight or not level; the message says which.
-        InvalidValueError: There is no such frame, or the places are not finite (n, 3).
+    ``positions`` (n, 3), metres, are places of the tracker meanwhile, in its axes ``frame``, a name of
+    :data:`~tega.arm.FRAMES`. The result is ``yaw_rad`` for :class:`~tega.arm.MappingSettings`: about the vertical,
+    from -π to π. ``CalibrationError`` says whether the movement was too short, not straight or not level.
 
     Example:
         >>> yaw_from_sweep([[0, 0, 0], [0, 0, -0.1], [0, 0, -0.2]], frame="openxr")
@@ -122,13 +115,8 @@ def _sweep(positions: ArrayLike, to_base: NDArray[np.float64]) -> NDArray[np.flo
 class ForearmSweep:
     """Collects poses until the forearm has moved and come to rest; restarts if the forearm is lost.
 
-    Args:
-        frame: Axes of the tracker, a name of :data:`~tega.arm.FRAMES`.
-        yaw_rad: Direction of forward, as far as it is known.
-
-    Attributes:
-        done: Whether it has gone 10 cm or more and then rested for half a second.
-        places: Where it was, in the tracker's axes, metres.
+    ``yaw_rad`` is the direction of forward, as far as it is known; ``places`` are in the tracker's axes
+    ``frame``, metres. ``done``: it has gone 10 cm or more and then rested for half a second.
 
     Example:
         >>> sweep = ForearmSweep("openxr")

@@ -22,17 +22,13 @@ from collections.abc import Callable
 import numpy as np
 
 from tega.arm.pose import Pose
-from tega.arm.rotation import Floats, between, cross, exp, multiply, rotate, same_side, unit
+from tega.arm.rotation import Floats, between, cross, exp, multiply, rotate, same_side, size, unit
 from tega.arm.settings import LimitSettings
 from tega.arm.workspace import Workspace
 
 _HALVINGS = 6
 _GIVE = 1e-9
 _AMBIGUOUS_RAD = 2.5
-
-
-def _size(vector: Floats) -> float:
-    return math.hypot(*vector.tolist())
 
 
 def closing_speed(speed: float, distance: float, acceleration: float, dt_s: float) -> float:
@@ -43,15 +39,9 @@ def closing_speed(speed: float, distance: float, acceleration: float, dt_s: floa
         s >= speed:   -speed²/2A + s dt + s speed/A               = distance
         s <  speed:    speed²/2A + s dt - s speed/A + s²/A        = distance
 
-    Args:
-        speed: Towards the goal now; negative if away from it.
-        distance: To the goal, 0 or more.
-        acceleration: The limit A.
-        dt_s: Length of the tick.
-
-    Returns:
-        The speed, 0 or more; infinite if there is not even time to turn round. The caller has to limit it to a speed
-        that is reachable within the tick.
+    ``speed`` is towards the goal now, negative if away from it; ``acceleration`` is the limit A, ``dt_s`` the
+    length of the tick. The result is 0 or more; infinite if there is not even time to turn round. The caller has
+    to limit it to a speed that is reachable within the tick.
 
     Example:
         >>> closing_speed(1.0, 0.5, 1.0, 0.1)
@@ -77,13 +67,12 @@ class _Tick:
         self._speed, self._acceleration = speed, acceleration
 
     def braking_distance(self, velocity: Floats) -> Floats:
-        return velocity * (_size(velocity) / (2 * self._acceleration))
+        return velocity * (size(velocity) / (2 * self._acceleration))
 
     def change(self, velocity: Floats, wanted: Floats, dt_s: float) -> tuple[Floats, Floats]:
         """Return the velocity at the end of the tick and its mean over the tick."""
         change = wanted - velocity
-        size = _size(change)
-        tau = size / self._acceleration
+        tau = size(change) / self._acceleration
         if tau > dt_s:
             new = velocity + change * (dt_s / tau)
             return new, (velocity + new) / 2
@@ -93,7 +82,7 @@ class _Tick:
         self, velocity: Floats, error: Floats, dt_s: float, stays: Callable[[Floats, Floats], bool]
     ) -> tuple[Floats, Floats]:
         """Go on towards the goal as fast as ``stays(new velocity, way)`` allows, or else brake."""
-        distance = _size(error)
+        distance = size(error)
         wanted = np.zeros(3)
         if distance > 0:
             towards = error / distance
@@ -168,19 +157,19 @@ class Follower:
         near, turned_near = in_box, in_cone
         if measured is not None:
             stop, ahead_m, ahead_rad = self.resting(), self._limits.ahead_m, self._limits.ahead_rad
-            if _size(stop.position_m - measured.position_m) <= ahead_m + _GIVE:
+            if size(stop.position_m - measured.position_m) <= ahead_m + _GIVE:
 
                 def near(new: Floats, route: Floats) -> bool:
                     end = place + route - measured.position_m
-                    farthest = max(_size(end), _size(end + self._place_tick.braking_distance(new)))
+                    farthest = max(size(end), size(end + self._place_tick.braking_distance(new)))
                     return farthest <= ahead_m + _GIVE and in_box(new, route)
 
-            if _size(between(measured.quaternion_xyzw, stop.quaternion_xyzw)) <= ahead_rad + _GIVE:
+            if size(between(measured.quaternion_xyzw, stop.quaternion_xyzw)) <= ahead_rad + _GIVE:
 
                 def turned_near(new: Floats, route: Floats) -> bool:
                     end = multiply(exp(route), q)
                     stop = multiply(exp(self._turn_tick.braking_distance(new)), end)
-                    farthest = max(_size(between(measured.quaternion_xyzw, at)) for at in (end, stop))
+                    farthest = max(size(between(measured.quaternion_xyzw, at)) for at in (end, stop))
                     return farthest <= ahead_rad + _GIVE and in_cone(new, route)
 
         self.velocity_m_s, mean = self._place_tick.choose(v, error, dt_s, near)
@@ -202,7 +191,7 @@ class Follower:
         tool = self._workspace.tool_axis
         d, g = rotate(q, tool), rotate(goal, tool)
         across = cross(d, g)
-        sine = _size(across)
+        sine = size(across)
         swing = across * (math.atan2(sine, float(d @ g)) / sine) if sine > 1e-15 else np.zeros(3)
         twist = float(between(multiply(exp(swing), q), goal) @ g)
         if abs(twist) > _AMBIGUOUS_RAD and abs(self._twist) > _AMBIGUOUS_RAD and twist * self._twist < 0:

@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from tega.arm.pose import Pose, StampedPose
-from tega.arm.rotation import Floats, between, exp, multiply, unit
+from tega.arm.rotation import Floats, between, exp, multiply, size, unit
 from tega.records import ArmTurn
 from tega.runtime.device_items import DeviceInfo, Kind, Options
 from tega.runtime.lifecycle import Opened
@@ -93,7 +93,7 @@ class MoveToStart(Opened):
             self._holds = turn.holds
             self._held_from = Pose(self._place.copy(), self._turn.copy()), target
             self._ways = self._ways_from(target)
-        turned = _size(between(target.quaternion_xyzw, self._start.quaternion_xyzw))
+        turned = size(between(target.quaternion_xyzw, self._start.quaternion_xyzw))
         self._rests = math.hypot(*turn.velocity[:3]) < _RESTS_M_S
         self.there = self.left_m < _THERE_M and turned < _THERE_RAD and self._rests
 
@@ -118,25 +118,21 @@ class MoveToStart(Opened):
             self._ways.pop(0)
         goal, (place, turn) = self._ways[0], held_from[0]
         ahead = (self._place - place) - (target.position_m - held_from[1].position_m)
-        if _size(ahead) < _AHEAD_M:
+        if size(ahead) < _AHEAD_M:
             # While the target still goes where the forearm is already, that much is on its way.
             left = goal.position_m - target.position_m - (0.0 if self._rests else ahead)
             self._place = self._place + _step(left, SPEED_M_S * dt_s)
         ahead = between(turn, self._turn) - between(held_from[1].quaternion_xyzw, target.quaternion_xyzw)
-        if _size(ahead) < _AHEAD_RAD:
+        if size(ahead) < _AHEAD_RAD:
             away = between(target.quaternion_xyzw, goal.quaternion_xyzw)
             self._turn = unit(multiply(exp(_step(away, TURN_RAD_S * dt_s)), self._turn))
 
 
 def _is_near(target: Pose, goal: Pose) -> bool:
-    turned = _size(between(target.quaternion_xyzw, goal.quaternion_xyzw))
-    return _size(goal.position_m - target.position_m) < _NEAR_M and turned < _NEAR_RAD
+    turned = size(between(target.quaternion_xyzw, goal.quaternion_xyzw))
+    return size(goal.position_m - target.position_m) < _NEAR_M and turned < _NEAR_RAD
 
 
 def _step(away: Floats, most: float) -> Floats:
-    size = _size(away)
-    return away * min(_SHARE, most / size) if size > 0 else away
-
-
-def _size(vector: Floats) -> float:
-    return math.hypot(*vector.tolist())
+    length = size(away)
+    return away * min(_SHARE, most / length) if length > 0 else away

@@ -63,4 +63,3 @@ class PoseSource(Protocol):
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
         """Return the poses since the last call, oldest first; never waits. ``now_ns``: the stamps' clock."""
-        ...

@@ -19,6 +19,11 @@ IDENTITY: Final = np.array([0.0, 0.0, 0.0, 1.0])
 """No rotation."""
 
 
+def size(vector: Floats) -> float:
+    """Return the length of a vector (NumPy's own is made for many, and slow for one)."""
+    return math.hypot(*vector.tolist())
+
+
 def unit(q: Floats) -> Floats:
     """Return a quaternion scaled to length one; it must not be zero."""
     return q / math.sqrt(float(q @ q))

@@ -62,25 +62,20 @@ class Device(Protocol):
     @property
     def info(self) -> DeviceInfo:
         """Description of the device; readable while closed."""
-        ...
 
     def open(self) -> None:
         """Open the device. A recording starts again from its beginning."""
-        ...
 
     def close(self) -> None:
         """Close the device; closing twice, or without opening, does nothing."""
-        ...
 
     def __enter__(self) -> Self:
         """Open it."""
-        ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close it."""
-        ...
 
 
 @runtime_checkable
@@ -93,7 +88,6 @@ class DiscoveringDevice(Protocol):
 
         Looking takes ``timeout_s`` at most; if it fails, the message of the error gives the reason.
         """
-        ...
 
 
 @runtime_checkable
@@ -106,7 +100,6 @@ class HarmlessDevice(Protocol):
     @classmethod
     def harmless(cls, options: Any) -> Any:
         """Return the options with which opening moves and overwrites nothing, ``None`` where there are none."""
-        ...
 
 
 @runtime_checkable
@@ -116,11 +109,9 @@ class TactileSource(Device, Protocol):
     @property
     def ended(self) -> bool:
         """Whether no frame will come any more."""
-        ...
 
     def read(self, timeout_s: float) -> TactileFrame | None:
         """Return the next frame, or ``None`` when none came within ``timeout_s`` or the source has ended."""
-        ...
 
 
 @runtime_checkable
@@ -129,7 +120,6 @@ class SkippingSource(TactileSource, Protocol):
 
     def skip(self, n_frames: int) -> None:
         """Pass over the next ``n_frames`` frames."""
-        ...
 
 
 @runtime_checkable
@@ -141,7 +131,6 @@ class FeedingSource(TactileSource, Protocol):
 
         It must return before the next frame is due. :meth:`read` still returns every frame.
         """
-        ...
 
 
 @runtime_checkable
@@ -150,7 +139,6 @@ class ComparingSource(TactileSource, Protocol):
 
     def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
         """Set its own baseline and those of the other sensors, by their names in notes."""
-        ...
 
 
 @runtime_checkable
@@ -160,7 +148,6 @@ class CountingSource(Protocol):
     @property
     def counts(self) -> CameraCounts:
         """Counts of the pictures that the camera sent so far."""
-        ...
 
 
 @runtime_checkable
@@ -174,7 +161,6 @@ class BudgetedVest(Protocol):
     @property
     def budget(self) -> MotorBudget:
         """Budget of the vest's motors; the same object for as long as the vest is there."""
-        ...
 
 
 @runtime_checkable
@@ -194,7 +180,6 @@ class StampingVest(Protocol):
         They are the ``t_ns`` it was written with, the monotonic time until which it was held back (0 if it
         was not), and the monotonic time at which it left.
         """
-        ...
 
 
 @runtime_checkable
@@ -258,11 +243,9 @@ class EmgSource(Device, Protocol):
     @property
     def ended(self) -> bool:
         """Whether no sample will come any more."""
-        ...
 
     def read(self, timeout_s: float) -> EmgChunk | None:
         """Return the next samples, or ``None`` when none came within ``timeout_s`` or the source has ended."""
-        ...
 
 
 @runtime_checkable
@@ -271,7 +254,6 @@ class VestSink(Device, Protocol):
 
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Send a frame and return the frame that was actually sent."""
-        ...
 
 
 @runtime_checkable
@@ -280,7 +262,6 @@ class HandDriver(Device, Protocol):
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
         """Send CAN frames in order and return those really sent."""
-        ...
 
 
 @runtime_checkable
@@ -295,7 +276,6 @@ class SteeredHand(Device, Protocol):
     @property
     def angles_rad(self) -> NDArray[np.float64]:
         """The joint angles as last reported, float64 (16,), rad; NaN before the first report."""
-        ...
 
     def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
         """Ask for a closure level and return the frames sent since the last call.
@@ -304,11 +284,9 @@ class SteeredHand(Device, Protocol):
             level: 1 to 5 and fractions between.
             added: Levels that a reflex adds, 0 to 1, as fast as the hand can move; 0 removes the addition.
         """
-        ...
 
     def limp(self) -> Sequence[CanFrame]:
         """Begin to let go and return the frames sent since the last call."""
-        ...
 
 
 @runtime_checkable
@@ -317,7 +295,6 @@ class WarmingHand(SteeredHand, Protocol):
 
     def warm_up(self) -> None:
         """Start slow preparations that touch no device; returns at once. ``open`` or ``close`` follows."""
-        ...
 
 
 @runtime_checkable
@@ -329,7 +306,6 @@ class AnsweringHand(SteeredHand, Protocol):
 
         That is the first pair that left at or after ``since_ns``; ``None`` if none has.
         """
-        ...
 
 
 @runtime_checkable
@@ -338,7 +314,6 @@ class ReportingHand(SteeredHand, Protocol):
 
     def state(self) -> HandState:
         """Return the hand's last report."""
-        ...
 
 
 @runtime_checkable
@@ -347,11 +322,9 @@ class InputSource(Device, Protocol):
 
     def state(self) -> InputReading:
         """Return the device's state now."""
-        ...
 
     def events(self) -> Sequence[InputEvent]:
         """Return the buttons' events since the last call, oldest first."""
-        ...
 
 
 @runtime_checkable
@@ -361,12 +334,10 @@ class Tracker(Device, Protocol):
     @property
     def frame(self) -> str:
         """Axes of its poses, a name of :data:`tega.arm.FRAMES`."""
-        ...
 
     @property
     def problem(self) -> str:
         """Trouble with the tracker now, for the operator; ``""`` for none."""
-        ...
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
         """Return the poses that came since the last call, oldest first; never waits.
@@ -374,4 +345,3 @@ class Tracker(Device, Protocol):
         Args:
             now_ns: The time on the monotonic clock, on which the poses are stamped.
         """
-        ...

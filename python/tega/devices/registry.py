@@ -103,9 +103,8 @@ def driver_class(name: str, kind: Kind | None = None) -> type[Device]:
 
 def _load(entry: EntryPoint) -> type[Device]:
     loaded: Any = load_plugin(entry, "driver")
-    if not isinstance(loaded, type) or not all(
-        hasattr(loaded, a) for a in ("kind", "options_type", "open", "close")
-    ):
+    members = ("kind", "options_type", "open", "close")
+    if not isinstance(loaded, type) or not all(hasattr(loaded, a) for a in members):
         raise DeviceUnavailableError(
             f"driver {entry.name!r} is registered as {entry.value!r}, which is not a driver class",
             "see tega.devices.base for the protocols",
@@ -122,29 +121,23 @@ def list_drivers() -> list[DriverRecord]:
     """
     records = []
     for name, entry in plugins(GROUP).items():
+        kind = summary = problem = ""
         try:
             driver = _load(entry)
         except DeviceUnavailableError as error:
-            records.append(
-                DriverRecord(
-                    name=name,
-                    kind="",
-                    summary="",
-                    package=plugin_package(entry),
-                    ready=False,
-                    problem=str(error),
-                )
-            )
-            continue
-        missing = [m for m in driver.requires if importlib.util.find_spec(m) is None]
+            problem = str(error)
+        else:
+            kind, summary = driver.kind, driver.summary
+            if missing := [m for m in driver.requires if importlib.util.find_spec(m) is None]:
+                problem = f"needs {', '.join(missing)}: pip install 'tega[{driver.extra}]'"
         records.append(
             DriverRecord(
                 name=name,
-                kind=driver.kind,
-                summary=driver.summary,
+                kind=kind,
+                summary=summary,
                 package=plugin_package(entry),
-                ready=not missing,
-                problem=f"needs {', '.join(missing)}: pip install 'tega[{driver.extra}]'" if missing else "",
+                ready=not problem,
+                problem=problem,
             )
         )
     return sorted(records, key=lambda r: (r.kind, r.name))

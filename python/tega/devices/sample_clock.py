@@ -1,4 +1,4 @@
-"""Stamp samples that arrive in bunches, and measure the true sample rate.
+"""Stamp samples that arrive in bunches, measure the true sample rate, and refuse rates that are wrong.
 
 A USB serial adapter delivers several samples at once, up to 16 ms late. A sample cannot arrive before it was taken,
 so the earliest arrivals are the true ones: stamps lie on a line of one period per sample, laid under the arrivals. An
@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from typing import NamedTuple
+
+from tega.errors import SampleRateError
 
 # The line is looked over this often, and the rate is fitted over this long.
 _POLL_NS = 1_000_000_000
@@ -37,9 +39,8 @@ class Stamp(NamedTuple):
 class SampleClock:
     """Stamps samples that are counted, and measures how fast they really come.
 
-    Args:
-        counter_turn: Number of samples after which the device's counter wraps, needed to detect a loss of whole turns
-            from the elapsed time; ``None`` for a device that does not count, where time reveals no losses.
+    The device's counter wraps after ``counter_turn`` samples, needed to detect a loss of whole turns from the
+    elapsed time; ``None`` for a device that does not count, where time reveals no losses.
 
     Example:
         >>> clock = SampleClock(250.0)
@@ -157,3 +158,32 @@ class SampleClock:
         self._earliest_ns, self._check_ns = math.inf, arrival_ns + _POLL_NS
         self._pauses_ns = (0 if n_lost else self._pauses_ns[1], 0)
         return n_lost
+
+
+LEAST_RATE_HZ = 125.0
+"""Below it the 50 Hz low-pass would lie above 0.4 of the rate, where it filters next to nothing."""
+
+RATE_TOLERANCE = 0.05
+"""A rate further off than this is not the one the filter was made and calibrated for."""
+
+LOST_TOLERANCE = 0.2
+"""A running source this far off is given up: its levels would come late and from the wrong band."""
+
+
+def too_slow(who: str, rate_hz: float | None, how: str) -> SampleRateError:
+    """Return the error for a source below the minimum rate; ``how``: stated or measured."""
+    text = "no rate at all" if rate_hz is None else f"{rate_hz:.4g} samples/s"
+    return SampleRateError(
+        f"{who} {how} {text}; the 50 Hz filter needs {LEAST_RATE_HZ:g}",
+        "make the board send faster: no delay() in its loop, a higher baud rate, fewer characters a line",
+    )
+
+
+def wrong_rate(who: str, measured_hz: float, rate_hz: float) -> SampleRateError:
+    """Return the error of a source whose rate is not the stated one."""
+    if measured_hz < LEAST_RATE_HZ:
+        return too_slow(who, measured_hz, "really sends")
+    return SampleRateError(
+        f"{who} really sends {measured_hz:.1f} samples/s, {rate_hz:g} were expected",
+        f"set the board to {rate_hz:g}, or rate_hz to its real rate and calibrate again",
+    )

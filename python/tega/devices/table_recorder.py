@@ -59,7 +59,6 @@ class TableRecorder(Opened):
         self._csv = None
 
     def _table(self, columns: tuple[str, ...]) -> CsvWriter:
-        """Return the table, created where it does not exist yet."""
         if not self._is_open:
             raise DeviceUnavailableError(
                 f"{self.name} {self._options.file.name!r} is not open", "open it first"

@@ -51,17 +51,7 @@ class RecordingScore:
 
 
 def rank_correlation(a: ArrayLike, b: ArrayLike) -> float:
-    """Compute Spearman's rank correlation, ties sharing their mean rank.
-
-    Args:
-        a: First series, ``(n,)``.
-        b: Second series, ``(n,)``.
-
-    Returns:
-        -1 to 1, or NaN where a series never changes.
-
-    Raises:
-        ShapeError: The series differ in length or are not one-dimensional.
+    """Compute Spearman's rank correlation of two series ``(n,)``, ties sharing their mean rank; NaN for a constant one.
 
     Example:
         >>> rank_correlation([1, 2, 3, 4], [1, 4, 9, 16])
@@ -72,17 +62,7 @@ def rank_correlation(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def changes_per_second(levels: ArrayLike, block_s: float) -> float:
-    """Count the changes of level per second.
-
-    Args:
-        levels: One level a block, ``(k,)``.
-        block_s: Duration of a block, s.
-
-    Returns:
-        Changes over duration, 1/s; 0 for fewer than two blocks.
-
-    Raises:
-        InvalidValueError: The duration is not greater than 0.
+    """Count the changes per second of levels ``(k,)``, one a block of ``block_s`` seconds; 0 for fewer than two.
 
     Example:
         >>> changes_per_second([1, 1, 2, 2, 1], 0.1)
@@ -95,23 +75,11 @@ def changes_per_second(levels: ArrayLike, block_s: float) -> float:
 
 
 def delay_s(levels: ArrayLike, reference: ArrayLike, block_s: float, *, longest_s: float = 1.0) -> float:
-    """Measure how much later one level series comes than another.
+    """Return by how many seconds ``levels`` come later than ``reference``, both ``(k,)``, one a block of ``block_s``.
 
-    That is the shift of ``levels`` at which the two agree best, by their correlation over the blocks they
-    share at that shift, refined between blocks by the parabola through the best shift and its neighbours.
-
-    Args:
-        levels: One level a block, ``(k,)``.
-        reference: The series to compare with, ``(k,)``.
-        block_s: Duration of a block, s.
-        longest_s: Largest shift tried either way, s.
-
-    Returns:
-        The delay, s; positive where ``levels`` comes later, NaN where a series never changes.
-
-    Raises:
-        InvalidValueError: The duration is not greater than 0.
-        ShapeError: The series differ in length or are not one-dimensional.
+    That is the shift of ``levels``, up to ``longest_s`` either way, at which the two agree best, by their
+    correlation over the blocks they share at that shift, refined between blocks by the parabola through the
+    best shift and its neighbours; NaN where a series never changes.
 
     Example:
         >>> round(delay_s([1, 1, 1, 3, 3, 1, 1, 1], [1, 1, 3, 3, 1, 1, 1, 1], 0.1), 2)

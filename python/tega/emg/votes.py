@@ -47,15 +47,9 @@ _BACK_S = 0.5
 class ChannelVotes:
     """Judges the channels of one source as its samples come.
 
-    Args:
-        rate_hz: Samples per second of one channel.
-        block: Samples in a block of the decoder.
-        kind: Kind of the samples.
-        channels: Name of each channel.
-        maxima: Block mean of each channel at maximum effort, in the unit of the samples.
-
-    Attributes:
-        faults: Current faults, by channel, in words; replaced by a new dictionary at each change.
+    ``block`` is the number of samples in a block of the decoder, ``maxima`` the block mean of each channel at
+    maximum effort, in the unit of the samples. ``faults`` are the current ones, by channel, in words; replaced by
+    a new dictionary at each change.
 
     Example:
         >>> votes = ChannelVotes(200, 20, "raw", ["ch1", "ch2"], [40.0, 40.0])

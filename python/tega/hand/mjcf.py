@@ -1,8 +1,9 @@
-"""Describe the Allegro right hand with a DIGIT pad on each fingertip, as an MJCF fragment.
+"""Describe the Allegro right hand with a DIGIT pad on each fingertip, as an MJCF fragment, and place its fingertips.
 
 Kinematics, masses and limits are the vendor's published ones; links are capsules. Frame ``palm``: at the base of
 the middle finger, +x out of the palm, +y towards the index finger, +z towards the fingertips. Joints are in the
-order of :data:`tega.hand.motion.JOINT_NAMES`.
+order of :data:`tega.hand.motion.JOINT_NAMES`. Forward kinematics: each joint rotates the rest of the chain about an
+axis, and the next joint lies at an offset from it.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tega.hand.motion import JOINT_LIMITS_RAD, TORQUE_LIMITS
+from tega.haptics import FINGERS
 from tega.wire import HAND_FINGERS
 
 FULL_DUTY_NM: Final = 1.0
@@ -145,3 +147,42 @@ def hand_actuators() -> str:
         f'<motor name="{name}" joint="{name}" ctrlrange="{-limit} {limit}" ctrllimited="true"/>'
         for name, limit in zip(joint_names(), TORQUE_LIMITS_NM, strict=True)
     )
+
+
+# By finger in the hand's order: the first joint's frame, each joint's axis as a cross product, and where what comes
+# after each joint lies.
+_BASES_M, _TURNS, _AXES, _OFFSETS_M = joint_places()
+_CROSS: Final = np.zeros((4, 4, 3, 3))
+_CROSS[..., [2, 0, 1], [1, 2, 0]], _CROSS[..., [1, 2, 0], [2, 0, 1]] = _AXES, -_AXES
+_SQUARE: Final = _CROSS @ _CROSS
+_THUMB_FIRST: Final = [HAND_FINGERS.index(finger) for finger in FINGERS]
+
+
+def fingertips_m(angles_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return the middle of each fingertip's pad in the palm's frame, of 16 joint angles, else ``ValueError``.
+
+    The result is float64 (4, 3), metres, thumb first: out of the palm, towards the index finger, towards the
+    fingertips. Of a hand that holds something upright the second is the height over the palm.
+
+    Example:
+        >>> fingertips_m([0.0] * 16).round(3)[2].tolist()
+        [0.012, 0.0, 0.126]
+    """
+    angles = np.asarray(angles_rad, np.float64).reshape(4, 4, 1, 1)
+    # Rodrigues: R = 1 + sin(angle) [axis]× + (1 - cos(angle)) [axis]×².
+    turned = np.eye(3) + np.sin(angles) * _CROSS + (1 - np.cos(angles)) * _SQUARE
+    place, turn = _BASES_M, _TURNS
+    for joint in range(4):
+        turn = turn @ turned[:, joint]
+        place = place + (turn @ _OFFSETS_M[:, joint, :, None])[..., 0]
+    found: NDArray[np.float64] = place[_THUMB_FIRST]
+    return found
+
+
+def tip_heights_mm(angles_rad: ArrayLike) -> tuple[float, ...]:
+    """Return the height of each fingertip over the palm, thumb first, of a hand that holds something upright.
+
+    Angles and errors are those of :func:`fingertips_m`.
+    """
+    heights: list[float] = (1e3 * fingertips_m(angles_rad)[:, 1]).tolist()
+    return tuple(heights)

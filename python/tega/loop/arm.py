@@ -19,7 +19,7 @@ from tega.config import ArmConfig, SessionConfig
 from tega.devices.arm.base import ArmDriver
 from tega.devices.base import DeviceInfo, Tracker
 from tega.devices.registry import driver_class
-from tega.devices.tracker.sources.rates import RatePoses
+from tega.devices.tracker.sources import RatePoses
 from tega.errors import ConfigError
 from tega.loop.arm_records import ArmRecords
 from tega.loop.arm_view import ArmView, check

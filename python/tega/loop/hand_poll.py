@@ -36,7 +36,7 @@ class HandPolls:
         closure: ClosureScale,
         now_ns: Callable[[], int],
     ) -> None:
-        from tega.hand.tips import tip_heights_mm  # a run without looks begins without it
+        from tega.hand.mjcf import tip_heights_mm  # a run without looks begins without it
 
         self._angles_rad, self._height_m, self._closure, self._now_ns = angles_rad, height_m, closure, now_ns
         self._tips_mm = tip_heights_mm

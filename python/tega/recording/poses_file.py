@@ -12,7 +12,7 @@ from msgspec.structs import astuple
 from tega.arm.pose import StampedPose
 from tega.arm.settings import MappingSettings
 from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.tracker.sources.recorded import RecordedPoses, read_poses
+from tega.devices.tracker.sources import RecordedPoses, read_poses
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.lifecycle import Opened

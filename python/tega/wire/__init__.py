@@ -60,7 +60,6 @@ from tega.wire.allegro_messages import (
     AllegroTorque,
     CanFrame,
 )
-from tega.wire.bhaptics import vest_levels, x16_levels, x40_ble_frame, x40_ble_levels
 from tega.wire.bhaptics_player import (
     PlayerStatus,
     Sdk3Device,
@@ -76,15 +75,6 @@ from tega.wire.bhaptics_player import (
     sdk3_stop_message,
     sdk3_stop_request,
 )
-from tega.wire.hid import (
-    HidMotor,
-    HidStatus,
-    hid_motor,
-    hid_motor_report,
-    hid_status,
-    hid_status_report,
-    hid_stop_report,
-)
 from tega.wire.streams import (
     AsciiEmgDecoder,
     ChordsBatch,
@@ -93,6 +83,19 @@ from tega.wire.streams import (
     CytonDecoder,
     SpikerDecoder,
     chords_channels,
+)
+from tega.wire.vests import (
+    HidMotor,
+    HidStatus,
+    hid_motor,
+    hid_motor_report,
+    hid_status,
+    hid_status_report,
+    hid_stop_report,
+    vest_levels,
+    x16_levels,
+    x40_ble_frame,
+    x40_ble_levels,
 )
 
 __all__ = [

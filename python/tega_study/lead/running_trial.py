@@ -9,8 +9,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from tega.hand.mjcf import tip_heights_mm
 from tega.hand.poses import ClosureScale
-from tega.hand.tips import tip_heights_mm
 from tega.loop.snapshot import LoopView
 from tega.records import MuscleCondition
 from tega.runtime.clock import Clock

@@ -24,10 +24,9 @@ from tega.arm import (
     StampedPose,
 )
 from tega.arm import rotation as so3
-from tega.arm.frames import ToBase
+from tega.arm.frames import OneEuro, ToBase
 from tega.arm.gate import PoseGate
 from tega.arm.motion import Follower, closing_speed
-from tega.arm.one_euro import OneEuro
 from tega.arm.workspace import Workspace
 
 MIDDLE = np.array([0.5, 0.0, 0.3])

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from reference.can_logs import conversation, write_log
 from reference.command import call
 from reference.mutated import draw_changes, mutated
-from tega.devices.hand.can_log import LOG_SUFFIXES, read_can_log
-from tega.devices.hand.hand_log import HandLog, find_hand
+from tega.devices.hand.can_log import LOG_SUFFIXES, HandLog, find_hand, read_can_log
 from tega.errors import RecordingError, TegaError
 from tega.hand import JOINT_NAMES
 from tega.wire import (

@@ -19,8 +19,13 @@ import tega.devices.fingertip.digit
 from reference.waiting import until
 from tega.config import check_tree
 from tega.devices.fingertip.digit import Digit, DigitOptions
-from tega.devices.fingertip.picture_check import PictureTally, judge_picture
-from tega.devices.fingertip.picture_origin import Origin, picture_origin, sensor_bands
+from tega.devices.fingertip.picture_check import (
+    Origin,
+    PictureTally,
+    judge_picture,
+    picture_origin,
+    sensor_bands,
+)
 from tega.devices.fingertip.video_nodes import find_node, video_nodes
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError
 from tega.loop import run_session

@@ -8,11 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from tega.devices.fingertip import digit_search
-from tega.devices.fingertip.digit_search import find_digits
-from tega.devices.fingertip.video_nodes import VideoNode, camera_place, numbered_cameras
-from tega.devices.hand.can_links import CanLink, can_links, link_trouble
-from tega.devices.vest.bluetooth_state import bluetooth_trouble
+from tega.devices.fingertip import video_nodes
+from tega.devices.fingertip.video_nodes import VideoNode, camera_place, find_digits, numbered_cameras
+from tega.devices.machine import CanLink, bluetooth_trouble, can_links, link_trouble
 
 
 def camera(root: Path, number: int, *, serial: str, usb_id: str = "2833:0209") -> None:
@@ -89,7 +87,7 @@ def test_windows_and_macos_name_cameras_by_number(
         VideoNode("camera:0", "Built-in", "", 0),
         VideoNode("camera:1", "DIGIT", "", 0, "2833:0209"),
     ]
-    monkeypatch.setattr(digit_search, "video_nodes", lambda _sysfs: nodes)
+    monkeypatch.setattr(video_nodes, "video_nodes", lambda _sysfs: nodes)
     (found,) = find_digits(usb=tmp_path / "none")
     assert (found.options, found.problem) == ({"source": "camera:1"}, "")
 

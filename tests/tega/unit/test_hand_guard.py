@@ -17,7 +17,6 @@ import pytest
 
 from reference.processes import begun_by, below, hand_guards
 from reference.waiting import until
-from tega.devices import system_log
 from tega.devices.hand import guard_process, hand_guard
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
@@ -285,8 +284,8 @@ def test_last_words_name_no_process_that_does_not_run(capfd: pytest.CaptureFixtu
 
 def test_a_guard_that_gives_up_writes_to_the_system_s_log(monkeypatch: pytest.MonkeyPatch) -> None:
     logged: list[str] = []
-    monkeypatch.setattr(system_log, "log_to_system", logged.append)
-    monkeypatch.setattr(system_log, "_OVERDUE_S", 0.05)
+    monkeypatch.setattr(guard_process, "log_to_system", logged.append)
+    monkeypatch.setattr(guard_process, "_OVERDUE_S", 0.05)
     monkeypatch.setattr(hand_guard, "LONGEST_S", 0.3)
     bus = {"interface": "virtual", "channel": "nobody", "bitrate": 1_000_000}
     pieces: SimpleQueue[bytes] = SimpleQueue()

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference.trackers import Steered, some, until
-from tega.devices.device_clock import DeviceClock
 from tega.devices.tracker.hololens import HoloLens, HoloLensOptions
+from tega.devices.tracker.tracker_thread import DeviceClock
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega_emulators.process import Emulator
 

@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("websockets", reason="needs the extra lab")
 
 from tega.devices.vest.player_link import PlayerLink
-from tega.devices.vest.player_settings import PlayerOptions
+from tega.devices.vest.player_versions import PlayerOptions
 from tega.errors import DeviceUnavailableError
 
 PING = bytes([0x89, 125]) + bytes(125)

@@ -24,7 +24,7 @@ HINTS = re.compile(
     rf"Popen|subprocess|executable|from sys|[\"']python|\b(os|pty)\.|{'|'.join(sorted(WORKERS))}"
 )
 OTHER_PROGRAMS = {
-    "python/tega/devices/hand/can_links.py": "ip",
+    "python/tega/devices/machine.py": "ip",
     "tools/campaigns/tega_campaigns/mutants/drawn.py": "cargo",
     "tools/emulators/tega_emulators/message_bus.py": "dbus-daemon",
     "tools/emulators/tega_emulators/openxr_runtime.py": "cargo",

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from tega.devices.serial_port import SerialPort
+from tega.devices.emg.live_serial import SerialPort
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ from typing import Any
 import can
 import pytest
 
-from tega.devices.hand import slcan
+from tega.devices.hand.can_open import slcan_bus
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="python-can's own reading is used elsewhere")
 
@@ -25,7 +25,7 @@ def line() -> Iterator[tuple[int, Any]]:
 
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
-    bus = slcan.slcan_bus()(os.ttyname(theirs), bitrate=1_000_000, sleep_after_open=0.0)
+    bus = slcan_bus()(os.ttyname(theirs), bitrate=1_000_000, sleep_after_open=0.0)
     try:
         yield ours, bus
     finally:

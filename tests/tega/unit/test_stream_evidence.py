@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from tega.devices import driver_class, driver_names
 from tega.devices.base import optional
-from tega.devices.cyton_check import AlternationCheck
-from tega.devices.packet_order import PacketOrder
-from tega.devices.value_check import ValueCheck
+from tega.devices.emg.stream_evidence import AlternationCheck, PacketOrder, ValueCheck
 from tega.runtime.evidence import EVIDENCE, Contradictions
 from tega.runtime.lsl_clock import ClockCorrection
 from tega.runtime.stamp_check import StampCheck

@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from tega.arm.pose import StampedPose
-from tega.devices.tracker.sources.recorded import write_poses
+from tega.devices.tracker.sources import write_poses
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator

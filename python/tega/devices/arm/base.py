@@ -19,29 +19,23 @@ class ArmDriver(Device, Protocol):
     @property
     def phase(self) -> str:
         """Phase of the arm: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
-        ...
 
     @property
     def problem(self) -> str:
         """Trouble with the arm now, for the operator; ``""`` for none."""
-        ...
 
     @property
     def health(self) -> Health:
         """Rate and delays of the arm's loop."""
-        ...
 
     def measured(self) -> StampedPose | None:
         """Return where its hand is, base's axes; ``None`` before that is known."""
-        ...
 
     def follow(self, command: ArmCommand) -> None:
         """Take the newest command; an arm that gets none holds, and in the end rests by itself."""
-        ...
 
     def recover(self) -> None:
         """Clear a fault, on the request of a person who has seen that it is safe."""
-        ...
 
 
 @runtime_checkable
@@ -50,7 +44,6 @@ class TellingArm(ArmDriver, Protocol):
 
     def led(self) -> StampedPose | None:
         """Return the newest such target, base's axes; ``None`` while it is not led."""
-        ...
 
 
 @runtime_checkable
@@ -60,4 +53,3 @@ class PreflightedArm(Protocol):
     @classmethod
     def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
         """Return for each check whether it passed, a description and the fix; raises where no arm answers."""
-        ...

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Options
-from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
+from tega.devices.emg.stream_evidence import AlternationCheck
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lifecycle import require
@@ -77,7 +77,6 @@ class BrainFlowEmg(LiveEmg):
         "rate": "the board's rate is the measured one",
         "values": "of a Cyton: packets of even and odd number show the same electrodes",
     }
-
     _options: BrainFlowOptions
 
     def __init__(self, options: BrainFlowOptions) -> None:
@@ -92,7 +91,6 @@ class BrainFlowEmg(LiveEmg):
         self._alternation: AlternationCheck | None = None
 
     def _start(self) -> None:
-        """Find out about the board, connect to it and start its stream."""
         o = self._options
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it imports pkg_resources when its library is loaded
@@ -118,9 +116,8 @@ class BrainFlowEmg(LiveEmg):
             self._rows = list(description.get("emg_channels") or description.get("eeg_channels") or ())
             self._n_channels = len(self._rows)
             self._rate_hz = float(description["sampling_rate"])
-            self._counter_row = (
-                description.get("package_num_channel") if described in _COUNTS_TO_256 else None
-            )
+            counts = described in _COUNTS_TO_256
+            self._counter_row = description.get("package_num_channel") if counts else None
             self._last_count, self._stamps = None, StampCheck()
             is_cyton = described == "CYTON_BOARD"
             self._alternation = AlternationCheck(range(1, 9), step_uv=_CYTON_STEP_UV) if is_cyton else None

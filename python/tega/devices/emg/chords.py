@@ -17,11 +17,11 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import Options
-from tega.devices.emg.live_emg import Arrived
-from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.serial_port import POLL_S, SerialPort
+from tega.devices.emg.live_emg import POLL_S, Arrived
+from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, SerialPort
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
+from tega.wire import ChordsDecoder, chords_channels
 
 # Bytes that show how many channels a packet has: at least three packets of the largest board.
 _PROBE_BYTES = 256
@@ -88,7 +88,6 @@ class Chords(LiveSerialEmg):
         "values": "packets have one number of channels; no value is beyond the converter's bits",
     }
     stop_command: ClassVar[bytes] = b"STOP\n"
-
     _options: ChordsOptions
 
     def __init__(self, options: ChordsOptions) -> None:
@@ -98,9 +97,6 @@ class Chords(LiveSerialEmg):
         self._waiting = b""
 
     def _start(self) -> None:
-        """Ask the board for its name, start it, and count the channels in its stream."""
-        from tega.wire import ChordsDecoder, chords_channels
-
         o = self._options
         self._board_name, port = self._find()
         known = _BOARDS.get(self._board_name)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from tega.devices.base import Found, Options
-from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived
-from tega.devices.emg.live_serial import LiveSerialEmg, LiveSerialOptions
-from tega.devices.serial_boards import find_boards
-from tega.devices.serial_port import SerialPort
+from tega.devices.emg.live_serial import LiveSerialEmg, LiveSerialOptions, SerialPort, find_boards
+from tega.devices.emg.stream_evidence import AlternationCheck
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Evidence, refuse
-
-if TYPE_CHECKING:
-    from tega.wire import CytonBatch
+from tega.wire import CytonBatch, CytonDecoder
 
 _BAUD = 115_200
 _RATE_HZ = 250.0
@@ -61,7 +57,6 @@ class Cyton(LiveSerialEmg):
         "rate": "the board confirms 250 Hz, and sends it",
         "values": "packets of even and odd number show the same electrodes; unused channels stay off",
     }
-
     _options: CytonOptions
 
     def __init__(self, options: CytonOptions) -> None:
@@ -78,9 +73,6 @@ class Cyton(LiveSerialEmg):
         return find_boards(cls.name, dongles=True)
 
     def _start(self) -> None:
-        """Silence the board, reset it, set its channels, and start the stream."""
-        from tega.wire import CytonDecoder
-
         o = self._options
         port = self._connect(_BAUD)
         # A board that a crashed program left streaming answers nothing before it is told to stop.
@@ -100,14 +92,11 @@ class Cyton(LiveSerialEmg):
             found = f"the board answers {_short(confirmed)} where 250 Hz was set"
             refuse(self.name, self._label, Contradiction("rate", found, "update the board's firmware"))
         port.drain(quiet_s=0.05, timeout_s=0.5)
-        self._decoder, self._check = (
-            CytonDecoder(o.gain),
-            AlternationCheck(self._columns(), step_uv=4.5e6 / o.gain * 2**-23),
-        )
+        self._decoder = CytonDecoder(o.gain)
+        self._check = AlternationCheck(self._columns(), step_uv=4.5e6 / o.gain * 2**-23)
         port.write(b"b")
 
     def _reset(self, port: SerialPort) -> str:
-        """Reset the board and return its firmware's version."""
         port.write(b"v")
         text = port.read_until(_END, _RESET_S).decode("ascii", "replace")
         if not text:
@@ -138,7 +127,6 @@ class Cyton(LiveSerialEmg):
             refuse(self.name, self._label, Contradiction("banner", found, _DAISY_HINT))
 
     def _set(self, port: SerialPort, command: bytes, subject: str) -> str:
-        """Send a setting and return the board's confirmation."""
         port.write(command)
         text = port.read_until(_END, _ANSWER_S).decode("ascii", "replace")
         if _END.decode() not in text or "Failure" in text:

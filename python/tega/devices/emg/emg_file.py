@@ -63,6 +63,7 @@ class EmgFile(Opened):
     def info(self) -> DeviceInfo:
         """Name, rate and channels; once open, also the number of samples, and notes on choices and losses."""
         signals = self._signals
+        notes = () if signals is None else signals.notes
         return DeviceInfo(
             driver="emg-file",
             kind="emg",
@@ -72,9 +73,7 @@ class EmgFile(Opened):
             channels=self._names,
             unit="as recorded" if signals is None else signals.decision.unit or "as recorded",
             n_items=None if signals is None else len(signals.samples),
-            notes=()
-            if signals is None
-            else tuple(f"{self._options.file.name}: {note}" for note in signals.notes),
+            notes=tuple(f"{self._options.file.name}: {note}" for note in notes),
         )
 
     def open(self) -> None:
@@ -122,11 +121,8 @@ class EmgFile(Opened):
         if self.ended:
             return None
         begins, number = signals.starts[self._stretch]
-        ends = (
-            signals.starts[self._stretch + 1][0]
-            if self._stretch + 1 < len(signals.starts)
-            else len(signals.samples)
-        )
+        following = self._stretch + 1
+        ends = signals.starts[following][0] if following < len(signals.starts) else len(signals.samples)
         first = self._next
         self._next = min(first + max(1, round(_CHUNK_S * signals.rate_hz)), ends)
         self._stretch += self._next == ends

@@ -41,11 +41,7 @@ SWAPPED_RATIO = 1.5
 class EmgHealth:
     """Looks at the samples of one source as they come.
 
-    Args:
-        rate_hz: Samples per second.
-        channels: Their names.
-        limits: Smallest and largest value of the converter, in the unit of the samples; ``None`` if unknown, and
-            saturation is not detected.
+    ``limits`` are the converter's, in the unit of the samples; ``None`` if unknown, and saturation is not detected.
 
     Example:
         >>> health = EmgHealth(200.0, ["ch1"], limits=(0.0, 1023.0))
@@ -99,10 +95,8 @@ class EmgHealth:
         found = [f"{words} (for {n * _POLL_S:g} s)" for words, n in looks]
         if self._gaps:
             longest_ms = 1000 * max(self._gaps) / self._rate_hz
-            found.insert(
-                0,
-                f"{self.missing_samples} samples were lost in {len(self._gaps)} gaps, the longest {longest_ms:.0f} ms",
-            )
+            n, lost = len(self._gaps), self.missing_samples
+            found.insert(0, f"{lost} samples were lost in {n} gaps, the longest {longest_ms:.0f} ms")
         return tuple(found)
 
     def _check(self) -> list[str]:
@@ -180,13 +174,9 @@ def _line_share(signal: NDArray[np.float64], rate_hz: float, line_hz: float) -> 
 def swapped_channels(drives: ArrayLike, names: Sequence[str]) -> str:
     """Say whether electrodes sit on each other's muscles, from one guided movement per muscle.
 
-    Args:
-        drives: (muscles, channels), how much each channel rose over rest, as a share of its own maximum, while
-            the muscle that belongs to the channel of the same row worked alone.
-        names: Names of the channels, in that order.
-
-    Returns:
-        A sentence, or an empty string where the channels fit best as they are.
+    ``drives`` (muscles, channels) is how much each channel rose over rest, as a share of its own maximum, while
+    the muscle that belongs to the channel of the same row worked alone. The result is a sentence, ``""`` where
+    the channels, ``names`` in that order, fit best as they are.
 
     Example:
         >>> swapped_channels([[0.1, 0.8, 0.1], [0.9, 0.2, 0.2], [0.1, 0.1, 0.7]], ["ch3", "ch6", "ch8"])

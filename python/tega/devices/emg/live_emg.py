@@ -15,14 +15,21 @@ from numpy.typing import NDArray
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg.emg_health import EmgHealth
-from tega.devices.packet_order import PacketOrder
-from tega.devices.sample_clock import SampleClock
-from tega.devices.sample_rate import LEAST_RATE_HZ, LOST_TOLERANCE, RATE_TOLERANCE, too_slow, wrong_rate
-from tega.devices.serial_port import POLL_S
-from tega.devices.value_check import ValueCheck
+from tega.devices.emg.stream_evidence import PacketOrder, ValueCheck
+from tega.devices.sample_clock import (
+    LEAST_RATE_HZ,
+    LOST_TOLERANCE,
+    RATE_TOLERANCE,
+    SampleClock,
+    too_slow,
+    wrong_rate,
+)
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Contradiction, Contradictions, Evidence, refuse
 from tega.runtime.lifecycle import Opened
+
+POLL_S = 0.004
+"""How often a source is looked at while waiting: one period of a 250 Hz board."""
 
 # Random bytes can look like a packet once in a second; a source that gives less than this share is silent.
 _ALIVE_SHARE = 0.05
@@ -299,7 +306,12 @@ class LiveEmg(Opened):
         rate_hz = self._rate_hz
         if rate_hz is None or rate_hz < LEAST_RATE_HZ:
             raise too_slow(f"{self.name}: {self._label}", rate_hz, "is said to send")
-        self._check_columns()
+        wanted, there = self._columns(), self._n_channels
+        if max(wanted) > there or len(set(wanted)) < len(wanted):
+            raise DeviceUnavailableError(
+                f"{self.name}: {self._label} has {there} channels, asked for {list(wanted)}",
+                f"set channels to different numbers from 1 to {there}",
+            )
         self._clock, self.health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
         self._measure(self._clock, rate_hz)
         self._new_health()
@@ -371,11 +383,3 @@ class LiveEmg(Opened):
 
     def _columns(self) -> tuple[int, ...]:
         return self._options.channels or self.usual_channels or tuple(range(1, self._n_channels + 1))
-
-    def _check_columns(self) -> None:
-        wanted, there = self._columns(), self._n_channels
-        if max(wanted) > there or len(set(wanted)) < len(wanted):
-            raise DeviceUnavailableError(
-                f"{self.name}: {self._label} has {there} channels, asked for {list(wanted)}",
-                f"set channels to different numbers from 1 to {there}",
-            )

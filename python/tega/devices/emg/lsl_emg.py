@@ -67,7 +67,6 @@ class LslEmg(LiveEmg):
         "rate": "the stated rate is the measured one",
         "values": "no channel is a counter or a time stamp; limits hold, where they are set",
     }
-
     _options: LslEmgOptions
 
     def __init__(self, options: LslEmgOptions) -> None:
@@ -99,7 +98,6 @@ class LslEmg(LiveEmg):
         ]
 
     def _start(self) -> None:
-        """Find the stream and connect to it."""
         o = self._options
         lsl = load_lsl(LslEmg.name)
         found = find_streams(lsl, o.by, o.value, o.start_s)
@@ -110,9 +108,8 @@ class LslEmg(LiveEmg):
             )
         if len(found) > 1:
             text = f"{len(found)} streams have the {o.by} {o.value!r}, from {hosts_of(found)}"
-            hint = "end the senders that are not meant" + (
-                "" if o.by == "source_id" else ", or name a source_id"
-            )
+            naming = "" if o.by == "source_id" else ", or name a source_id"
+            hint = f"end the senders that are not meant{naming}"
             refuse(self.name, self._label, Contradiction("banner", text, hint))
         stream = found[0]
         if stream.channel_format() == lsl.cf_string:

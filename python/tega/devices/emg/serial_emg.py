@@ -9,9 +9,9 @@ import msgspec
 
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived
-from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.serial_boards import find_boards
+from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, find_boards
 from tega.runtime.evidence import Evidence
+from tega.wire import AsciiEmgDecoder
 
 
 class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
@@ -44,7 +44,6 @@ class SerialEmg(LiveSerialEmg):
         "rate": "lines per second are those of rate_hz",
         "values": "each line has the fields that are set; no column is a counter or a time stamp; bits hold",
     }
-
     _options: SerialEmgOptions
 
     def __init__(self, options: SerialEmgOptions) -> None:
@@ -58,8 +57,6 @@ class SerialEmg(LiveSerialEmg):
         return find_boards(cls.name, dongles=False)
 
     def _start(self) -> None:
-        from tega.wire import AsciiEmgDecoder
-
         o = self._options
         self._connect(o.baud)
         self._n_rows = 0

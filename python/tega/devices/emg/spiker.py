@@ -15,18 +15,17 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import Options
-from tega.devices.emg.live_emg import Arrived
-from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.serial_port import POLL_S, SerialPort
+from tega.devices.emg.live_emg import POLL_S, Arrived
+from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions, SerialPort
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
+from tega.wire import SpikerDecoder
 
 _STEPS_HZ: Final = 2_000_000.0
 _STEPS_A_CHANNEL: Final = 199
 _LARGEST: Final = 1023
-_POLL_S: Final = (
-    0.25  # how long the board is heard before it is told again; some 800 frames of three channels
-)
+# How long the board is heard before it is told again; some 800 frames of three channels.
+_POLL_S: Final = 0.25
 _ENOUGH: Final = 20  # frames that show how many channels they have
 
 
@@ -57,7 +56,6 @@ class Spiker(LiveSerialEmg):
         "rate": "the rate of the sketch's timer is the measured one",
         "values": "frames have the channels that were asked for; no value is beyond ten bits",
     }
-
     _options: SpikerOptions
 
     def __init__(self, options: SpikerOptions) -> None:
@@ -71,15 +69,14 @@ class Spiker(LiveSerialEmg):
 
         The board ignores commands while it starts, and opening the port may restart it.
         """
-        from tega.wire import SpikerDecoder
-
         o = self._options
         port, sent = self._connect(o.baud), 0
         deadline = time.monotonic() + o.start_s
         while sent != o.columns:
             if time.monotonic() > deadline:
+                sends = f"sends {sent} channels" if sent else "sends no frames of a SpikerShield"
                 raise DeviceUnavailableError(
-                    f"spiker: {self._label} {_words(sent)}, {o.columns} are asked for",
+                    f"spiker: {self._label} {sends}, {o.columns} are asked for",
                     "check port, baud and the board's sketch; columns is the number of channels to ask for",
                 )
             port.write(f"c:{o.columns};\n".encode())
@@ -116,7 +113,3 @@ def _n_channels(data: bytes) -> int:
     counts = np.bincount(lengths)
     most = int(counts.argmax())
     return most // 2 if most % 2 == 0 and 2 * counts[most] > len(lengths) else 0
-
-
-def _words(n_channels: int) -> str:
-    return f"sends {n_channels} channels" if n_channels else "sends no frames of a SpikerShield"

@@ -14,11 +14,22 @@ from numpy.typing import NDArray
 
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
-from tega.devices.fingertip.digit_search import find_digits
-from tega.devices.fingertip.picture_check import WORDS, JudgedPicture, PictureTally, judge_picture
-from tega.devices.fingertip.picture_origin import SensorBands, sensor_bands
-from tega.devices.fingertip.video_nodes import camera_place, find_node
-from tega.devices.jpeg_stream import MOST_SPOILED, keep_own_size, read_picture
+from tega.devices.fingertip.picture_check import (
+    WORDS,
+    JudgedPicture,
+    PictureTally,
+    SensorBands,
+    judge_picture,
+    sensor_bands,
+)
+from tega.devices.fingertip.video_nodes import (
+    MOST_SPOILED,
+    camera_place,
+    find_digits,
+    find_node,
+    keep_own_size,
+    read_picture,
+)
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
 from tega.runtime.evidence import Evidence
@@ -121,7 +132,7 @@ class Digit(Opened):
             live=True,
             rate_hz=self._rate_hz,
             unit="counts of 255",
-            notes=(*self._notes, *self._rate_notes(), *self._origin_notes()),
+            notes=(*self._notes, *self._picture_notes()),
         )
 
     def open(self) -> None:
@@ -213,7 +224,6 @@ class Digit(Opened):
         self._take = take
 
     def _capture(self) -> Any:
-        """Open the camera and set it up."""
         o, cv2 = self._options, self._cv2
         node = None if o.serial is None else find_node(o.serial)
         place, access = camera_place(str(o.source) if node is None else node.device)
@@ -302,16 +312,14 @@ class Digit(Opened):
                 self._starved_hz = min(hz, self._starved_hz or hz)
             self._window = (t_ns, self.counts.received)
 
-    def _rate_notes(self) -> tuple[str, ...]:
-        if self._starved_hz is None:
-            return ()
-        return (
-            f"only {self._starved_hz:.0f} pictures a second came for a while where {self._rate_hz:g} were agreed: "
-            "give the sensor a USB controller of its own, or set rate_hz = 30",
-        )
-
-    def _origin_notes(self) -> tuple[str, ...]:
-        notes = [
+    def _picture_notes(self) -> list[str]:
+        notes = []
+        if self._starved_hz is not None:
+            notes.append(
+                f"only {self._starved_hz:.0f} pictures a second came for a while where {self._rate_hz:g} were agreed: "
+                "give the sensor a USB controller of its own, or set rate_hz = 30"
+            )
+        notes += [
             f"pictures showed lines of the sensor of {other} (up to {100 * share:.0f} % of a picture): not used; "
             "give the sensors USB controllers of their own or a lower rate"
             for other, share in list(self._tally.foreign_shares.items())  # the camera's thread adds to it
@@ -321,7 +329,7 @@ class Digit(Opened):
                 f"{self.counts.unlike} of {self.counts.received} pictures are unlike the baseline nearly everywhere: "
                 "the gel has moved, the lights have changed, or this is another sensor than the baseline's"
             )
-        return tuple(notes)
+        return notes
 
     def _drain(self, capture: Any) -> bool:
         """Read one capture until it fails; return whether it gave anything."""

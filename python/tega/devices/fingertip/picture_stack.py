@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import Options, TactileFrame
-from tega.devices.fingertip.recorded_pictures import RecordedPictures
+from tega.devices.fingertip.images import RecordedPictures
 from tega.runtime.files.picture_stack import PictureStack
 
 

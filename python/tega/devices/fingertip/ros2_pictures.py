@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tega.devices.base import Options, TactileFrame
-from tega.devices.fingertip.recorded_pictures import RecordedPictures
+from tega.devices.fingertip.images import RecordedPictures
 from tega.errors import RecordingError
 from tega.runtime.files.ros2_bag import Ros2Bag, picture_of
 from tega.runtime.opencv import decode_image

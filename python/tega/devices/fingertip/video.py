@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from tega.devices.base import Options, TactileFrame
-from tega.devices.fingertip.recorded_pictures import RecordedPictures
+from tega.devices.fingertip.images import RecordedPictures
 from tega.errors import RecordingError
 from tega.runtime.files.video import VideoFrames
 from tega.runtime.opencv import IMAGE_SUFFIXES

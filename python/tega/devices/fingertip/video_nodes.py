@@ -1,14 +1,20 @@
-"""Find cameras by the serial number that is printed on them, not by the order they were plugged in."""
+"""Find cameras by the serial number that is printed on them, DIGITs among them, and read network streams."""
 
 from __future__ import annotations
 
+import os
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from tega.devices.sysfs import attribute
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.devices.base import Found
+from tega.devices.machine import attribute
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
@@ -119,3 +125,92 @@ def find_node(serial: str, sysfs: Path = SYSFS) -> VideoNode:
         if sys.platform == "linux"
         else 'this system reports no serial numbers: name the camera by its number, source = "camera:0"',
     )
+
+
+USB_DEVICES = Path("/sys/bus/usb/devices")
+
+_DIGIT = "2833:0209"
+# For about 3 s after it gets power a DIGIT is its microcontroller's loader.
+_LOADER = "0403:0fde"
+_RULES = (
+    "let your user open it: tega-teleop doctor --udev-rules prints the rules and says where to put them; "
+    "then plug it in again"
+)
+
+
+def is_digit(node: VideoNode) -> bool:
+    """Return whether a camera is a DIGIT, by its USB IDs or, if those are hidden, by its name."""
+    return node.usb_id == _DIGIT or (not node.usb_id and node.name.startswith("DIGIT"))
+
+
+def find_digits(*, sysfs: Path = SYSFS, usb: Path = USB_DEVICES) -> list[Found]:
+    """List the DIGITs, those that cannot be opened included; opens none."""
+    cameras = [node for node in video_nodes(sysfs) if is_digit(node)]
+    times = Counter(node.serial for node in cameras)
+    found = [_camera(node, twice=bool(node.serial) and times[node.serial] > 1) for node in cameras]
+    with_camera = {node.serial for node in cameras}
+    for device in sorted(usb.glob("*")):
+        usb_id = f"{attribute(device / 'idVendor')}:{attribute(device / 'idProduct')}"
+        serial = attribute(device / "serial")
+        if usb_id == _LOADER:
+            problem = "a DIGIT is starting (USB 0403:0fde), or stuck in its loader"
+            hint = "wait 3 s and look again; if it stays so, unplug it, and then doubt its firmware"
+        elif usb_id == _DIGIT and serial not in with_camera:
+            problem = f"DIGIT {serial} is on USB, but the kernel made no camera of it"
+            hint = "load the driver: sudo modprobe uvcvideo; in a container or virtual machine pass the camera in"
+        else:
+            continue
+        found.append(Found(driver="digit", label=serial or device.name, problem=problem, hint=hint))
+    return found
+
+
+def _camera(node: VideoNode, *, twice: bool) -> Found:
+    label = node.serial or node.device
+    options = {"serial": node.serial} if node.serial else {"source": node.device}
+    problem = hint = ""
+    if twice:
+        problem = f"two cameras have the serial number {node.serial}"
+        hint = 'flash one of them again, or name both by their ports: source = "/dev/v4l/by-path/…"'
+    elif node.device.startswith("/dev/") and not Path(node.device).exists():
+        problem = f"the kernel lists {node.device}, but it is not there"
+        hint = "in a container pass it in (--device), else look at udev"
+    elif node.device.startswith("/dev/") and not os.access(node.device, os.R_OK | os.W_OK):
+        problem = f"your user may not open {node.device}"
+        hint = _RULES
+    revision = f"firmware {node.revision >> 8:x}.{node.revision & 255:02x}" if node.revision else ""
+    bus = f"USB bus {node.bus}" if node.bus else ""
+    note = ", ".join(filter(None, (node.device, revision, bus)))
+    return Found(driver="digit", label=label, options=options, problem=problem, hint=hint, note=note)
+
+
+MOST_SPOILED: Final = 10
+"""Packets in a row that may be no pictures; a stream of more sends something else."""
+
+_END: Final = b"\xff\xd9"
+# Some senders put a line break or padding behind a picture.
+_PADDING: Final = 16
+
+
+def keep_own_size(cv2: Any, capture: Any) -> Any:
+    """Set an open network stream to give packets where it sends JPEG, and return it.
+
+    ``capture`` was opened through FFmpeg, and nothing was read from it.
+    """
+    if int(capture.get(cv2.CAP_PROP_FOURCC)) == cv2.VideoWriter.fourcc(*"MJPG"):
+        capture.set(cv2.CAP_PROP_FORMAT, -1)
+    return capture
+
+
+def read_picture(cv2: Any, capture: Any) -> tuple[bool, NDArray[np.uint8]]:
+    """Return whether something came, and the picture, uint8 (H, W, 3); (0, 0, 3) for a packet that is no picture."""
+    came, sent = capture.read()
+    nothing = np.empty((0, 0, 3), np.uint8)
+    if not came:
+        return False, nothing
+    picture = np.asarray(sent, np.uint8)
+    if picture.ndim != 2 or len(picture) != 1:  # no packet
+        return True, picture
+    is_whole = _END in picture[0, -_PADDING:].tobytes()
+    how = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    image = cv2.imdecode(np.ascontiguousarray(picture[0]), how) if is_whole else None
+    return True, nothing if image is None else image

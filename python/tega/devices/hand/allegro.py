@@ -10,25 +10,23 @@ from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
-from tega.devices.hand.can_links import can_links, link_trouble
 from tega.devices.hand.hand_bus import bus_label
-from tega.devices.hand.hand_reports import LET_GO, HandAlert
+from tega.devices.hand.hand_reports import LET_GO, HandAlert, HandNews, HandSpoken
+from tega.devices.machine import can_links, link_trouble
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
+from tega.hand.link import HandState, Received
 from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import Opened
+from tega.wire import CanFrame
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.devices.hand.hand_ends import HandEnd, HandProcess
-    from tega.devices.hand.hand_reports import HandNews, HandSpoken
-    from tega.hand.link import HandState, Received
-    from tega.wire import CanFrame
 
 
 _START_S = 10.0
@@ -195,7 +193,6 @@ class Allegro(Opened):
 
     @property
     def _label(self) -> str:
-        """Adapter and bus, without a path."""
         return bus_label(self._options.interface, self._options.channel)
 
     @property
@@ -310,7 +307,6 @@ class Allegro(Opened):
         return end
 
     def _take(self, spoken: list[HandSpoken], seen: HandNews) -> None:
-        """Process the reports of the loop."""
         self._seen, self._received_s = seen, time.monotonic()
         for text in spoken:
             self._sent.extend(text.taken)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from tega.devices.base import Options
-
-if TYPE_CHECKING:
-    from tega.hand.link import HandLink
+from tega.hand import TORQUE_LIMITS, HandController
+from tega.hand.link import HandLink
 
 BITRATE = 1_000_000
 """CAN bit rate of the hand, bit/s."""
@@ -56,8 +55,6 @@ class AllegroOptions(Options, frozen=True):
 
     def link(self) -> HandLink:
         """Make the hand's side of the exchange, without a bus; ``ConfigError`` for an unusable pose file."""
-        from tega.hand import TORQUE_LIMITS, HandController
-        from tega.hand.link import HandLink
         from tega.hand.poses import load_poses
 
         controller = HandController(

@@ -1,16 +1,29 @@
-"""Open a CAN adapter through python-can; whatever is missing is one sentence, with the next step of its interface."""
+"""Open a CAN adapter through python-can; whatever is missing is one sentence, with the next step of its interface.
+
+A serial adapter (SLCAN) is read in whole pieces and written without waiting. python-can reads it byte by byte, with
+three system calls for each, and waits another millisecond when it is asked whether there is more: a hand that reports
+every 3 ms kept a third of a core busy, and with it the interpreter. It also blocks until the adapter has taken each
+frame, without a limit if the adapter hangs. Only that differs here; the lines have python-can's meaning in both
+directions.
+"""
 
 from __future__ import annotations
 
 import logging
+import os
+import re
+import select
 import sys
+import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import require
 from tega.runtime.nearest import nearest_hint
 
 _UP: Final = "ip link set can0 up type can bitrate 1000000 restart-ms 100"
@@ -78,8 +91,9 @@ def open_can_bus(
             # A half-made bus says so when it is forgotten: that is now.
             traceback.clear_frames(error.__traceback__)
             error.__traceback__ = error.__context__ = error.__cause__ = None
+    name = Path(channel).name if isinstance(channel, str) else channel
     raise DeviceUnavailableError(
-        f"{driver}: interface {interface!r}, channel {_plain(channel)!r} did not open: {text}", hint
+        f"{driver}: interface {interface!r}, channel {name!r} did not open: {text}", hint
     )
 
 
@@ -103,11 +117,6 @@ def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
     return (f"{about.needs} missing", about.install) if missing else (words, about.channel)
 
 
-def _plain(channel: str | int) -> str | int:
-    """Return a channel without a path."""
-    return Path(channel).name if isinstance(channel, str) else channel
-
-
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep python-can's own words, and those of buses that were never whole, from being printed."""
@@ -120,3 +129,72 @@ def _quiet() -> Iterator[None]:
     finally:
         log.setLevel(level)
         sys.unraisablehook = hook
+
+
+_PIECE_BYTES = 4096
+_LINE = re.compile(rb"[^\r\a]*[\r\a]")  # an answer, a refusal
+_LONGEST_BYTES = 64  # twice a frame's; what goes on for longer without an end is noise
+_DONE = frozenset({b"\r", b"z\r", b"Z\r"})  # what it says to every frame that it was given
+
+
+@cache
+def slcan_bus() -> Any:
+    """Return a subclass of python-can's slcan bus, or that bus itself where a port cannot be waited for."""
+    base: Any = require("can.interfaces.slcan", driver="slcan", extra="lab").slcanBus
+    error_check: Any = require("can.exceptions", driver="slcan", extra="lab").error_check
+    if os.name != "posix":
+        return base
+
+    class SlcanBus(base):  # type: ignore[misc]  # python-can is imported when it is needed
+        _kept: list[str] | None = None
+
+        def send_together(self, messages: Iterable[Any], timeout: float) -> None:
+            """Send messages in one piece, so that neither end is woken for each; raises what ``send`` does."""
+            kept: list[str] = []
+            self._kept = kept
+            try:
+                for message in messages:
+                    self.send(message, timeout=timeout)
+            finally:
+                self._kept = None
+            self._write(self.LINE_TERMINATOR.decode().join(kept))
+
+        def _read(self, timeout: float | None) -> str | None:
+            """Return the next line, or ``None`` when none is complete in time."""
+            buffer: bytearray = self._buffer
+            until_s = None if timeout is None else time.monotonic() + timeout
+            while True:
+                while (line := _LINE.match(buffer)) is not None:
+                    answer = line[0]
+                    del buffer[: len(answer)]
+                    if answer not in _DONE:
+                        return answer.decode()
+                if len(buffer) > _LONGEST_BYTES:
+                    n_bytes = len(buffer)
+                    buffer.clear()
+                    raise ValueError(f"{n_bytes} bytes came without the end of a line")
+                left_s = None if until_s is None else max(0.0, until_s - time.monotonic())
+                port = self.serialPortOrig.fileno()
+                if not select.select([port], [], [], left_s)[0]:
+                    return None
+                piece = os.read(port, _PIECE_BYTES)
+                if not piece:
+                    raise OSError("the serial adapter is gone")
+                buffer += piece
+
+        def _write(self, string: str) -> None:
+            """Hand a line to the system; wait for the part that it does not take at once."""
+            if self._kept is not None:
+                self._kept.append(string)
+                return
+            data = string.encode() + self.LINE_TERMINATOR
+            port = self.serialPortOrig
+            with error_check("Could not write to serial device"):
+                try:
+                    n_taken = os.write(port.fileno(), data)
+                except BlockingIOError:
+                    n_taken = 0
+                if n_taken < len(data):
+                    port.write(data[n_taken:])
+
+    return SlcanBus

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from tega.devices.base import Kind
 from tega.devices.table_recorder import TableRecorder
 from tega.records import HandCommand
 from tega.records.table import columns, rows
-
-if TYPE_CHECKING:
-    from tega.wire import CanFrame
+from tega.wire import CanFrame
 
 
 class CanRecorder(TableRecorder):

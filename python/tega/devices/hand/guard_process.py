@@ -1,7 +1,7 @@
 """Run a process that leaves a device safe when the program that uses the device is killed or stands still.
 
 Only the program ends it (:func:`tega.runtime.child_process.start_child`). It does not end before the device has
-confirmed, and writes to the system's log where the device does not.
+confirmed, and writes to the system's log where the device does not, since it has no visible output.
 
 The program starts it before anything of the device is switched on, and waits until it says ``ready``. It then writes a
 line ``.`` ten times a second, which the process answers in kind. A line ``done`` ends the process; the end of its input
@@ -21,7 +21,6 @@ from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from typing import Final
 
-from tega.devices.system_log import Alarm
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, start_child
 
@@ -197,7 +196,10 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
     pieces = receive()
     received, stuck, tail = False, False, b""
     while True:
-        piece = _next(pieces, STUCK_S if received and not stuck else None)
+        try:
+            piece = pieces.get(timeout=STUCK_S if received and not stuck else None)
+        except Empty:
+            piece = None
         tail = (tail + (piece or b""))[-64:]
         if b"done" in tail:
             return
@@ -210,24 +212,13 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
             stay_alone()
         if received:
             alarm = Alarm(device)
-            why = let_go(_never if gone else lambda: not pieces.empty())
+            why = let_go((lambda: False) if gone else lambda: not pieces.empty())
             alarm.end(why if gone else "")
             if gone and not why:
                 _answer(_OFF)
         if gone:
             return
         stuck = True
-
-
-def _next(pieces: SimpleQueue[bytes], timeout_s: float | None) -> bytes | None:
-    try:
-        return pieces.get(timeout=timeout_s)
-    except Empty:
-        return None
-
-
-def _never() -> bool:
-    return False
 
 
 def receive() -> SimpleQueue[bytes]:
@@ -264,3 +255,41 @@ def _answer(line: bytes) -> None:
     """Send a line to the parent, unless it is gone."""
     with contextlib.suppress(OSError):
         os.write(sys.stdout.fileno(), line)
+
+
+_OVERDUE_S: Final = 5.0
+
+
+class Alarm:
+    """Writes to the system's log if a device does not confirm in time, and how that ended."""
+
+    def __init__(self, device: str) -> None:
+        self._device, self._overdue = device, False
+        self._timer = threading.Timer(_OVERDUE_S, self._raise)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def end(self, why: str) -> None:
+        """Take note that nothing more is tried, and why the device has not confirmed; ``""`` if it has."""
+        self._timer.cancel()
+        if why:
+            log_to_system(f"{self._device}: not confirmed to be off ({why}): use its switch")
+        elif self._overdue:
+            log_to_system(f"{self._device}: the alert is over")
+
+    def _raise(self) -> None:
+        self._overdue = True
+        log_to_system(
+            f"{self._device}: not confirmed to be off after {_OVERDUE_S:g} s: use its switch; "
+            f"process {os.getpid()} goes on trying"
+        )
+
+
+def log_to_system(message: str) -> None:
+    """Write an alert to the system's log, where the system has one that Python knows."""
+    if sys.platform == "win32":
+        return
+    import syslog
+
+    syslog.openlog("tega", syslog.LOG_PID, syslog.LOG_DAEMON)
+    syslog.syslog(syslog.LOG_ALERT, message)

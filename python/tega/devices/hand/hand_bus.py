@@ -8,18 +8,21 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from tega.devices.hand.can_open import open_can_bus
-from tega.devices.hand.slcan import slcan_bus
+from tega.devices.hand.can_open import open_can_bus, slcan_bus
 from tega.errors import DeviceUnavailableError
+from tega.hand.link import Received
 from tega.runtime.lifecycle import require
 from tega.runtime.reopening import Reopening
-
-if TYPE_CHECKING:
-    from tega.hand.link import Received
-    from tega.wire import CanFrame
-
+from tega.wire import (
+    AllegroInfo,
+    CanFrame,
+    allegro_decode,
+    allegro_limp_frames,
+    allegro_request_info,
+    allegro_set_period,
+)
 
 # Waiting for a frame ends this soon, so that silence is noticed in time.
 _WAIT_S = 0.002
@@ -52,8 +55,6 @@ def load_can() -> None:
 
 def off_frames(device_id: int) -> list[CanFrame]:
     """Return the frames that leave a hand without force and silent: zero torque, SERVO OFF and no more reports."""
-    from tega.wire import allegro_limp_frames, allegro_set_period
-
     return [*allegro_limp_frames(device_id=device_id), allegro_set_period(0, device_id=device_id)]
 
 
@@ -123,16 +124,13 @@ class HandBus:
 
         ``may_reopen``: a bus that went away is opened again, tried once a second.
         """
-        from tega.hand.link import Received
-
         frames: list[Received] = []
         if self._bus is None and not (may_reopen and self._reopened()):
             time.sleep(_WAIT_S)
             return frames
         wait_s = _WAIT_S
-        for _ in range(
-            _MOST_FRAMES
-        ):  # garbled ones too: an adapter that pours out noise must not hold up the loop
+        # Garbled ones count too: an adapter that pours out noise must not hold up the loop.
+        for _ in range(_MOST_FRAMES):
             try:
                 message = self._bus.recv(timeout=wait_s)
             except (ValueError, IndexError):
@@ -195,8 +193,6 @@ class HandBus:
         A hand does not report its torques. The query is sent behind the frames that remove them, and a bus
         delivers frames in order: an answer with SERVO OFF confirms both.
         """
-        from tega.wire import AllegroInfo, CanFrame, allegro_decode, allegro_request_info
-
         question = allegro_request_info(device_id=device_id)
         until_s, ask_s = time.monotonic() + patience_s, 0.0
         while (now_s := time.monotonic()) < until_s:

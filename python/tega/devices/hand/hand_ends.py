@@ -10,8 +10,9 @@ import sys
 import threading
 import time
 from io import BufferedReader, BufferedWriter
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_guard import guard_runs, take_over
 from tega.devices.hand.hand_loop import LEAVE_S, HandLoop
 from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, Notify
@@ -19,10 +20,6 @@ from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, start_child
 from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
 from tega.runtime.threads import realtime_allowed, run_realtime
-
-if TYPE_CHECKING:
-    from tega.devices.hand.allegro_options import AllegroOptions
-
 
 MAKES_READY: Final = "makes ready"
 """Message of the process after each stage of its start."""

@@ -17,17 +17,14 @@ import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess, stand_by
 from tega.devices.hand.hand_bus import HandBus, load_can, off_frames
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import is_running
-
-if TYPE_CHECKING:
-    from tega.devices.hand.allegro_options import AllegroOptions
-    from tega.wire import CanFrame
-
+from tega.wire import CanFrame
 
 LONGEST_S: Final = 600.0
 _MODULE: Final = "tega.devices.hand.hand_guard"
@@ -75,8 +72,6 @@ class _Hand:
     """The hand, from here."""
 
     def __init__(self, bus: dict[str, Any], frames: list[list[Any]], device_id: int) -> None:
-        from tega.wire import CanFrame
-
         more = dict(bus)
         interface, channel = more.pop("interface"), more.pop("channel")
         self._bus = HandBus(interface, channel, bitrate=more.pop("bitrate"), more=more)
@@ -85,7 +80,6 @@ class _Hand:
 
     @property
     def label(self) -> str:
-        """Hand, adapter and bus."""
         return f"robot hand on {self._bus.label}"
 
     def let_go(self, given_up: Callable[[], bool]) -> str:

@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import time
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.devices.hand.allegro_options import AllegroOptions
+from tega.devices.hand.guard_process import GuardProcess
 from tega.devices.hand.hand_bus import HandBus, off_frames
 from tega.devices.hand.hand_guard import guard_hand
 from tega.devices.hand.hand_reports import HandNews, HandOrders, HandSpoken, Notify
+from tega.hand.link import HandLink, HandState, Received
 from tega.runtime.clock import Standstill
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.devices.hand.allegro_options import AllegroOptions
-    from tega.devices.hand.guard_process import GuardProcess
-    from tega.hand.link import HandLink, HandState, Received
-    from tega.wire import CanFrame
-
+from tega.wire import CanFrame
 
 LEAVE_S: Final = 1.0
 """Letting go takes no longer, on the loop's side."""
@@ -100,9 +97,8 @@ class HandLoop:
                     self._bus.drain()
                     frames = []
                 self._exchange(frames, standstill)
-        except (
-            BaseException
-        ) as error:  # a panic of native code, too; told by the next step, which can act on it
+        # A panic of native code, too; told by the next step, which can act on it.
+        except BaseException as error:
             self._died = f" ({type(error).__name__}: {error})"
         finally:
             # Whatever was sent before: a hand that hears this is without force.
@@ -198,16 +194,9 @@ class HandLoop:
                 cpu_s=self._cpu_s,
                 ended=ended,
                 let_go=self._let_go,
-                guard_pid=self._guard_pid,
+                guard_pid=self._left_to or (0 if guard is None or guard.problem else guard.pid),
             ),
         )
-
-    @property
-    def _guard_pid(self) -> int:
-        """Return the number of the process that guards the hand; after the end, of the one that has it."""
-        if self._left_to or self._guard is None:
-            return self._left_to
-        return 0 if self._guard.problem else self._guard.pid
 
 
 def _never() -> bool:

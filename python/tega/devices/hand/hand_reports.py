@@ -5,14 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from tega.hand.link import HandFault, HandState, Received
-    from tega.wire import CanFrame
+from tega.hand.link import HandFault, HandState, Received
+from tega.wire import CanFrame
 
 
 class HandSpoken(NamedTuple):

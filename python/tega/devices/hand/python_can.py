@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import msgspec
 
@@ -13,10 +13,7 @@ from tega.devices.hand.can_open import open_can_bus
 from tega.devices.hand.hand_bus import can_message
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.lifecycle import Opened, require
-
-if TYPE_CHECKING:
-    from tega.wire import CanFrame
-
+from tega.wire import CanFrame
 
 _NO_HARDWARE = frozenset({"virtual", "udp_multicast"})
 

@@ -11,8 +11,8 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 
 from tega.devices.base import DeviceInfo, Found, InputEvent, InputReading, Kind, Options
-from tega.devices.hid_device import hid_module
 from tega.devices.input.debounce import Debounce, Edge
+from tega.devices.machine import hid_module
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import Opened
 from tega.runtime.reopening import Reopening

@@ -77,11 +77,9 @@ class Pedal(HidInput):
         o = self._options
         there = ", ".join(sorted({f"{d['vendor_id']:04x}:{d['product_id']:04x}" for d in found})) or "none"
         if o.vendor_id is None and o.product_id is None and not o.serial:
-            subject = (
-                "no pedal that is known"
-                if o.report == "keyboard"
-                else "no vendor_id and product_id is set, so no joystick"
-            )
+            subject = "no pedal that is known"
+            if o.report == "joystick":
+                subject = "no vendor_id and product_id is set, so no joystick"
             return DeviceUnavailableError(
                 f"pedal: {subject} is there; input devices: {there}",
                 "set vendor_id and product_id, as lsusb shows them with 0x in front",

@@ -14,8 +14,7 @@ import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
-from tega.devices.device_clock import DeviceClock
-from tega.devices.tracker.tracker_thread import BACK_OFF_S, RESTART_NS, SILENT_S, ThreadedTracker
+from tega.devices.tracker.tracker_thread import BACK_OFF_S, RESTART_NS, SILENT_S, DeviceClock, ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.evidence import Evidence
 from tega.runtime.reopening import Reopening
@@ -64,7 +63,7 @@ class HoloLens(ThreadedTracker):
     """Reads the spatial input of the hl2ss app, port 3812, 60 packets a second, in a thread of its own.
 
     Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock converted to the
-    host's (:class:`~tega.devices.device_clock.DeviceClock`), so that those which the network delayed have
+    host's (:class:`~tega.devices.tracker.tracker_thread.DeviceClock`), so that those which the network delayed have
     their true age. A wrist that is lost, or only guessed, gives an invalid pose. A pose identical to the last
     bit was not measured again, and is skipped. The origin is where the head was when the app began.
     """

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
-from tega.devices.tracker.openxr_options import OpenXrOptions
+from tega.devices.tracker.openxr_instance import OpenXrOptions
 from tega.devices.tracker.openxr_session import Located, XrSession
 from tega.devices.tracker.tracker_thread import BACK_OFF_S, RESTART_NS, SILENT_S, ThreadedTracker
 from tega.errors import DeviceUnavailableError
@@ -161,7 +161,6 @@ class OpenXr(ThreadedTracker):
             self._take(session, session.locate(now_ns), now_ns)
 
     def _enter(self, state: str) -> None:
-        """Take a state of the session."""
         with self._lock:
             self._trouble = "" if state == "focused" else _STATES.get(state, _OUT_OF_FOCUS)
             # Out of focus the origin may have been moved without a word.
@@ -169,7 +168,6 @@ class OpenXr(ThreadedTracker):
                 self._restart_until_ns = time.monotonic_ns() + RESTART_NS
 
     def _take(self, session: XrSession, found: Located | None, now_ns: int) -> None:
-        """Take an answer."""
         c = self.counts
         with self._lock:
             if session.restart_from_ns:
@@ -181,9 +179,9 @@ class OpenXr(ThreadedTracker):
             c.poses += 1
             if not found.valid:
                 c.lost += 1
-                place, turn = (
-                    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) if self._last is None else self._last[:2]
-                )
+                place, turn = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+                if self._last is not None:
+                    place, turn = self._last[:2]
                 self._poses.append(StampedPose(now_ns, place, turn, valid=False))
                 return
             if found == self._last:

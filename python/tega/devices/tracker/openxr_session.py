@@ -11,7 +11,7 @@ from tega.devices.tracker.openxr_instance import TIMES, make_instance, text
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
-    from tega.devices.tracker.openxr_options import OpenXrOptions
+    from tega.devices.tracker.openxr_instance import OpenXrOptions
 
 
 _VIVE_PROFILE: Final = "/interaction_profiles/htc/vive_tracker_htcx"
@@ -185,7 +185,6 @@ class XrSession:
             raise DeviceUnavailableError(f"openxr: {self.runtime} {why}")
 
     def _check(self) -> None:
-        """Query the held device."""
         if self._options.source == "wrist":
             return
         path = self._xr.get_current_interaction_profile(self._session, self._path(self._user))

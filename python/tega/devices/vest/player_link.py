@@ -15,8 +15,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.vest.player_settings import KEY_HINT, PlayerOptions, versions_to_ask
-from tega.devices.vest.player_versions import PlayerVersion, received
+from tega.devices.vest.player_versions import (
+    KEY_HINT,
+    PlayerOptions,
+    PlayerVersion,
+    received,
+    versions_to_ask,
+)
 from tega.devices.vest.vest_link import VestLink
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
@@ -268,7 +273,8 @@ class PlayerLink(VestLink):
         try:
             return self._run(work)
         except self._broken as error:
-            raise self._lost(error) from error
+            why = "it takes nothing any more" if isinstance(error, TimeoutError) else str(error)
+            raise DeviceUnavailableError(f"the {self._where} ended the connection: {why}") from error
 
     def _say(self, message: str) -> None:
         ws = self._ws
@@ -302,10 +308,6 @@ class PlayerLink(VestLink):
         """Read the messages that have come; waits for the first one only."""
         for message in self._call(_come(self._ws, timeout_s)):
             self._garbage += not received(self._version, message)
-
-    def _lost(self, error: Exception) -> DeviceUnavailableError:
-        why = "it takes nothing any more" if isinstance(error, TimeoutError) else str(error)
-        return DeviceUnavailableError(f"the {self._where} ended the connection: {why}")
 
 
 def _held_back(connection: Any) -> Any:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
 from tega.devices.hand.guard_process import BEAT_S
-from tega.devices.vest.bluetooth_state import bluetooth_trouble
+from tega.devices.machine import bluetooth_trouble
 from tega.devices.vest.vest_ble_guard import MOTORS, VestWatch
 from tega.devices.vest.vest_link import VestLink
 from tega.devices.vest.vest_stream import StreamedVest, VestOptions
@@ -57,7 +57,6 @@ class BleVest(StreamedVest):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("bleak",)
     options_type: ClassVar[type[Options]] = BleOptions
-
     _options: BleOptions
 
     def __init__(self, options: BleOptions) -> None:

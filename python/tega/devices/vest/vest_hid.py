@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
-from tega.devices.hid_device import hid_module
+from tega.devices.machine import hid_module
 from tega.devices.vest.vest_link import VestLink
 from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
@@ -55,7 +55,6 @@ class HidVest(StreamedVest):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("hid",)
     options_type: ClassVar[type[Options]] = HidVestOptions
-
     _options: HidVestOptions
 
     def __init__(self, options: HidVestOptions) -> None:
@@ -109,9 +108,7 @@ class _HidLink(VestLink):
 
     @property
     def condition(self) -> str:
-        return (
-            "" if self._status is None else f"board's vest {'connected' if self.present else 'not connected'}"
-        )
+        return "" if self._status is None else f"board's vest {'' if self.present else 'not '}connected"
 
     def connect(self) -> None:
         o = self._options

@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.devices.base import Found, Options
 from tega.devices.vest.player_link import PlayerLink
-from tega.devices.vest.player_settings import KEY_HINT, PlayerOptions
+from tega.devices.vest.player_versions import KEY_HINT, PlayerOptions
 from tega.devices.vest.vest_stream import StreamedVest
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
@@ -31,7 +31,6 @@ class PlayerVest(StreamedVest):
     requires: ClassVar[tuple[str, ...]] = ("websockets",)
     options_type: ClassVar[type[Options]] = PlayerOptions
     sends_at_once: ClassVar[bool] = True
-
     _options: PlayerOptions
 
     def __init__(self, options: PlayerOptions) -> None:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from tega import records
 from tega.devices.base import Kind
 from tega.devices.table_recorder import TableRecorder
 from tega.errors import DeviceUnavailableError
+from tega.haptics import MotorLevels
 from tega.records.table import columns, rows
-
-if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
 
 
 class VestRecorder(TableRecorder):

@@ -38,7 +38,6 @@ class ScreenVest(StreamedVest):
     extra: ClassVar[str] = ""
     requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = ScreenVestOptions
-
     _options: ScreenVestOptions
 
     def __init__(self, options: ScreenVestOptions) -> None:

@@ -113,7 +113,6 @@ class SoundVest(StreamedVest):
     requires: ClassVar[tuple[str, ...]] = ("sounddevice",)
     options_type: ClassVar[type[Options]] = SoundVestOptions
     in_steps: ClassVar[bool] = False
-
     _options: SoundVestOptions
 
     def __init__(self, options: SoundVestOptions) -> None:

@@ -169,12 +169,7 @@ class StreamedVest(Opened):
         if not link.present or not link.condition:
             return link.condition
         battery = link.battery_percent
-        text = (
-            link.condition,
-            f"battery {'unknown' if battery is None else f'{battery} %'}",
-            "fit unknown",
-        )
-        return ", ".join(filter(None, text))
+        return f"{link.condition}, battery {'unknown' if battery is None else f'{battery} %'}, fit unknown"
 
     @property
     def spared(self) -> int:
@@ -290,9 +285,8 @@ class StreamedVest(Opened):
                 connected.set()
                 again.works()
                 self._serve(link)
-            except (
-                BaseException
-            ) as error:  # a panic of native code, too: the vest is silenced and tried again
+            # A panic of native code, too: the vest is silenced and tried again.
+            except BaseException as error:
                 if not connected.is_set():
                     self._failure = _text(error)
                     self._stopping = True
@@ -342,9 +336,8 @@ class StreamedVest(Opened):
             if now - self._written_s > WATCHDOG_S:
                 self.counters.silenced += bool(wanted.any())
                 wanted = self._slot = _ZEROS
-        every = is_new and not self.keep_alive_s
         if (
-            every
+            (is_new and not self.keep_alive_s)
             or now - self._displayed_s >= self._renew_s(wanted)
             or not self.shows_alike(wanted, self._displayed)
         ):

@@ -7,7 +7,7 @@ from typing import Any
 
 from tega.devices import HarmlessDevice, driver_class
 from tega.devices.base import ReportingHand
-from tega.devices.hand.can_links import can_links, link_trouble
+from tega.devices.machine import can_links, link_trouble
 from tega.errors import TegaError
 from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from tega.devices import HarmlessDevice, driver_class
 from tega.devices.base import optional
-from tega.devices.vest.bluetooth_state import bluetooth_trouble
+from tega.devices.machine import bluetooth_trouble
 from tega.errors import MissingExtraError, TegaError
 from tega.setup.doctor.case import DriverCase, failed
 from tega.setup.doctor.findings import Finding

@@ -168,7 +168,7 @@ class Detector:
             closure: Closure measured, levels.
             height_m: Height of the arm's end, metres.
             tips_mm: Height of each fingertip over the palm by the hand's joint angles, millimetres, as of
-                :func:`tega.hand.tips.fingertips_m`.
+                :func:`tega.hand.mjcf.fingertips_m`.
         """
         found: list[DetectedEvent] = []
         self._level = level

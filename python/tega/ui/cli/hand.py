@@ -40,8 +40,7 @@ def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | Non
     """
     import msgspec
 
-    from tega.devices.hand.can_log import read_can_log
-    from tega.devices.hand.hand_log import HandLog, LoggedHand, find_hand
+    from tega.devices.hand.can_log import HandLog, LoggedHand, find_hand, read_can_log
     from tega.hand import JOINT_NAMES
     from tega.runtime.files.csv_writer import CsvWriter
 

@@ -81,15 +81,9 @@ class ProcessArm(Opened):
             notes.append(f"{self._late} ticks of the arm's loop came late")
         if self._refused:
             notes.append(f"{self._refused} commands were not obeyed")
-        rate_hz = self._options.rate_hz
+        rate_hz, said = self._options.rate_hz, tuple(notes)
         return DeviceInfo(
-            driver=self.name,
-            kind="arm",
-            label=self.label,
-            live=True,
-            rate_hz=rate_hz,
-            unit="m",
-            notes=tuple(notes),
+            driver=self.name, kind="arm", label=self.label, live=True, rate_hz=rate_hz, unit="m", notes=said
         )
 
     @property
@@ -190,22 +184,12 @@ class ProcessArm(Opened):
         if self._process is None:
             raise DeviceUnavailableError(f"{self.name}: it is not open", "use it in a with block")
         self._sequence += 1
-        place = turn = None
-        if command.target is not None:
-            place, turn = _triple(command.target.position_m), _four(command.target.quaternion_xyzw)
-        self._say(
-            ArmTargetWords(
-                self._session,
-                self._sequence,
-                command.t_ns,
-                command.state,
-                command.engagements,
-                place,
-                turn,
-                _triple(command.velocity_m_s),
-                _triple(command.velocity_rad_s),
-            )
-        )
+        c, place, turn = command, None, None
+        if c.target is not None:
+            place, turn = _triple(c.target.position_m), _four(c.target.quaternion_xyzw)
+        head = self._session, self._sequence, c.t_ns, c.state, c.engagements
+        speeds = _triple(c.velocity_m_s), _triple(c.velocity_rad_s)
+        self._say(ArmTargetWords(*head, place, turn, *speeds))
 
     def measured(self) -> StampedPose | None:
         """Return the newest reported pose of the hand, in the base's axes; ``None`` before the first."""

@@ -23,6 +23,7 @@ _STATUS: Final = {0: "accepted", 1: "of another version"}
 # By its length: robots pack a byte of status and the version; franky-sim gives each two bytes, and four more.
 _REPLIES: Final = {3: struct.Struct("<BH"), 8: struct.Struct("<HH4x")}
 _MOST_BYTES: Final = 64
+_ANSWER_S: Final = 2.0
 
 # Highest libfranka below which a robot server's number holds, and that number; the makers' table of compatibility.
 _SERVERS: Final = (
@@ -67,8 +68,9 @@ def fitting_server(libfranka: str) -> int | None:
     return next((server for below, server in _SERVERS if numbers < below), _NEWEST)
 
 
-def installed_library(package: str = "franky-control") -> Library | None:
-    """Return the libfranka that a package brings, by the names of its files; ``None`` if it is not installed."""
+def installed_library() -> Library | None:
+    """Return the libfranka that franky-control brings, by its files' names; ``None`` if it is not installed."""
+    package = "franky-control"
     try:
         own = version(package)
     except PackageNotFoundError:
@@ -79,7 +81,7 @@ def installed_library(package: str = "franky-control") -> Library | None:
     return Library(package, own, "", None)
 
 
-def server_version(host: str, *, timeout_s: float = 2.0) -> int:
+def server_version(host: str) -> int:
     """Ask a robot for the version of its server, and hang up; ``WrongDeviceError`` if it is not a robot.
 
     The robot takes one client at a time: do not ask while another steers it.
@@ -87,7 +89,7 @@ def server_version(host: str, *, timeout_s: float = 2.0) -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states:
         states.bind(("", 0))
         try:
-            with socket.create_connection((host, PORT), timeout=timeout_s) as link:
+            with socket.create_connection((host, PORT), timeout=_ANSWER_S) as link:
                 # Version 0 fits no robot: it answers with its own and sends nothing more. A simulator may go on.
                 body = struct.pack("<HH", 0, states.getsockname()[1])
                 link.sendall(_HEADER.pack(_CONNECT, 1, _HEADER.size + len(body)) + body)

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from tega.arm.messages import HandSeen, Quaternion, Triple
-from tega.devices.arm.robot.body import RobotBody
 from tega.devices.arm.robot.fci import Library, installed_library, server_version, the_fix
+from tega.devices.arm.robot.leash import RobotBody
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.lifecycle import require
 
@@ -79,11 +79,9 @@ class FrankyBody(RobotBody):
     def _check(self, server: int, library: Library | None) -> None:
         model = "panda" if server <= 5 else "fr3"
         if fix := the_fix(server, library):
-            own = (
-                "no library"
-                if library is None
-                else f"libfranka {library.libfranka} for server {library.server}"
-            )
+            own = "no library"
+            if library is not None:
+                own = f"libfranka {library.libfranka} for server {library.server}"
             raise WrongDeviceError(f"franky: the robot has server {server}, and here is {own}", fix)
         if model != self._o["robot"]:
             raise WrongDeviceError(

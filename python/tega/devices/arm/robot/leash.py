@@ -1,10 +1,13 @@
-"""Decide which commands the arm obeys, and how it reacts to silence; pure, without clock or arm."""
+"""Decide which commands the arm obeys and how it reacts to silence, and define the body that is led.
+
+The leash is pure, without clock or arm; the body is a robot, or a simulation of one.
+"""
 
 from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from tega.arm.messages import ArmTargetWords
+from tega.arm.messages import ArmTargetWords, HandSeen, Quaternion, Triple
 from tega.arm.settings import WatchdogSettings
 
 # The clocks are one on one machine; more than this is no delay of a thread.
@@ -30,12 +33,11 @@ class Leash:
 
     Without a command for ``hold_ms`` the arm holds its position; after ``silent_ms`` the operator has to
     engage again; after ``stop_ms`` the arm rests. A burst of old commands moves nothing, since each command
-    is judged by the time at which it was made. ``settings`` are the chain's own times, so that both ends
-    agree.
+    is judged by the time at which it was made. The times are the chain's own, so that both ends agree.
     """
 
-    def __init__(self, session: int, settings: WatchdogSettings | None = None) -> None:
-        self._session, self._s = session, settings or WatchdogSettings()
+    def __init__(self, session: int) -> None:
+        self._session, self._s = session, WatchdogSettings()
         self._last: ArmTargetWords | None = None
         self._sequence = -1
         self._engagements = 0
@@ -104,3 +106,51 @@ class Leash:
         if age_ms > self._s.silent_ms and self._lost_at is None:
             self._lost_at = self._engagements
         return age_ms
+
+
+class RobotBody:
+    """An arm that is led. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick.
+
+    ``facts`` are about the arm, one line each. ``success_rate`` is the share of commands that the robot
+    itself took in time; ``None`` where it does not report it.
+    """
+
+    facts: tuple[str, ...] = ()
+    success_rate: float | None = None
+
+    def open(self) -> None:
+        """Connect to the arm that the settings ask for; nothing moves but what its options ask for."""
+        raise NotImplementedError
+
+    def observe(self) -> HandSeen:
+        """Return place and turn of the hand."""
+        raise NotImplementedError
+
+    def begin(self) -> None:
+        """Begin to follow, with the present pose as the first target."""
+        raise NotImplementedError
+
+    def lead(self, place: Triple, turn: Quaternion, velocity_m_s: Triple, velocity_rad_s: Triple) -> None:
+        """Give the arm its next target."""
+        raise NotImplementedError
+
+    def rest(self) -> None:
+        """Begin to come to rest, with damping and without force; returns at once."""
+        raise NotImplementedError
+
+    @property
+    def in_control(self) -> bool:
+        """Whether the arm still follows or comes to rest."""
+        raise NotImplementedError
+
+    def fault(self) -> str:
+        """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
+        return ""
+
+    def recover(self) -> str:
+        """Clear a fault that a person has seen; return the remaining fault, ``""`` if there is none."""
+        return ""
+
+    def close(self) -> None:
+        """Come to rest and let go."""
+        raise NotImplementedError

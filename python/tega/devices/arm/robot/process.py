@@ -39,8 +39,7 @@ from tega.arm.messages import (
     encode,
 )
 from tega.arm.rotation import between, exp, multiply, unit
-from tega.devices.arm.robot.body import RobotBody
-from tega.devices.arm.robot.leash import Leash
+from tega.devices.arm.robot.leash import Leash, RobotBody
 from tega.errors import TegaError
 
 
@@ -59,11 +58,9 @@ class Slew:
         angle, left_rad = math.hypot(*arc.tolist()), self._turn_rad_s * dt_s
         there = length <= left and angle <= left_rad
         new = np.array(place) if length <= left else np.array(self.place) + route * (left / length)
-        q = (
-            np.array(turn)
-            if angle <= left_rad
-            else multiply(exp(arc * (left_rad / angle)), np.array(self.turn))
-        )
+        q = np.array(turn)
+        if angle > left_rad:
+            q = multiply(exp(arc * (left_rad / angle)), np.array(self.turn))
         x, y, z = new.tolist()
         qx, qy, qz, qw = unit(q).tolist()
         self.place, self.turn = (x, y, z), (qx, qy, qz, qw)
@@ -142,23 +139,18 @@ class Loop:
             body.begin()
             self._slew = Slew(self._s.speed_m_s, self._s.turn_rad_s, seen.place, seen.turn)
         velocities = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        if (
-            order.requested is not None
-            and order.requested.place is not None
-            and order.requested.turn is not None
-        ):
+        goal = order.requested
+        if goal is not None and goal.place is not None and goal.turn is not None:
             self._held = None
-            there = self._slew.toward(order.requested.place, order.requested.turn, dt_s)
-            if there:
-                velocities = (order.requested.velocity_m_s, order.requested.velocity_rad_s)
+            if self._slew.toward(goal.place, goal.turn, dt_s):
+                velocities = (goal.velocity_m_s, goal.velocity_rad_s)
         else:
             # Where the arm is, not where it was going: whatever it pressed against is let alone.
             self._held = self._held or seen
             self._slew.toward(self._held.place, self._held.turn, dt_s)
         body.lead(self._slew.place, self._slew.turn, *velocities)
-        return self._reported(
-            seen, "following", order.reason, HandSeen(now_ns, self._slew.place, self._slew.turn)
-        )
+        led = HandSeen(now_ns, self._slew.place, self._slew.turn)
+        return self._reported(seen, "following", order.reason, led)
 
     def _reported(
         self, seen: HandSeen, phase: Phase, reason: str, led: HandSeen | None = None
@@ -194,10 +186,8 @@ def _run(settings: ProcessSettings, link: socket.socket, body: RobotBody) -> Non
     next_s = time.monotonic()
     while True:
         left_s = next_s - time.monotonic()
-        if left_s > 0:
-            ready, _, _ = select.select([sys.stdin, link], [], [], left_s)
-        else:
-            ready, _, _ = select.select([sys.stdin, link], [], [], 0)
+        ready, _, _ = select.select([sys.stdin, link], [], [], max(left_s, 0))
+        if left_s <= 0:
             next_s = max(next_s, time.monotonic() - period_s)
         if sys.stdin in ready and not os.read(sys.stdin.fileno(), _MOST_BYTES):
             return

@@ -1,16 +1,59 @@
-"""List the CAN buses of this machine, with their state and rate."""
+"""Ask this machine about devices: the kernel's files, Bluetooth and CAN buses, and hidapi by its right name."""
 
 from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tega.devices.sysfs import attribute
+from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import require
 
-SYSFS = Path("/sys/class/net")
+
+def attribute(file: Path) -> str:
+    """Return the content of a sysfs file, stripped; ``""`` if it does not exist."""
+    try:
+        return file.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def hid_module(driver: str) -> Any:
+    """Import hidapi; ``DeviceUnavailableError`` where another package of the same module name hides it."""
+    # On Linux only the wheel's second module goes through the kernel's own driver for such devices.
+    hid = require("hidraw" if sys.platform == "linux" else "hid", driver=driver, extra="lab")
+    if not hasattr(hid, "device"):
+        raise DeviceUnavailableError(
+            "the package 'hid' hides 'hidapi', which installs a module of the same name",
+            "pip uninstall hid, then pip install --force-reinstall hidapi",
+        )
+    return hid
+
+
+SYSFS = Path("/sys/class")
+
+
+def bluetooth_trouble(sysfs: Path = SYSFS) -> tuple[str, str]:
+    """Return this machine's Bluetooth problem and its fix; both ``""`` if none is found, or without sysfs."""
+    for switch in sorted((sysfs / "rfkill").glob("*")):
+        if attribute(switch / "type") != "bluetooth":
+            continue
+        if attribute(switch / "hard") == "1":
+            return "Bluetooth is switched off by a switch or key of this machine", "switch it on there"
+        if attribute(switch / "soft") == "1":
+            return "Bluetooth is switched off", "switch it on:\nrfkill unblock bluetooth"
+    if sysfs.is_dir() and not any((sysfs / "bluetooth").glob("hci*")):
+        return (
+            "this machine has no Bluetooth adapter",
+            "plug a Bluetooth adapter in (others use the TP-Link UB500 or the Asus BT400)",
+        )
+    return "", ""
+
+
+NETWORK = Path("/sys/class/net")
 _ARPHRD_CAN = "280"
 _IFF_UP = 1
 _IP_TIMEOUT_S = 2.0
@@ -30,7 +73,7 @@ class CanLink(NamedTuple):
     is_virtual: bool
 
 
-def can_links(*, sysfs: Path = SYSFS, describe: Callable[[str], str] | None = None) -> list[CanLink]:
+def can_links(*, sysfs: Path = NETWORK, describe: Callable[[str], str] | None = None) -> list[CanLink]:
     """List the buses that the kernel knows; empty where it is not Linux.
 
     ``describe`` returns what ``ip -details -json link show NAME`` prints; ``None`` runs that command.

@@ -1,17 +1,72 @@
-"""Read, write and play forearm poses, a line each: ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and, if wanted, ``valid`` (0, 1)."""
+"""Give forearm poses from a recording, or from a device that gives speeds, such as a SpaceMouse.
+
+All sources meet :class:`~tega.arm.PoseSource`. Those of a device are in the base's axes (``frame = "base"``), those of
+a recording in the axes that it was recorded in. A file has a line for each pose:
+``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and, if wanted, ``valid`` (0, 1).
+"""
 
 from __future__ import annotations
 
 import csv
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Final
+
+import numpy as np
 
 from tega.arm.pose import StampedPose
+from tega.arm.rotation import IDENTITY, exp, multiply, unit
 from tega.errors import RecordingError
 from tega.records import PoseNumbers
+from tega.runtime.device_items import InputReading
 from tega.runtime.files.tables.rows import named_rows
+
+# A pose is told once in so long at most, as a tracker would; the summing goes on between.
+_LEAST_NS: Final = 1_000_000
+# After a longer pause the deflection of before is not summed up: nobody knows how long it lasted.
+_LONGEST_S: Final = 0.1
+# At full deflection, m/s and rad/s.
+_SPEEDS: Final = np.array([0.15] * 3 + [0.6] * 3)
+
+
+class RatePoses:
+    """Sums up the motion of an input device to the pose of a forearm that is not there.
+
+    ``position += speed · shape(motion) dt`` along the base's axes, and the same for the rotation, with ``shape(u) = u
+    |u|²``: fine near rest, full speed at full deflection. While the device says "no data" the pose is not valid, so
+    that the chain holds. Such a device needs a dead-man switch (a button held) but no clutch of its own.
+
+    ``state`` returns the device's newest state, such as :meth:`tega.devices.input.spacemouse.SpaceMouse.state`.
+
+    Example:
+        >>> still = InputReading(0, True, (0.0,) * 6, frozenset())
+        >>> RatePoses(lambda: still).read(0)[0].position_m
+        [0.0, 0.0, 0.0]
+    """
+
+    frame: Final = "base"
+
+    def __init__(self, state: Callable[[], InputReading]) -> None:
+        self._state = state
+        self._place, self._turn = np.zeros(3), IDENTITY
+        self._last_ns: int | None = None
+
+    def read(self, now_ns: int) -> Sequence[StampedPose]:
+        """Return one pose, of now; none within a millisecond of the last."""
+        if self._last_ns is not None and now_ns - self._last_ns < _LEAST_NS:
+            return ()
+        dt_s = 0.0 if self._last_ns is None else (now_ns - self._last_ns) / 1e9
+        self._last_ns = now_ns
+        state = self._state()
+        if state.live and dt_s <= _LONGEST_S:
+            motion = np.array(state.motion)
+            route = _SPEEDS * motion * np.abs(motion) ** 2 * dt_s
+            self._place = self._place + route[:3]
+            self._turn = unit(multiply(exp(route[3:]), self._turn))
+        return (StampedPose(now_ns, self._place.tolist(), self._turn.tolist(), valid=state.live),)
+
 
 _COLUMNS = ["t_s", *PoseNumbers.table]
 
@@ -35,7 +90,6 @@ def read_poses(path: Path) -> list[StampedPose]:
 
 
 def _pose(name: str, line: int, cells: dict[str, str], before: Sequence[StampedPose]) -> StampedPose:
-    """Return the pose of a line."""
     try:
         t_s, *numbers = (float(cells[column]) for column in _COLUMNS)
         valid = float(cells["valid"]) == 1 if "valid" in cells else True
