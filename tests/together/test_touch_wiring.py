@@ -39,7 +39,7 @@ from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.metrics import LiveMetric, LiveOptions
 from tega.tactile.tracker import DEPTH_LAW
-from tega.ui.view.labels import ContactLabels
+from tega.ui.view.run_state import ContactLabels
 from tega_sim.gel import PX_PER_MM, Gel, ball, board
 from tega_study.touch_picture import recorded_picture
 

@@ -9,10 +9,9 @@ from typing import Any, Final
 
 import msgspec
 
-from tega.config.errors import Overridden, explain
+from tega.config.errors import Overridden, check_removed, explain, without_constants
 from tega.config.guests import TableContext, read_guest_tables
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
-from tega.config.removed import check_removed, without_constants
 from tega.config.sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,

@@ -17,7 +17,7 @@ from tega.arm.heading import ForearmSweep, ForwardCheck, check_forward, kept_yaw
 from tega.devices.base import Tracker
 from tega.errors import CalibrationError
 from tega.runtime.guide import Bar, Guide, Undecided
-from tega.setup.calibration.settling import until_good
+from tega.setup.calibration.sitting import until_good
 
 WAIT_S: Final = 30.0
 """Time to wait for a movement."""

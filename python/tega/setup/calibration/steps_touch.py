@@ -32,8 +32,7 @@ from tega.setup.calibration.gel import (
     suspect_contact,
 )
 from tega.setup.calibration.presses import PRESSES, PressMeter
-from tega.setup.calibration.settling import until_good
-from tega.setup.calibration.times import Sitting
+from tega.setup.calibration.sitting import Sitting, until_good
 from tega.stages.base import Metric
 
 _READ_S = 0.1

@@ -22,9 +22,8 @@ from tega.records import Contact
 from tega.runtime.clock import Clock, SystemClock
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.identify import show_frame
-from tega.setup.calibration.settling import until_good
+from tega.setup.calibration.sitting import Times, until_good
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
-from tega.setup.calibration.times import Times
 from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
 
 _DISPLAYED_STEPS = 5

@@ -26,11 +26,10 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.opencv import read_image
-from tega.setup.calibration.journal import Journal
+from tega.setup.calibration.sitting import Journal, Sitting
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
 from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of, muscle_names
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
-from tega.setup.calibration.times import Sitting
 from tega.setup.calibration.vest_part import VestChoices, calibrate_vest, check_live, drawing
 
 Only = Literal["tactile", "emg", "vest", "arm"]

@@ -28,9 +28,15 @@ from tega.devices.base import (
 )
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import vest_frame
-from tega.setup.contract.arm import check_arm, check_input, check_tracker
-from tega.setup.contract.rule import refuses, rule
-from tega.setup.contract.sources import check_skip, check_source
+from tega.setup.contract.devices import (
+    check_arm,
+    check_input,
+    check_skip,
+    check_source,
+    check_tracker,
+    refuses,
+    rule,
+)
 from tega.wire import allegro_torque_frames
 
 

@@ -9,8 +9,7 @@ from tega.devices import driver_class
 from tega.devices.base import optional
 from tega.errors import SampleRateError, TegaError
 from tega.runtime.evidence import Contradiction
-from tega.setup.doctor.case import DriverCase, failed, holders
-from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.findings import DriverCase, Finding, failed, holders
 
 _POLL_S = 2.2
 """The spectrum of the mains takes two seconds."""

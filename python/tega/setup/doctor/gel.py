@@ -16,8 +16,7 @@ from tega.config.calibration.records import GelRecord, read_record
 from tega.errors import CalibrationError, TegaError
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.gel import compare_gels, dark
-from tega.setup.doctor.case import DriverCase, failed
-from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.findings import DriverCase, Finding, failed
 from tega.setup.doctor.mains import moving_bands, standing_bands
 from tega.tactile.tracker import TouchTracker, sensor_noise
 

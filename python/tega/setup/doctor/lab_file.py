@@ -1,8 +1,9 @@
-"""Write a settings file with the connected devices filled in, and comments on the other settings."""
+"""Write a settings file with the connected devices filled in and comments on the rest; read the udev rules."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -237,3 +238,8 @@ def _comment(text: str) -> str:
     """Return a text as comment lines; a device's own name may contain any character."""
     lines = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+def udev_rules() -> str:
+    """Return the text of the rules' file, its installation in the first lines."""
+    return files("tega.setup.doctor").joinpath("70-tega.rules").read_text(encoding="utf-8")

@@ -15,8 +15,7 @@ from tega.runtime.features import Feature, call_feature, call_member, having
 from tega.setup.doctor.arm import check_arm
 from tega.setup.doctor.bench import try_all
 from tega.setup.doctor.calibration import check_calibration
-from tega.setup.doctor.case import DriverCase
-from tega.setup.doctor.findings import Examination, Finding
+from tega.setup.doctor.findings import DriverCase, Examination, Finding
 
 DEADLINE_S: Final = 30.0
 """Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""

@@ -13,8 +13,7 @@ from tega.devices.base import CountingSource, TactileFrame
 from tega.devices.fingertip.video_nodes import VideoNode, video_nodes
 from tega.errors import TegaError
 from tega.runtime.device_items import CameraCounts
-from tega.setup.doctor.case import DriverCase, failed, holders
-from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.findings import DriverCase, Finding, failed, holders
 from tega.setup.doctor.gel import check_gel
 
 _POLL_S = 1.5

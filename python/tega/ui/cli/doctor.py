@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, sets_option, worn_by
+from tega.ui.cli.options import echo_json, json_option, sets_option, with_origin, worn_by
 
 if TYPE_CHECKING:
     from tega.setup.doctor import Examination, Finding
@@ -57,7 +57,7 @@ def doctor(
     (ok, warning, error, missing), "finding", "why", "todo", "driver", "device", "measured".
     """
     if udev_rules:
-        from tega.setup.doctor.udev import udev_rules as rules
+        from tega.setup.doctor.lab_file import udev_rules as rules
 
         click.echo(rules(), nl=False)
         return
@@ -117,8 +117,6 @@ def reported(examination: Examination) -> list[str]:
 
 
 def _paragraph(finding: Finding, width: int) -> list[str]:
-    from tega.ui.cli.install_line import with_origin
-
     mark = click.style(
         f"{finding.status:<{_STATUS_WIDTH}}", fg=_COLOURS[finding.status], bold=finding.status != "ok"
     )

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.emg_inspect import emg_inspect
+from tega.ui.cli.calibrate import emg_recalibrate
+from tega.ui.cli.emg_files import emg_inspect, emg_score
 from tega.ui.cli.emg_logs import (
     force_log,
     kind_option,
@@ -16,8 +17,6 @@ from tega.ui.cli.emg_logs import (
     reading_options,
     target_option,
 )
-from tega.ui.cli.emg_recalibrate import emg_recalibrate
-from tega.ui.cli.emg_score import emg_score
 from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import NameList, PngPath, echo_json, json_option
 
@@ -236,9 +235,9 @@ def compare(
             rows += [where | figures_of(one) for one in reported]
             drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, reported))
     if picture is not None:
-        from tega.ui.cli.emg_picture import draw
+        from tega.ui.view.figures import draw_decoders
 
-        draw(drawn, picture)
+        draw_decoders(drawn, picture)
     if as_json:
         echo_json(rows)
     else:
@@ -269,7 +268,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
 
     from rich.console import Console
 
-    from tega.ui.cli.tables import figures_table
+    from tega.ui.cli.report import figures_table
 
     console = Console(highlight=False)
     for (log, trained_on, judged_on), some in groupby(

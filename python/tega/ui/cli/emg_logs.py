@@ -14,7 +14,7 @@ from tega.ui.cli.options import ChannelList
 if TYPE_CHECKING:
     from tega.runtime.files.signals import Signals
     from tega.runtime.files.tables.table import Reading
-    from tega.setup.calibration.tracked import Tracked
+    from tega.setup.calibration.practice import Tracked
     from tega.stages.learned.compare import Log
 
 _ARRAYS = {".mat", ".npz", ".h5", ".hdf5", ".hdf"}
@@ -151,7 +151,7 @@ def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
 
 def practised_log(record: Path) -> tuple[Log, Tracked]:
     """Read a record of practice, with the EMG beside it."""
-    from tega.setup.calibration.tracked import read_tracked
+    from tega.setup.calibration.practice import read_tracked
     from tega.stages.learned.compare import Log as Given
 
     tracked = read_tracked(record)

@@ -232,7 +232,7 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
     """
     import msgspec
 
-    from tega.setup.doctor.hand_timing import time_loop
+    from tega.setup.doctor.outputs import time_loop
 
     # A loop without a hand behind it is to be watched when it is late, not to be ended.
     patience: dict[str, Any] = {"silent_after_ms": 500.0, "lowest_rate_hz": 0.0} if where["emulated"] else {}

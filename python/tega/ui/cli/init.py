@@ -11,7 +11,7 @@ from typing import Protocol
 import click
 
 from tega.errors import ConfigError, TegaError
-from tega.ui.cli.devices import could_not_look
+from tega.ui.cli.lists import could_not_look
 from tega.ui.cli.options import echo_json, json_option
 
 

@@ -39,9 +39,9 @@ _VERBS = {
     "calibrate": Verb(
         "tega.ui.cli.calibrate:calibrate", "Calibrate fingertips, muscles and vest for a person.", "Prepare"
     ),
-    "stages": Verb("tega.ui.cli.stages:stages", "List metrics, decoders, mappings and layouts.", "Prepare"),
+    "stages": Verb("tega.ui.cli.lists:stages", "List metrics, decoders, mappings and layouts.", "Prepare"),
     "devices": Verb(
-        "tega.ui.cli.devices:devices", "List the drivers, and the devices that they see.", "Prepare"
+        "tega.ui.cli.lists:devices", "List the drivers, and the devices that they see.", "Prepare"
     ),
     "audit": Verb(
         "tega_figures.audit.command:audit",
@@ -237,6 +237,6 @@ def _notify(message: str, hint: str, *, debug: bool) -> None:
         traceback.print_exc()
     click.echo(f"error: {message}", err=True)
     if hint:
-        from tega.ui.cli.install_line import with_origin
+        from tega.ui.cli.options import with_origin
 
         click.echo(f"hint: {with_origin(hint)}", err=True)

@@ -98,7 +98,7 @@ def play(
     from tega.records.bus import Bus
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.report import print_summary
-    from tega.ui.cli.run_view import stage
+    from tega.ui.cli.run import stage
 
     if others and not view:
         raise click.UsageError("--beside is shown on the page, so it needs --view")

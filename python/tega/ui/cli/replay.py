@@ -123,8 +123,7 @@ def replay(
     from tega.records.bus import Bus
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.findings import Findings
-    from tega.ui.cli.report import echo_summary
+    from tega.ui.cli.report import Findings, echo_summary
     from tega.ui.cli.verify import check_flags, replay_session
 
     if session is not None:

@@ -62,7 +62,7 @@ def replay_session(
     from tega.recording.mcap_folder import session_files
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
-    from tega.ui.cli.findings import Findings
+    from tega.ui.cli.report import Findings
 
     replays, files = [], session_files(session)
     for path in files:
@@ -83,7 +83,7 @@ def replay_session(
 
 
 def _show(replay: Replay) -> None:
-    from tega.ui.cli.tables import wide_console
+    from tega.ui.cli.report import wide_console
 
     console = wide_console()
     console.print(

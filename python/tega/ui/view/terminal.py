@@ -15,9 +15,15 @@ from rich.text import Text
 from tega.haptics import CONTACT_RULES, FINGERS, MotorLevels
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
-from tega.ui.view.labels import ContactLabels
-from tega.ui.view.rate_meter import RateMeter
-from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, device_rows, lines_beside, meaning
+from tega.ui.view.run_state import (
+    NO_NEWS,
+    NO_NEWS_S,
+    ContactLabels,
+    RateMeter,
+    device_rows,
+    lines_beside,
+    meaning,
+)
 
 _WIDEST, _WIDE, _TALL = 120, 104, 30
 _REFRESH_S = 0.1

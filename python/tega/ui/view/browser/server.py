@@ -13,8 +13,7 @@ from tega.loop.snapshot import Snapshot
 from tega.records.bus import Backlog
 from tega.runtime.lifecycle import require
 from tega.ui.view.browser.controls import Controls
-from tega.ui.view.rate_meter import RateMeter
-from tega.ui.view.run_state import NO_NEWS_S
+from tega.ui.view.run_state import NO_NEWS_S, RateMeter
 from tega.ui.view.state import ViewState
 
 if TYPE_CHECKING:

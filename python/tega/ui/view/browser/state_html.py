@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final
 from tega.haptics import FINGERS
 from tega.loop.touch import STALE_NS
 from tega.runtime.number_text import number_text
-from tega.ui.view.browser.ghost import GHOST_COLOUR
+from tega.ui.view.browser.scene import GHOST_COLOUR
 from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, SILENT_NS, device_rows, lines_beside, meaning
 
 if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView
     from tega.records import Contact
-    from tega.ui.view.labels import ContactLabels
+    from tega.ui.view.run_state import ContactLabels
     from tega.ui.view.state import ViewState
 
 _TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
