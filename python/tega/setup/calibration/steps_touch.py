@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.config.calibration.folder import KeptGel, device_name
-from tega.config.calibration.known_press import Ball, fit_gel
 from tega.config.calibration.records import GelRecord, TouchRecord
 from tega.config.calibration.store import TouchMaxima
 from tega.config.choose import Preset, preset_metric
@@ -31,7 +30,7 @@ from tega.setup.calibration.gel import (
     judge_rest,
     suspect_contact,
 )
-from tega.setup.calibration.presses import PRESSES, PressMeter
+from tega.setup.calibration.presses import PRESSES, Ball, PressMeter, fit_gel
 from tega.setup.calibration.sitting import Sitting, until_good
 from tega.stages.base import Metric
 

@@ -11,7 +11,6 @@ import msgspec
 
 from tega.config import EmgConfig, SessionConfig, TactileConfig, TrackerConfig
 from tega.config.calibration.folder import device_name
-from tega.config.calibration.known_press import Ball
 from tega.config.calibration.records import (
     ArmRecord,
     EmgRecord,
@@ -26,6 +25,7 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.opencv import read_image
+from tega.setup.calibration.presses import Ball
 from tega.setup.calibration.sitting import Journal, Sitting
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
 from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of, muscle_names

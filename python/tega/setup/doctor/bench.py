@@ -15,10 +15,9 @@ from tega.devices.base import Kind
 from tega.devices.fingertip.video_nodes import video_nodes
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.setup.doctor.arm import try_arm, try_input, try_tracker
-from tega.setup.doctor.emg import try_amplifier
 from tega.setup.doctor.findings import DriverCase, Examination, Finding, late
 from tega.setup.doctor.outputs import try_hand, try_vest
-from tega.setup.doctor.tactile import FoundCamera, crowded, try_camera
+from tega.setup.doctor.sensors import FoundCamera, crowded, try_amplifier, try_camera
 
 _Key = TypeVar("_Key")
 _Answer = TypeVar("_Answer")

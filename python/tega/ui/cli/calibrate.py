@@ -96,8 +96,8 @@ def calibrate(
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """
     from tega.config.calibration.folder import CalibrationFolder
-    from tega.config.calibration.known_press import Ball
     from tega.config.calibration.records import utc_now
+    from tega.setup.calibration.presses import Ball
     from tega.setup.calibration.refresh import refresh as refresh_all
     from tega.setup.calibration.sitting import Sitting, Times
     from tega.setup.calibration.vest_part import VestChoices

@@ -56,7 +56,7 @@ class PageGuide(LineGuide):
         """Serve the page."""
         require("viser", driver="page", extra="view")
         from tega.ui.view.browser.local import LocalServer
-        from tega.ui.view.browser.style import STYLE
+        from tega.ui.view.browser.state_html import STYLE
 
         self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
         gui = self._server.gui

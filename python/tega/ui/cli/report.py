@@ -173,8 +173,7 @@ class Findings:
 
     def __init__(self, bus: Bus, picture: Path | None, *, required: bool) -> None:
         from tega.errors import MissingExtraError
-        from tega.ui.view.course import RunCourse
-        from tega.ui.view.session import SessionPicture
+        from tega.ui.view.course import RunCourse, SessionPicture
 
         self._course, self._path = RunCourse(bus), picture
         self._picture: SessionPicture | None = None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tega.records import Contact
     from tega.stages.base import MeasuredPicture, TouchMap
     from tega.stages.learned.compare import DecoderReport
-    from tega.ui.view.course import FingerCourse, VestCourse
+    from tega.ui.view.state import FingerCourse, VestCourse
 
 
 # Under this a map is not stretched to white.

@@ -15,6 +15,8 @@ from tega.ui.view.browser.state_html import (
     FONT,
     LEGEND,
     PAUSED,
+    STOP_MARK,
+    STYLE,
     arm_html,
     badge_html,
     captions_html,
@@ -23,7 +25,6 @@ from tega.ui.view.browser.state_html import (
     run_state_html,
     status_html,
 )
-from tega.ui.view.browser.style import STOP_MARK, STYLE
 from tega.ui.view.browser.timeline import KEPT_S, SeekSlider, Timeline, add_annotation_keys
 from tega.ui.view.browser.vest import TRIED, vest_svg
 from tega.ui.view.run_state import ContactLabels
