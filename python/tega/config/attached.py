@@ -87,13 +87,9 @@ def _named(stages: StagesSection) -> list[tuple[str, _Place, Path]]:
 
 def _placed(stages: StagesSection, place: _Place, path: Path) -> StagesSection:
     where, field = place
+    one: Any = stages.beside[where] if isinstance(where, int) else getattr(stages, where)
+    changed = msgspec.structs.replace(one, options=msgspec.structs.replace(one.options, **{field: path}))
     if isinstance(where, int):
-        one = stages.beside[where]
-        changed = msgspec.structs.replace(one, options=msgspec.structs.replace(one.options, **{field: path}))
         beside = (*stages.beside[:where], changed, *stages.beside[where + 1 :])
         return msgspec.structs.replace(stages, beside=beside)
-    section = getattr(stages, where)
-    changed = msgspec.structs.replace(
-        section, options=msgspec.structs.replace(section.options, **{field: path})
-    )
     return msgspec.structs.replace(stages, **{where: changed})

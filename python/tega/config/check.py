@@ -20,13 +20,7 @@ from tega.config.sections import (
     SessionConfig,
     TactileSection,
 )
-from tega.config.stage_sections import (
-    DEFAULT_STAGES,
-    STAGE_GROUPS,
-    ReflexSection,
-    StageConfig,
-    StagesSection,
-)
+from tega.config.stage_sections import DEFAULT_STAGES, STAGE_GROUPS, ReflexSection, StageConfig, StagesSection
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout

@@ -103,10 +103,7 @@ def metric_choice(stages: StagesSection, preset: Preset) -> str:
 
 
 def preset_metric(
-    preset: Preset,
-    baseline: NDArray[Any],
-    finger: str = "thumb",
-    calibration: TouchMaxima | None = None,
+    preset: Preset, baseline: NDArray[Any], finger: str = "thumb", calibration: TouchMaxima | None = None
 ) -> Metric:
     """Make the metric of a preset with its default options."""
     return finger_metric(StagesSection(), preset, finger, baseline, calibration)

@@ -198,14 +198,11 @@ def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated
 
 
 class _Named(NamedTuple):
-    """A model and its file."""
-
     file: Path
     decoder: LearnedDecoder
 
 
 def _model_of(config: SessionConfig) -> _Named | None:
-    """Return the model that the settings' decoder uses."""
     options = chosen_stage("decoder", config.stages, config.session.preset).options
     if not isinstance(options, LearnedOptions):
         return None

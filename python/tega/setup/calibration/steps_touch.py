@@ -225,11 +225,7 @@ def take_presses(
 
 
 def _follow(
-    finger: str,
-    source: TactileSource,
-    metrics: Mapping[Preset, Metric],
-    meter: PressMeter,
-    sitting: Sitting,
+    finger: str, source: TactileSource, metrics: Mapping[Preset, Metric], meter: PressMeter, sitting: Sitting
 ) -> list[Contact]:
     """Measure frames until there are enough firm presses and the gel is free, or it takes too long."""
     felt: list[Contact] = []

@@ -128,10 +128,7 @@ class VestSteps:
         self._each("threshold", left, done, felt, lambda level: LEVEL_PERCENT[level])
 
     def steps(
-        self,
-        sites: tuple[str, ...],
-        thresholds: Mapping[str, FeltSite],
-        done: MutableMapping[str, FeltSite],
+        self, sites: tuple[str, ...], thresholds: Mapping[str, FeltSite], done: MutableMapping[str, FeltSite]
     ) -> None:
         """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
 

@@ -64,10 +64,7 @@ class MuscleLoop:
         self.driver, self.device = source.info.driver, device_name(source.info)
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the source."""
         self._source.__exit__(kind, error, trace)

@@ -105,7 +105,6 @@ class Calibrating:
         return self._journal.done
 
     def _section(self, part: str) -> Any:
-        """Return the part's table of the settings."""
         kind, _, finger = part.partition(".")
         if kind == "tactile":
             return self._config.tactile.in_use()[finger]

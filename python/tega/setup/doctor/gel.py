@@ -220,7 +220,6 @@ def _compared(
     baseline: NDArray[np.uint8],
     path: Path,
 ) -> list[Finding]:
-    """Compare the gel with its baseline."""
     if len(pictures) < LEAST_PICTURES:
         return []
     now, noise = _mean(pictures), max(_noise(pictures))

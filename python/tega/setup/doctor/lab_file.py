@@ -99,7 +99,7 @@ _ARM = """
 # button = "left"
 """
 _OPTIONS: Mapping[str, str] = {
-    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n',
+    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n'
 }
 
 # What a driver cannot find out by itself, and where to start.
@@ -116,7 +116,7 @@ _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
         "silent_after_ms": (
             5000,
             "100 where it repeats itself while held; else it has to be pressed again this often",
-        ),
+        )
     },
     "allegro": {
         "side": ("right", "right or left; the other one is refused"),
@@ -202,7 +202,6 @@ def _rank(driver: str) -> int:
 
 
 def _section(table: str, found: Found, more: str) -> str:
-    """Return a table with a device filled in."""
     text = "\n" + _comment(f"{found.label}{f': {found.note}' if found.note else ''}")
     if found.problem:
         text += _comment(f"Not usable yet: {found.problem}. {found.hint}")

@@ -121,14 +121,12 @@ def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
     return [
         (
             case,
-            Finding(
-                check=case.check,
-                status="error",
-                finding=f"{case.check} and {sharing[0].check} name the same device: {name}",
+            case.reported(
+                name,
+                "error",
+                f"{case.check} and {sharing[0].check} name the same device: {name}",
                 why="one device cannot be two",
                 todo=("look at the numbers printed on the devices and correct the settings",),
-                driver=case.driver,
-                device=name,
             ),
         )
         for name, sharing in users.items()

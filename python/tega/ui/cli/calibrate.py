@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.options import (
+    FILE,
+    PATH,
     calibrated_person_option,
     echo_json,
     json_option,
@@ -25,30 +27,25 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: tega-teleop calibrate lab.toml --person p01 --only emg")
-@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@click.argument("settings", type=PATH, metavar="SETTINGS.toml")
 @calibrated_person_option
 @click.option(
-    "--only",
-    type=click.Choice(["tactile", "emg", "vest", "arm"]),
-    multiple=True,
+    "--only", type=click.Choice(["tactile", "emg", "vest", "arm"]), multiple=True,
     help="Only this part; repeatable.",
-)
+)  # fmt: skip
 @click.option(
-    "--hand",
-    type=click.Choice(["left", "right"]),
+    "--hand", type=click.Choice(["left", "right"]),
     help="The hand that steers, set once: forearm of the arm and columns of the vest follow it in every run.",
-)
+)  # fmt: skip
 @click.option(
-    "--refresh",
-    is_flag=True,
+    "--refresh", is_flag=True,
     help="Measure baselines and EMG again, in twenty seconds, after sensors or electrodes were put on again.",
-)
+)  # fmt: skip
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
 @click.option(
-    "--folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    "--folder", type=click.Path(path_type=Path, file_okay=False),
     help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
-)
+)  # fmt: skip
 @click.option(
     "--ceiling", type=click.IntRange(10, 100), default=60, show_default=True, metavar="PERCENT",
     help="The strongest vibration shown on the vest.",
@@ -139,7 +136,7 @@ def calibrate(
             work.run(parts, restart=restart)
             files = work.files
     except BaseException:
-        _close(guide)
+        guide.close()
         if work.left:
             done = ", ".join(work.done) or "nothing yet"
             guide.say(
@@ -147,7 +144,7 @@ def calibrate(
             )
         report(work.files, finished=False)
         raise
-    _close(guide)
+    guide.close()
     then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
     guide.say(f"Finished. {then}", tone="good")
     report(files, finished=True)
@@ -162,11 +159,6 @@ def _settings(
     config = load_config(settings, sets=worn_by(person, sets)).config
     kept = folder or config.calibration.folder or settings.absolute().parent / "calibrations"
     return config, kept
-
-
-def _close(guide: Any) -> None:
-    if hasattr(guide, "close"):
-        guide.close()
 
 
 def _reported(files: list[Path]) -> list[dict[str, Any]]:
@@ -185,9 +177,9 @@ def _reported(files: list[Path]) -> list[dict[str, Any]]:
 
 
 @click.command(epilog="Example: tega-teleop emg recalibrate lab.toml --person p01")
-@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@click.argument("settings", type=PATH, metavar="SETTINGS.toml")
 @calibrated_person_option
-@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="The new model's file.")
+@click.option("--out", type=FILE, help="The new model's file.")
 @yes_option
 @time_scale_option
 @sets_option

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.emg_logs import emg_beside, kind_option, reading_options
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import PATH, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.emg.score import RecordingScore
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: tega-teleop emg inspect squeeze.csv")
-@click.argument("file", type=click.Path(path_type=Path), required=False)
+@click.argument("file", type=PATH, required=False)
 @reading_options
 @json_option
 def emg_inspect(*, file: Path | None, reading: Reading, as_json: bool) -> None:
@@ -78,12 +78,11 @@ BLOCK_S = 0.1
 @click.command(
     epilog="Example: tega-teleop emg score squeeze.mat --force Force --rate-hz 200 --kind raw --channels 3,6,8"
 )
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]")
+@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE [FILE ...]")
 @click.option(
-    "--force",
-    required=True,
+    "--force", required=True,
     help="The measured force: a variable's name in a file of arrays, else a column from 1.",
-)
+)  # fmt: skip
 @kind_option("--kind", "raw")
 @reading_options
 @json_option

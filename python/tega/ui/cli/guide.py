@@ -68,6 +68,9 @@ class LineGuide:
         left = "" if left_s is None else f" {left_s:3.0f} s "
         _line(f"   {prompt}{left} " + "  ".join(f"{b.name} {_bar(b, 8)} {b.text}" for b in bars))
 
+    def close(self) -> None:
+        """Do nothing: no terminal was taken."""
+
 
 class TerminalGuide:
     """Large prompts and live bars on a terminal's stderr.
@@ -164,7 +167,6 @@ class TerminalGuide:
         return Panel(Group(*rows), subtitle=below or None, border_style="cyan", padding=(0, 2))
 
     def _still(self) -> None:
-        """Stop redrawing the live line."""
         live, self._live = self._live, None
         if live is not None:
             live.stop()

@@ -158,7 +158,7 @@ def _bar_html(bar: Bar) -> str:
     )
 
 
-def guide_for(*, yes: bool, get_ready_s: float) -> Guide:
+def guide_for(*, yes: bool, get_ready_s: float) -> LineGuide | TerminalGuide:
     """Return the guide that fits where this runs."""
     if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
         return TerminalGuide(yes=yes, get_ready_s=get_ready_s)
@@ -179,5 +179,4 @@ def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None =
     try:
         yield guide
     finally:
-        if isinstance(guide, TerminalGuide):
-            guide.close()
+        guide.close()

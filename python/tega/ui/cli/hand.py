@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FILE, echo_json, json_option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,17 +19,13 @@ if TYPE_CHECKING:
     from tega.devices.hand.allegro import Allegro
 
 
-_FILE = click.Path(path_type=Path, dir_okay=False)
-
-
 @click.command(epilog="Example: tega-teleop hand decode candump.log --out states.csv")
-@click.argument("log", type=_FILE)
-@click.option("--out", type=_FILE, help="CSV with a row for each complete set of joint angles.")
+@click.argument("log", type=FILE)
+@click.option("--out", type=FILE, help="CSV with a row for each complete set of joint angles.")
 @click.option(
-    "--device-id",
-    type=click.IntRange(0, 3),
+    "--device-id", type=click.IntRange(0, 3),
     help="The hand's number on its bus [default: the one that reports].",
-)
+)  # fmt: skip
 @click.option("--bus", help="Name of the bus in a log of several [default: the one with the hand].")
 @json_option
 def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | None, as_json: bool) -> None:
@@ -115,7 +111,6 @@ def _hand_options(function: _Function) -> _Function:
 def _opened(
     *, interface: str, channel: str, side: str, device_id: int, emulated: bool, **more: Any
 ) -> Iterator[Allegro]:
-    """Open the hand, or the emulated one."""
     from contextlib import ExitStack
 
     from tega.devices.hand.allegro import Allegro
@@ -175,7 +170,7 @@ def show(*, as_json: bool, **where: Any) -> None:
 
 
 @hand.command(epilog="Example: tega-teleop hand teach --level 3 poses.toml")
-@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("file", type=FILE)
 @click.option("--level", type=click.IntRange(1, 5), required=True, help="Which closure level to replace.")
 @click.option(
     "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long to average."

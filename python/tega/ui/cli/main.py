@@ -148,11 +148,9 @@ Type one of these first:
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --out pressed",
 )
 @click.option(
-    "--debug",
-    is_flag=True,
-    expose_value=False,
+    "--debug", is_flag=True, expose_value=False,
     help="Show where in the program an error arose; with any verb.",
-)
+)  # fmt: skip
 @click.option(
     "--version", is_flag=True, callback=_version, expose_value=False, is_eager=True, help="Show the version."
 )
@@ -189,15 +187,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("stopped", err=True)
         sys.exit(EXIT_STOPPED)
-    except MissingToolError as error:
-        _notify(error.message, error.hint, debug=debug)
-        sys.exit(EXIT_USAGE)
-    except DeviceUnavailableError as error:
-        _notify(error.message, error.hint, debug=debug)
-        sys.exit(EXIT_DEVICE)
     except TegaError as error:
         _notify(error.message, error.hint, debug=debug)
-        sys.exit(EXIT_FAILED)
+        if isinstance(error, MissingToolError):
+            sys.exit(EXIT_USAGE)
+        sys.exit(EXIT_DEVICE if isinstance(error, DeviceUnavailableError) else EXIT_FAILED)
     except BrokenPipeError:
         # The reader of our output went away; nothing of ours is wrong, and nothing can be told to it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

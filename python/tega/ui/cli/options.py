@@ -19,6 +19,9 @@ from tega.safety.stop import Stop as AnyStop
 
 _NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
 
+PATH: Final = click.Path(path_type=Path)
+FILE: Final = click.Path(path_type=Path, dir_okay=False)
+
 
 class ChannelList(click.ParamType[list[int]]):
     """Channel numbers, comma separated."""

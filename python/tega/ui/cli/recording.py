@@ -9,7 +9,7 @@ import click
 
 from tega.ui.cli.export import export
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FILE, PATH, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.recording.inspection import Inspection
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: tega-teleop recording inspect sessions/monday")
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 @json_option
 def inspect(*, session: Path, as_json: bool) -> None:
     """Print the contents of a recording: streams, true rates, gaps, losses, latency, markers, versions.
@@ -100,23 +100,16 @@ def _number(value: float | None, digits: int) -> str:
 @click.command(
     epilog="Example: tega-teleop recording trim sessions/monday --from 12 --to 30 --out sessions/monday-lift"
 )
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 @click.option(
-    "--from",
-    "from_s",
-    type=click.FloatRange(min=0),
-    default=0.0,
+    "--from", "from_s", type=click.FloatRange(min=0), default=0.0,
     help="Start of the part, seconds since the recording's start.",
-)
+)  # fmt: skip
 @click.option(
-    "--to",
-    "to_s",
-    type=click.FloatRange(min=0),
+    "--to", "to_s", type=click.FloatRange(min=0),
     help="End of the part, seconds since the recording's start; else the recording's end.",
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="Folder: new or empty; SESSION-FROM-TO if left out."
-)
+)  # fmt: skip
+@click.option("--out", type=PATH, help="Folder: new or empty; SESSION-FROM-TO if left out.")
 @click.option(
     "--no-lead-in", is_flag=True, help="Leave out what came before; the part then cannot be computed again."
 )
@@ -147,8 +140,8 @@ def trim(
 @click.command(
     epilog="Example: tega-teleop recording merge sessions/monday sessions/tuesday --out sessions/both"
 )
-@click.argument("sessions", type=click.Path(path_type=Path), nargs=-1, required=True)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
+@click.argument("sessions", type=PATH, nargs=-1, required=True)
+@click.option("--out", type=PATH, required=True, help="Folder: new or empty.")
 @json_option
 def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """Copy the recordings of several sessions into a new one, in order of time.
@@ -166,26 +159,21 @@ def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
         click.echo(path)
 
 
-_FILE = click.Path(path_type=Path, dir_okay=False)
-
-
 @click.command(
     epilog="Example: tega-teleop recording annotate trial-001.mcap --import coded.boris --rater r1"
 )
-@click.argument("recording", type=_FILE)
+@click.argument("recording", type=FILE)
 @click.option(
-    "--import", "taken", type=_FILE, metavar="FILE",
+    "--import", "taken", type=FILE, metavar="FILE",
     help="Events to import: a BORIS project, its tabular or aggregated events, or an ELAN file.",
 )  # fmt: skip
 @click.option("--rater", metavar="ID", help="With --import: code of the rater of these events.")
-@click.option("--boris", type=_FILE, metavar="OUT.boris", help="BORIS project to write.")
-@click.option("--elan", type=_FILE, metavar="OUT.eaf", help="ELAN file to write.")
+@click.option("--boris", type=FILE, metavar="OUT.boris", help="BORIS project to write.")
+@click.option("--elan", type=FILE, metavar="OUT.eaf", help="ELAN file to write.")
 @click.option(
-    "--video",
-    default="",
-    metavar="NAME",
+    "--video", default="", metavar="NAME",
     help="Name of a video of the recording beside the written file, as scene export makes one.",
-)
+)  # fmt: skip
 @json_option
 def annotate(
     *,

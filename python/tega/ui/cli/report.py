@@ -115,7 +115,6 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
 
 
 def _recorded(recording: dict[str, Any]) -> str:
-    """Report the result of a recording."""
     n_dropped = sum(recording["dropped"].values())
     lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
     text = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tega.runtime.features import call_feature, load_target, named
-from tega.ui.cli.options import json_option, progress_bar, sets_option, stop_keys, worn_by
+from tega.ui.cli.options import PATH, json_option, progress_bar, sets_option, stop_keys, worn_by
 from tega.ui.cli.page import open_page, run_viewed, view_options
 
 if TYPE_CHECKING:
@@ -141,16 +141,13 @@ def run_options(function: _Function) -> _Function:
             "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
         ),
         click.option(
-            "--record",
-            type=click.Path(path_type=Path),
-            metavar="DIR",
-            help="Record into this session's folder (recording.dir).",
+            "--record", type=PATH, metavar="DIR", help="Record into this session's folder (recording.dir)."
         ),
         sets_option,
         click.option(
             "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
         ),
-        click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml"),
+        click.argument("config", type=PATH, metavar="CONFIG.toml"),
     ):
         function = option(function)
     return function

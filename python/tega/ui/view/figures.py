@@ -210,7 +210,6 @@ def session_figure(
 def _times(
     course: SessionCourse, fingers: Mapping[str, FingerCourse], vest: VestCourse | None
 ) -> list[NDArray[np.float64]]:
-    """Return the times of everything that is drawn."""
     felt = [] if vest is None else [vest.t_s]
     return [course.touch_t_s, course.level_t_s, *(one.t_s for one in fingers.values()), *felt]
 

@@ -237,11 +237,7 @@ class TerminalView:
     """
 
     def __init__(
-        self,
-        title: str,
-        *,
-        console: Console | None = None,
-        now_s: Callable[[], float] = time.monotonic,
+        self, title: str, *, console: Console | None = None, now_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._title, self.address = title, ""
         self._now_s = now_s

@@ -191,10 +191,7 @@ def _plot(gui: viser.GuiApi, series: tuple[Any, ...], top: float, *, y_axis: boo
         data=(none,) * (len(series) + 1),
         series=({}, *series),
         scales=_scales(0.0, COURSE_S, top),
-        axes=(
-            {"size": 26, "font": _TICKS},
-            {"size": 36, "show": y_axis, "font": _TICKS},
-        ),
+        axes=({"size": 26, "font": _TICKS}, {"size": 36, "show": y_axis, "font": _TICKS}),
         legend={"show": False},
         height=_HEIGHT_PX,
     )

@@ -41,10 +41,7 @@ LOOKS: Final[dict[str, tuple[LookPart, ...]]] = {
         LookPart("tube", 0.91, 0.42, 0.09, 0.45),
         LookPart("tube", -0.62, 1.01, 0.16, 1.2),
     ),
-    "container": (
-        LookPart("box", -0.08, 0.86, 0.92),
-        LookPart("box", 0.91, 0.93, 0.09, 0.8),
-    ),
+    "container": (LookPart("box", -0.08, 0.86, 0.92), LookPart("box", 0.91, 0.93, 0.09, 0.8)),
     "bag": (
         LookPart("ball", -0.3, 1.06, 0.7),
         LookPart("ball", 0.05, 0.97, 0.75),

@@ -163,7 +163,6 @@ class BrowserView:
         self.offer(ViewState(loop.t_ns, loop))
 
     def _snapshot(self, snapshot: Snapshot) -> None:
-        """Paint a moment from the bus."""
         self._paint(ViewState(snapshot.t_ns, snapshot.view))
 
     def _paint(self, state: ViewState | None = None) -> None:
