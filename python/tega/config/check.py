@@ -67,6 +67,17 @@ def _named(origins: Mapping[str, str], key: str) -> Iterator[None]:
         raise ConfigError(f"{where(origins, key)}: {key}: {error.message}", error.hint) from None
 
 
+def paths_below(base: Path) -> Callable[[type, Any], Any]:
+    """Return msgspec's hook for paths: relative ones are below ``base``, or here where given outside the file."""
+
+    def place(wanted: type, value: Any) -> Any:
+        if wanted is Path and isinstance(value, str | Path):
+            return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
+        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+
+    return place
+
+
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
     """Check a tree of settings against the schema and the drivers it names.
 
@@ -83,15 +94,10 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         MissingExtraError: A driver it names needs a package that is not installed.
     """
 
-    def place(wanted: type, value: Any) -> Any:
-        if wanted is Path and isinstance(value, str | Path):
-            return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
-        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
-
     def convert(subtree: Any, wanted: Any, prefix: str) -> Any:
         subtree = without_constants(subtree, prefix, getattr(wanted, "__struct_fields__", ()))
         try:
-            return msgspec.convert(subtree, wanted, dec_hook=place)
+            return msgspec.convert(subtree, wanted, dec_hook=paths_below(base))
         except msgspec.ValidationError as error:
             raise explain(error, subtree, wanted, prefix=prefix, origins=origins) from None
 

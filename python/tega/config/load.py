@@ -21,7 +21,7 @@ from typing import Any, Final, Literal
 
 import msgspec
 
-from tega.config.check import check_tree
+from tega.config.check import check_tree, paths_below
 from tega.config.errors import Overridden, explain
 from tega.config.origins import LoadedConfig
 from tega.config.stage_sections import STAGE_GROUPS
@@ -291,13 +291,7 @@ def _checked_options(wanted: Any, tree: Mapping[str, Any], sets: Sequence[str]) 
     origins: dict[str, str] = {}
     for item in sets:
         override(options, origins, *key_and_value(item, "rate_hz=30"), "--set")
-
-    def place(kind: type, value: Any) -> Any:
-        if kind is Path and isinstance(value, str | Path):
-            return Path.cwd() / Path(value).expanduser()
-        raise TypeError(f"expected {'a path' if kind is Path else kind.__name__}")
-
     try:
-        return msgspec.convert(options, wanted, dec_hook=place)
+        return msgspec.convert(options, wanted, dec_hook=paths_below(Path.cwd()))
     except msgspec.ValidationError as error:
         raise explain(error, options, wanted, prefix="options", origins=origins) from None

@@ -88,12 +88,6 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
     return found
 
 
-def people_with_calibrations(config: SessionConfig, settings: str) -> list[str]:
-    """Return the people with calibrations in the folder of some settings."""
-    folder = config.calibration.folder or Path(settings).absolute().parent / "calibrations"
-    return sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
-
-
 CHECK: Final = "calibration"
 
 
@@ -125,7 +119,8 @@ def _live(config: SessionConfig) -> list[str]:
 
 
 def _no_person(config: SessionConfig, settings: str) -> Finding:
-    people = people_with_calibrations(config, settings)
+    folder = config.calibration.folder or Path(settings).absolute().parent / "calibrations"
+    people = sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
     if people:
         them = ", ".join(people[:6]) + (" …" if len(people) > 6 else "")
         return Finding(

@@ -147,70 +147,55 @@ def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]
     They are uint8 (H, W, 3), of one size, in the order they came, and are compared with the case's
     ``baseline``. Fewer than :data:`LEAST_PICTURES` are not judged.
     """
-    if case.baseline is None:
-        return [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures, None)]
-    try:
-        baseline = read_image(case.baseline, driver=case.driver)
-    except TegaError as error:
-        return [failed(case, error, device=label, status="missing")]
-    sent = pictures[-1].shape
-    if baseline.shape != sent:
-        height, width = baseline.shape[:2]
-        text = f"the baseline {case.baseline.name} is {width}×{height}, {label} sends {sent[1]}×{sent[0]}"
-        why = "size or orientation was another when it was taken"
-        return [case.reported(label, "error", text, why=why, todo=("take the baseline again",))]
-    return [
-        *_is_dark(case, label, pictures),
-        *_has_bands(case, label, pictures, baseline),
-        *_compared(case, label, pictures, baseline, case.baseline),
-    ]
+    baseline: NDArray[np.uint8] | None = None
+    if case.baseline is not None:
+        try:
+            baseline = read_image(case.baseline, driver=case.driver)
+        except TegaError as error:
+            return [failed(case, error, device=label, status="missing")]
+        sent = pictures[-1].shape
+        if baseline.shape != sent:
+            height, width = baseline.shape[:2]
+            text = f"the baseline {case.baseline.name} is {width}×{height}, {label} sends {sent[1]}×{sent[0]}"
+            why = "size or orientation was another when it was taken"
+            return [case.reported(label, "error", text, why=why, todo=("take the baseline again",))]
+    if len(pictures) < LEAST_PICTURES:
+        return []
+    findings = [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures, baseline)]
+    if baseline is not None and case.baseline is not None:
+        findings += _compared(case, label, pictures, baseline, case.baseline)
+    return findings
 
 
 def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
-    if len(pictures) < LEAST_PICTURES:
-        return []
     noise = max(_noise(pictures))
     text = dark(_mean(pictures), noise)
     if not text:
         return []
     why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
-    return [
-        case.reported(
-            label, "error", f"{case.driver} {label}: {text}", why=why, measured={"noise_counts": noise}
-        )
-    ]
+    text = f"{case.driver} {label}: {text}"
+    return [case.reported(label, "error", text, why=why, measured={"noise_counts": noise})]
 
 
 def _has_bands(
     case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]], baseline: NDArray[np.uint8] | None
 ) -> list[Finding]:
-    if len(pictures) < LEAST_PICTURES:
-        return []
     bands, words, most = moving_bands(pictures), "move", MOST_BANDING
     why = "a lamp on mains flickers at 100 or 120 Hz; contacts are measured without bands that move so fast"
     if bands.slow:
         words, most = "or more hardly move", MOST_SLOW_BANDING
     if baseline is not None and bands.amplitude < most:
-        bands, words, most = (
-            standing_bands(pictures, baseline),
-            "that its baseline has not stand",
-            MOST_BANDING,
-        )
+        bands, most = standing_bands(pictures, baseline), MOST_BANDING
+        words = "that its baseline has not stand"
     if bands.amplitude < most:
         return []
     if bands.slow:
         why = "a lamp on mains flickers at 100 or 120 Hz; bands that hardly move make areas wrong"
     percent = 100 * bands.amplitude
-    return [
-        case.reported(
-            label,
-            "warning",
-            f"{case.driver} {label}: bands of {percent:.1f} % of the light {words} over the picture",
-            why=why,
-            todo=("keep lamps on mains away from the gel, or cover its sides",),
-            measured={"banding_percent": round(percent, 2)},
-        )
-    ]
+    text = f"{case.driver} {label}: bands of {percent:.1f} % of the light {words} over the picture"
+    todo = ("keep lamps on mains away from the gel, or cover its sides",)
+    measured = {"banding_percent": round(percent, 2)}
+    return [case.reported(label, "warning", text, why=why, todo=todo, measured=measured)]
 
 
 def _compared(
@@ -220,8 +205,6 @@ def _compared(
     baseline: NDArray[np.uint8],
     path: Path,
 ) -> list[Finding]:
-    if len(pictures) < LEAST_PICTURES:
-        return []
     now, noise = _mean(pictures), max(_noise(pictures))
     noise_then, when = noise, f"in {path.name}"
     try:
@@ -247,20 +230,14 @@ def _compared(
     tracker = TouchTracker(baseline, noise=sensor_noise(pictures))
     contact = tracker.update(now)
     if contact.difference > contact.threshold:
-        findings.append(
-            case.reported(
-                label,
-                "warning",
-                f"{case.driver} {label}: the gel differs from its baseline ({contact.difference:.1f} times its "
-                f"noise; contact threshold {contact.threshold:.1f})",
-                why="something touches the gel, or the baseline is stale: gels and lights drift",
-                todo=(
-                    "take everything off the fingertip and look again",
-                    "take the baseline again if that stays",
-                ),
-                measured={"difference_noises": round(contact.difference, 2)},
-            )
+        text = (
+            f"{case.driver} {label}: the gel differs from its baseline ({contact.difference:.1f} times its "
+            f"noise; contact threshold {contact.threshold:.1f})"
         )
+        why = "something touches the gel, or the baseline is stale: gels and lights drift"
+        todo = ("take everything off the fingertip and look again", "take the baseline again if that stays")
+        measured = {"difference_noises": round(contact.difference, 2)}
+        findings.append(case.reported(label, "warning", text, why=why, todo=todo, measured=measured))
     return findings
 
 

@@ -54,10 +54,9 @@ def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
         length = f"{info.n_items} pictures" if info.n_items else "pictures"
         text = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
         return gel or [case.reported(label, "ok", text)], None
+    counts = source.counts if isinstance(source, CountingSource) else None
     findings = [
-        *_pictures(
-            case, label, rate_hz, info.rate_hz, source.counts if isinstance(source, CountingSource) else None
-        ),
+        *_pictures(case, label, rate_hz, info.rate_hz, counts),
         *(case.reported(label, "warning", f"{name}: {note}") for note in info.notes),
         *gel,
     ]
@@ -74,34 +73,23 @@ def _pictures(
     findings = []
     measured = {"rate_hz": round(rate_hz, 1)}
     if agreed_hz and rate_hz < _SLOW * agreed_hz:
-        findings.append(
-            case.reported(
-                label,
-                "warning",
-                f"{case.driver} {label} sends {rate_hz:.0f} pictures a second where {agreed_hz:g} were agreed",
-                why="the USB bus or hub is overloaded, the cable is bad, or this machine is busy",
-                todo=(
-                    "plug it straight into the machine, not into a hub",
-                    "spread several sensors over two USB controllers (lsusb -t shows them), or set rate_hz = 30",
-                ),
-                measured=measured,
-            )
+        text = f"{case.driver} {label} sends {rate_hz:.0f} pictures a second where {agreed_hz:g} were agreed"
+        why = "the USB bus or hub is overloaded, the cable is bad, or this machine is busy"
+        todo: tuple[str, ...] = (
+            "plug it straight into the machine, not into a hub",
+            "spread several sensors over two USB controllers (lsusb -t shows them), or set rate_hz = 30",
         )
+        findings.append(case.reported(label, "warning", text, why=why, todo=todo, measured=measured))
     if counts is None:
         return findings
     bad = {subject: getattr(counts, subject) for subject in ("torn", "duplicate", "black", "odd_size")}
     if any(bad.values()):
         kinds = ", ".join(f"{n} {subject.replace('_', ' ')}" for subject, n in bad.items() if n)
-        findings.append(
-            case.reported(
-                label,
-                "warning",
-                f"{case.driver} {label}: of {counts.received} pictures some could not be used: {kinds}",
-                why="pictures arrive damaged: cable, hub, or too much on one USB bus",
-                todo=("use a short cable and another port; the driver withholds such pictures by itself",),
-                measured=measured | {f"{subject}_pictures": float(n) for subject, n in bad.items()},
-            )
-        )
+        text = f"{case.driver} {label}: of {counts.received} pictures some could not be used: {kinds}"
+        why = "pictures arrive damaged: cable, hub, or too much on one USB bus"
+        todo = ("use a short cable and another port; the driver withholds such pictures by itself",)
+        measured |= {f"{subject}_pictures": float(n) for subject, n in bad.items()}
+        findings.append(case.reported(label, "warning", text, why=why, todo=todo, measured=measured))
     return findings
 
 
@@ -208,28 +196,16 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
         return [case.reported(label, "error", text, todo=("check its power and its cable",))]
     text = f"{case.driver} {label} sends {rate_hz:.0f} samples a second, {channels}"
     about = [note for note in info.notes if not any(fault in note for fault in (*faults, *reported))]
-    findings = [
-        case.reported(
-            label,
-            "warning",
-            f"{case.driver} {label}: {fault}",
-            why="without electrodes on a person this is to be expected",
-            todo=("put the electrodes on (docs/placement.md), rest, and look again",),
-            measured=measured,
-        )
-        for fault in faults
-    ]
-    findings += [
-        case.reported(
-            label,
-            "error",
-            f"{case.driver} {label}: {one}",
-            todo=(one.hint,) if one.hint else (),
-            measured=measured,
-        )
-        for one in contradictions
-    ]
-    return [case.reported(label, "ok", text, why="; ".join(about), measured=measured), *findings]
+    findings = [case.reported(label, "ok", text, why="; ".join(about), measured=measured)]
+    why = "without electrodes on a person this is to be expected"
+    todo: tuple[str, ...] = ("put the electrodes on (docs/placement.md), rest, and look again",)
+    for fault in faults:
+        text = f"{case.driver} {label}: {fault}"
+        findings.append(case.reported(label, "warning", text, why=why, todo=todo, measured=measured))
+    for one in contradictions:
+        text, todo = f"{case.driver} {label}: {one}", (one.hint,) if one.hint else ()
+        findings.append(case.reported(label, "error", text, todo=todo, measured=measured))
+    return findings
 
 
 def _count_samples(source: Any) -> int:

@@ -5,21 +5,14 @@ from __future__ import annotations
 import os
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import click
 
 from tega.errors import ConfigError, TegaError
 from tega.ui.cli.lists import could_not_look
 from tega.ui.cli.options import FILE, echo_json, json_option
-
-
-class _Moves(Protocol):
-    """Emulated device that moves by typed commands."""
-
-    def act(self, line: str) -> object:
-        """Execute a typed command."""
 
 
 @click.command(epilog="Example: tega-teleop init --out lab.toml")
@@ -149,7 +142,7 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
             if not as_json:
                 click.echo(f"Type here what muscles and fingertips do: {MOVES}")
             threading.Thread(
-                target=_act_as_typed, args=(bench.moves,), name="tega-typed", daemon=True
+                target=_act_as_typed, args=(bench.moves.act,), name="tega-typed", daemon=True
             ).start()
         begin_s = time.monotonic()
         while not stop():
@@ -158,13 +151,13 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
             time.sleep(0.1)
 
 
-def _act_as_typed(moves: _Moves) -> None:
+def _act_as_typed(act: Callable[[str], object]) -> None:
     """Move the emulated devices by lines of the standard input, until that ends."""
     for line in sys.stdin:
         if not line.strip():
             continue
         try:
-            moves.act(line.strip())
+            act(line.strip())
         except TegaError as error:
             click.echo(f"error: {error}", err=True)
 

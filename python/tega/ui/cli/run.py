@@ -100,11 +100,6 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisp
         yield progress, display
 
 
-def stream_names() -> list[str]:
-    """Return the names of all streams."""
-    return sorted(named("streams"))
-
-
 @contextmanager
 def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
     """Stream the records on a bus for the duration of the block; the address is printed on stderr."""
@@ -128,7 +123,7 @@ def run_options(function: _Function) -> _Function:
         click.option(
             "--stream",
             "streams",
-            type=click.Choice(stream_names()),
+            type=click.Choice(sorted(named("streams"))),
             multiple=True,
             help="Stream the run live to that program, on this machine; repeatable.",
         ),
