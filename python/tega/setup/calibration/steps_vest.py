@@ -19,7 +19,7 @@ from tega.devices.base import VestSink
 from tega.haptics import FINGERS, FeltMap, Layout, MotorLevels, vest_frame
 from tega.loop.touch import TouchLoop
 from tega.records import Contact
-from tega.runtime.clock import Clock, SystemClock
+from tega.runtime.clock import SystemClock
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.identify import show_frame
 from tega.setup.calibration.sitting import Times, until_good
@@ -40,15 +40,13 @@ class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
 class Pulses:
     """Vibrations at sites of a vest, never above a ceiling, 1 to 15."""
 
-    def __init__(
-        self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times, clock: Clock | None = None
-    ) -> None:
+    def __init__(self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times) -> None:
         self._vest = vest
         self.layout: Layout = layout
         self._silent = vest_frame([0] * 4, [0] * 4, layout=layout)
         self.ceiling = ceiling
         self._times = times
-        self._clock = clock or SystemClock()
+        self._clock = SystemClock()
 
     def sites(self, *, each_motor: bool) -> tuple[str, ...]:
         """Return the columns, or the motors, that this vest has."""

@@ -123,10 +123,10 @@ def late(case: DriverCase, deadline_s: float) -> Finding:
     )
 
 
-def holders(device: str, proc: Path = _PROC) -> list[str]:
+def holders(device: str) -> list[str]:
     """Name the programs, such as ``cheese (4711)``, that have a device open and this user may see (Linux)."""
     target, found = Path(device).resolve(), []
-    for process in sorted(proc.glob("[0-9]*")):
+    for process in sorted(_PROC.glob("[0-9]*")):
         try:
             has_it = any(link.resolve() == target for link in (process / "fd").iterdir())
             name = (process / "comm").read_text().strip()

@@ -24,9 +24,7 @@ DEADLINE_S: Final = 30.0
 _IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
 
 
-def examine(
-    config: SessionConfig, *, name: str, settings: str = "", deadline_s: float = DEADLINE_S
-) -> Examination:
+def examine(config: SessionConfig, *, name: str, settings: str = "") -> Examination:
     """Open every device that the settings name, read it for a moment, close it.
 
     The calibration that a run would use is checked as well. A hand's motors stay off, a vest gets zeros, and outputs
@@ -39,7 +37,7 @@ def examine(
     twice = _same_device(cases)
     # Opened twice at once, a device would only complain about that.
     left = {id(case) for case, _ in twice}
-    findings = try_all([case for case in cases if id(case) not in left], deadline_s)
+    findings = try_all([case for case in cases if id(case) not in left], DEADLINE_S)
     calibration = check_calibration(config, settings=settings or name)
     others = [finding for _, finding in twice] + check_arm(config)
     for feature in having("checks"):

@@ -115,26 +115,14 @@ def _print_scores(scores: dict[str, RecordingScore]) -> None:
     from tega.ui.cli.report import figures_table
 
     table = figures_table(["recording"], ["paper ρ", "changes/s", "live ρ", "changes/s", "live later by"])
-    rows: list[tuple[float, ...]] = [
-        (
-            s.paper.rank_correlation,
-            s.paper.changes_per_s,
-            s.live.rank_correlation,
-            s.live.changes_per_s,
-            s.live.delay_s,
-        )
-        for s in scores.values()
-    ]
+    rows: list[tuple[float, ...]] = []
+    for score in scores.values():
+        paper, live = score.paper, score.live
+        figures = (paper.rank_correlation, paper.changes_per_s, live.rank_correlation, live.changes_per_s)
+        rows.append((*figures, live.delay_s))
     named = list(zip(scores, rows, strict=True))
     if len(rows) > 1:
         named.append(("mean", tuple(float(v) for v in np.mean(rows, axis=0))))
-    for name, (paper, paper_changes, live, live_changes, delay) in named:
-        table.add_row(
-            name,
-            f"{paper:.3f}",
-            f"{paper_changes:.2f}",
-            f"{live:.3f}",
-            f"{live_changes:.2f}",
-            f"{1000 * delay:.0f} ms",
-        )
+    for name, (*shown, delay_s) in named:
+        table.add_row(name, *map(format, shown, (".3f", ".2f", ".3f", ".2f")), f"{1000 * delay_s:.0f} ms")
     Console(highlight=False).print(table)

@@ -72,7 +72,7 @@ class LineGuide:
         """Do nothing: no terminal was taken."""
 
 
-class TerminalGuide:
+class TerminalGuide(LineGuide):
     """Large prompts and live bars on a terminal's stderr.
 
     With ``yes`` nothing waits for Enter: each prompt is shown for ``get_ready_s``.
@@ -81,8 +81,7 @@ class TerminalGuide:
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
         from rich.console import Console
 
-        self._yes = yes
-        self._get_ready_s = get_ready_s
+        super().__init__(yes=yes, get_ready_s=get_ready_s)
         self._console: Console = Console(stderr=True, highlight=False)
         self._live: Live | None = None
         self._displayed: tuple[str, Sequence[Bar]] = ("", ())

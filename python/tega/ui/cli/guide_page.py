@@ -158,7 +158,7 @@ def _bar_html(bar: Bar) -> str:
     )
 
 
-def guide_for(*, yes: bool, get_ready_s: float) -> LineGuide | TerminalGuide:
+def guide_for(*, yes: bool, get_ready_s: float) -> LineGuide:
     """Return the guide that fits where this runs."""
     if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
         return TerminalGuide(yes=yes, get_ready_s=get_ready_s)

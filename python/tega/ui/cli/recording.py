@@ -64,12 +64,9 @@ def _show(found: Inspection) -> None:
         table.add_row(
             s.topic,
             str(s.messages),
-            _number(s.rate_hz, 2),
-            _number(s.median_ms, 2),
-            _number(s.longest_ms, 2),
+            *(_number(value, 2) for value in (s.rate_hz, s.median_ms, s.longest_ms)),
             _number(s.gaps, 0),
-            str(s.missing) if s.missing else "-",
-            str(s.dropped) if s.dropped else "-",
+            *(str(count) if count else "-" for count in (s.missing, s.dropped)),
             f"{s.mib:.2f}",
         )
     console.print(table)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +30,6 @@ class _Named(click.ParamType[tuple[str, str]]):
         return name, text
 
 
-def _columns(function: Callable[..., Any]) -> Callable[..., Any]:
-    for option in column_options("emg-"):
-        function = option(function)
-    return function
-
-
 @click.command(
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --emg squeeze.csv --emg-rate-hz 1000 "
     "--emg-kind raw --emg-channels 1,2,3 --preset live --out pressed"
@@ -62,7 +55,7 @@ def _columns(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
 @click.option("--emg", type=PATH, help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others.")
 @kind_option("--emg-kind")
-@_columns
+@column_options("emg-")
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
     help="Readings of the equations: paper (as printed) or live (meant for people).",

@@ -25,10 +25,8 @@ class SeekSlider:
     It is hidden until the length of the recording is known.
     """
 
-    def __init__(
-        self, gui: viser.GuiApi, playhead: Playhead, now_s: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._playhead, self._now_s = playhead, now_s
+    def __init__(self, gui: viser.GuiApi, playhead: Playhead) -> None:
+        self._playhead = playhead
         self._dragged_s = -_DRAGGED_S
         self.slider: Any = gui.add_slider(
             "recording, s", min=0.0, max=1.0, step=0.1, initial_value=0.0, visible=False
@@ -38,7 +36,7 @@ class SeekSlider:
     def _put(self, event: Any) -> None:
         if event.client is None:  # the program moved it
             return
-        self._dragged_s = self._now_s()
+        self._dragged_s = time.monotonic()
         self._playhead.go_to(float(self.slider.value))
 
     def follow(self) -> None:
@@ -47,7 +45,7 @@ class SeekSlider:
             return
         if not self.slider.visible:
             self.slider.max, self.slider.visible = max(duration_s, 0.1), True
-        if self._now_s() - self._dragged_s >= _DRAGGED_S:
+        if time.monotonic() - self._dragged_s >= _DRAGGED_S:
             at_s = round(self._playhead.at_s, 1)
             if at_s != self.slider.value:
                 self.slider.value = at_s
