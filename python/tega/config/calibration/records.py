@@ -40,9 +40,6 @@ class GelRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     Attributes:
         noise_counts: Standard deviation of a pixel in time, blue, green, red.
         n_pictures: How many the baseline is the mean of.
-        shift_counts: Change of the whole picture since the first baseline of this sensor.
-        dark_px: Pixels darker than in the first baseline.
-        wear_percent: Pixels that differ from the first baseline.
         cell_noise_counts: Standard deviation of a cell's mean, blue, green, red; ``None`` in earlier records.
     """
 
@@ -95,13 +92,8 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
         lowpass_hz: Cutoff of the filter before the block mean.
         settings: The driver's options that change the numbers, such as the gain.
         unit: Unit of the numbers below.
-        offset: Mean of the samples at rest.
-        rest: Middle block mean at rest.
         live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
-        paper_max: Their largest block mean.
-        answers: How much each channel rose while the muscle of each row worked alone, share of its range.
         refreshed: When rest and scale were last looked at; ``None`` for never.
-        scale: Factors by which the refreshes have multiplied the maxima.
     """
 
     comments: ClassVar[dict[str, str]] = {

@@ -111,15 +111,8 @@ def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[KeptGel
         then = next(b for b in before if b.picture == gel)
         old = _picture(then)
         if old is not None and old.shape == picture.shape:
-            changes.append(
-                compare_gels(
-                    picture,
-                    old,
-                    noise_now=max(record.noise_counts),
-                    noise_then=max(then.record.noise_counts),
-                    when=f"{then.record.made:%Y-%m-%d}",
-                )
-            )
+            noises = {"noise_now": max(record.noise_counts), "noise_then": max(then.record.noise_counts)}
+            changes.append(compare_gels(picture, old, **noises, when=f"{then.record.made:%Y-%m-%d}"))
     return changes
 
 
@@ -190,12 +183,9 @@ def take_presses(
             return meter
 
         _, text = until_good(
-            guide,
-            f"{finger}: {name} presses",
-            attempt,
-            lambda m: m.problems(),
+            guide, f"{finger}: {name} presses", attempt, lambda m: m.problems(),
             can_keep=lambda m: bool(m.firm) and not m.touched,
-        )
+        )  # fmt: skip
         notes += text
         if name == "known":
             known = [[c for c in felt if p.start_ns <= c.t_ns <= p.end_ns] for p in meter.firm]

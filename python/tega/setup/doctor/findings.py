@@ -114,13 +114,11 @@ def failed(
 
 def late(case: DriverCase, deadline_s: float) -> Finding:
     """Return the finding for a device that did not answer in time."""
-    return case.reported(
-        "",
-        "error",
+    text, why = (
         f"{case.driver} was not done within {deadline_s:g} s",
-        why="the device, its driver or the machine is held up",
-        todo=("unplug it, plug it in again and look once more",),
+        "the device, its driver or the machine is held up",
     )
+    return case.reported("", "error", text, why=why, todo=("unplug it, plug it in again and look once more",))
 
 
 def holders(device: str) -> list[str]:

@@ -146,12 +146,9 @@ def _unusable(case: DriverCase, error: TegaError, source: Any) -> Finding:
     if not place.startswith("/dev/") or not os.path.exists(place):  # noqa: PTH110  # a device's name, not a path of ours
         return failed(case, error, device=label)
     if not os.access(place, os.R_OK | os.W_OK):
-        return case.reported(
-            label,
-            "error",
-            f"{label} is there, but your user may not open {place}",
-            todo=("tega-teleop doctor --udev-rules prints rules that allow it, and how to install them",),
-        )
+        text = f"{label} is there, but your user may not open {place}"
+        todo = ("tega-teleop doctor --udev-rules prints rules that allow it, and how to install them",)
+        return case.reported(label, "error", text, todo=todo)
     busy = holders(place)
     why = f"{', '.join(busy)} has {place} open" if busy else ""
     return failed(case, error, device=label, status="error", why=why)

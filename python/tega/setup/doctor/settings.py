@@ -113,20 +113,15 @@ def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
             if not value:
                 continue
             # A port is a port, whoever opens it; anything else is its driver's own business.
-            users[str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"].append(
-                case
-            )
-    return [
-        (
-            case,
-            case.reported(
-                name,
-                "error",
-                f"{case.check} and {sharing[0].check} name the same device: {name}",
-                why="one device cannot be two",
-                todo=("look at the numbers printed on the devices and correct the settings",),
-            ),
-        )
-        for name, sharing in users.items()
-        for case in sharing[1:]
-    ]
+            name = str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"
+            users[name].append(case)
+    found = []
+    why, todo = (
+        "one device cannot be two",
+        ("look at the numbers printed on the devices and correct the settings",),
+    )
+    for name, (first, *others) in users.items():
+        for case in others:
+            text = f"{case.check} and {first.check} name the same device: {name}"
+            found.append((case, case.reported(name, "error", text, why=why, todo=todo)))
+    return found

@@ -95,17 +95,9 @@ def fit(
         names = tuple(f"ch{c}" for c in reading.channels)
     tau = max(4, round(tau_ms / 1000 * given.rate_hz))
     decoder = fit_decoder(
-        given.samples,
-        given.target,
-        rate_hz=given.rate_hz,
-        tau=tau,
-        kind=given.kind,
-        features=features,
-        model=model,
-        full=full,
-        channels=names,
-        person=person,
-    )
+        given.samples, given.target, rate_hz=given.rate_hz, tau=tau, kind=given.kind, features=features,
+        model=model, full=full, channels=names, person=person,
+    )  # fmt: skip
     decoder.save(out)
     made = decoder.model
     closure = decoder.process(given.samples)

@@ -44,12 +44,11 @@ class TerminalDisplay:
         from tega.records.display import DisplayRows
 
         rows = DisplayRows(bus, "terminal")
-        bus.subscribe(
-            Snapshot,
-            lambda snapshot: self._take((snapshot.view, rows())),
-            name="display",
-            backlog=self._waiting,
-        )
+
+        def take(snapshot: Snapshot) -> None:
+            self._take((snapshot.view, rows()))
+
+        bus.subscribe(Snapshot, take, name="display", backlog=self._waiting)
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
         """Show a view of the loop and further lines of text, by name; returns at once."""
@@ -226,17 +225,11 @@ def run_settings(
         if display is not None:
             display.watch(bus)
         if view:
+            opened = open_page if display is None else display.opened
             summary = run_viewed(
-                settings,
-                title=f"TEGA · {config.name}",
-                port=view_port,
-                progress=progress,
-                stop=stop,
-                settings=name,
-                bus=bus,
-                wait=wait_for_go,
-                opened=open_page if display is None else display.opened,
-            )
+                settings, title=f"TEGA · {config.name}", port=view_port, progress=progress, stop=stop,
+                settings=name, bus=bus, wait=wait_for_go, opened=opened,
+            )  # fmt: skip
         else:
             summary = run_session(
                 settings, progress=progress, controls=Controls(stop=stop), settings=name, bus=bus
