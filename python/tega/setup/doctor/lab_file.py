@@ -160,24 +160,19 @@ def lab_settings(
         untouched = _line("baseline", str(picture or f"{finger}.png"), "picture of the untouched gel")
         text += _section(f"tactile.{finger}", sensor, untouched if picture else f"# {untouched}")
     text += _left_over(sensors[len(FINGERS) :])
-    amplifiers = _found(looked, "emg")
     kind = 'kind = "raw"                  # type of signal: raw, rectified, envelope\n'
-    text += _section("emg", amplifiers[0], kind) if amplifiers else _NO_EMG
-    text += _left_over(amplifiers[1:])
-    vests = _found(looked, "vest")
     layout = 'layout = "x40"                # paper32, x40, x16\n'
-    text += _section("vest", vests[0], layout) if vests else _NO_VEST
-    text += _left_over(vests[1:])
-    hands = _found(looked, "hand")
-    text += _section("hand", hands[0], "") if hands else _NO_HAND
-    text += _left_over(hands[1:])
-    caps = _found(looked, "input", "spacemouse")
-    text += _section("input.motion", caps[0], "") if caps else _NO_MOTION
-    text += _left_over(caps[1:])
-    pedals = _found(looked, "input", "pedal")
-    text += _section("input.dead_man", pedals[0], "") if pedals else _NO_PEDAL
+    for table, found, more, absent in (
+        ("emg", _found(looked, "emg"), kind, _NO_EMG),
+        ("vest", _found(looked, "vest"), layout, _NO_VEST),
+        ("hand", _found(looked, "hand"), "", _NO_HAND),
+        ("input.motion", _found(looked, "input", "spacemouse"), "", _NO_MOTION),
+        ("input.dead_man", _found(looked, "input", "pedal"), "", _NO_PEDAL),
+    ):
+        text += _section(table, found[0], more) if found else absent
+        text += _left_over(found[1:])
     others = [one for one in _found(looked, "input") if one.driver not in {"spacemouse", "pedal"}]
-    return text + _left_over([*pedals[1:], *others]) + _arm(arm)
+    return text + _left_over(others) + _arm(arm)
 
 
 def _arm(driver: str | dict[str, Any] | None) -> str:
