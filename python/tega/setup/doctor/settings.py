@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final
 
 import msgspec
 
@@ -37,23 +37,29 @@ from tega.setup.doctor.arm import check_arm
 from tega.setup.doctor.bench import try_all
 from tega.setup.doctor.findings import DriverCase, Examination, Finding, Status
 
+CHECK: Final = "calibration"
+DEADLINE_S: Final = 30.0
+"""Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
 
-class CalibrationCheck(NamedTuple):
-    """State of one part of a person's calibration: a finger, ``EMG``, ``vest``; no ``problem`` is ``""``.
+# Options that say which device is meant; two parts of a session with the same ones mean one device.
+_IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
 
-    ``missing``: there is none; ``error``: it is not to be used; ``warning``: it is, but old or with a note.
+
+def _about(status: Status, text: str, command: str = "") -> Finding:
+    """Return a finding about the calibration, with the command to run."""
+    todo = (f"run this:\n{command}",) if command else ()
+    return Finding(check=CHECK, status=status, finding=text, todo=todo)
+
+
+def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Finding]:
+    """Check a person's records for the live devices of some settings, as far as possible without opening these.
+
+    First comes what is there and fresh. ``missing``: there is none; ``error``: it is not to be used; ``warning``:
+    it is, but old or with a note.
     """
-
-    what: str
-    problem: str = ""
-    command: str = ""
-    status: Literal["warning", "error", "missing"] = "warning"
-
-
-def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationCheck]:
-    """Check a person's records for the live devices of some settings, as far as possible without opening these."""
     person, folder = whose(config.calibration)
-    found: list[CalibrationCheck] = []
+    fine: list[str] = []
+    found: list[Finding] = []
 
     def check(subject: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
         if info is None:
@@ -63,17 +69,15 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
             return needed_record(folder, person, wanted, info, subject=subject, settings=settings)
         except CalibrationError as error:
             there = folder.file(person, part, device_name(info)).is_file()
-            found.append(
-                CalibrationCheck(subject, error.message, error.hint, "error" if there else "missing")
-            )
+            found.append(_about("error" if there else "missing", error.message, error.hint))
             return None
 
     def warned(subject: str, warnings: list[str]) -> None:
         for warning in warnings:
             text, begins, rest = warning.partition(": tega-teleop ")
-            found.append(CalibrationCheck(subject, text, f"tega-teleop {rest}" if begins else ""))
+            found.append(_about("warning", text, f"tega-teleop {rest}" if begins else ""))
         if not warnings:
-            found.append(CalibrationCheck(subject))
+            fine.append(subject)
 
     for finger, section in config.tactile.in_use().items():
         if (record := check(finger, TouchRecord, live_info(section, "tactile"))) is not None:
@@ -82,7 +86,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
     if (record := check("EMG", EmgRecord, live_info(emg, "emg"))) is not None and emg is not None:
         text = other_conditions(record, driver=emg.driver, kind=emg.kind, settings=driver_settings(emg))
         if text:
-            found.append(CalibrationCheck("EMG", text, calibrate_command(settings, person, "emg"), "error"))
+            found.append(_about("error", text, calibrate_command(settings, person, "emg")))
         else:
             warned("EMG", emg_warnings(record, config, settings=settings, now=now))
     if (info := live_info(config.vest, "vest")) is not None and config.session.preset == "live":
@@ -92,11 +96,10 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
             warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
         except CalibrationError as error:
             command = calibrate_command(settings, person, "vest")
-            found.append(CalibrationCheck("vest", f"vest: {error.message}", command, "error"))
+            found.append(_about("error", f"vest: {error.message}", command))
+    if fine:
+        found.insert(0, _about("ok", f"{person}'s calibration is there and fresh: {', '.join(fine)}"))
     return found
-
-
-CHECK: Final = "calibration"
 
 
 def check_calibration(config: SessionConfig, *, settings: str, now: datetime | None = None) -> list[Finding]:
@@ -111,13 +114,7 @@ def check_calibration(config: SessionConfig, *, settings: str, now: datetime | N
         return []
     if person is None:
         return [_no_person(config, settings)]
-    looked = look_at(config, settings=settings, now=now or utc_now())
-    findings = [_finding(one) for one in looked if one.problem]
-    fine = [one.what for one in looked if not one.problem]
-    if fine:
-        text = f"{person}'s calibration is there and fresh: {', '.join(fine)}"
-        findings.insert(0, Finding(check=CHECK, status="ok", finding=text))
-    return findings
+    return _looked_at(config, settings=settings, now=now or utc_now())
 
 
 def _live(config: SessionConfig) -> list[str]:
@@ -175,25 +172,10 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
         text for one in config.tactile.in_use() for text in refused_law(one, calibration.touch(one), command)
     ]
     if refused:
-        return Finding(check=CHECK, status="warning", finding=f"{file.name}: {'; '.join(refused)}")
-    text = f"the file {file.name} matches these settings, but names no participant, device or date"
-    return Finding(check=CHECK, status="ok", finding=text)
-
-
-def _finding(looked: CalibrationCheck) -> Finding:
-    return Finding(
-        check=CHECK,
-        status=looked.status,
-        finding=looked.problem,
-        todo=(f"run this:\n{looked.command}",) if looked.command else (),
+        return _about("warning", f"{file.name}: {'; '.join(refused)}")
+    return _about(
+        "ok", f"the file {file.name} matches these settings, but names no participant, device or date"
     )
-
-
-DEADLINE_S: Final = 30.0
-"""Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
-
-# Options that say which device is meant; two parts of a session with the same ones mean one device.
-_IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
 
 
 def examine(config: SessionConfig, *, name: str, settings: str = "") -> Examination:
@@ -233,9 +215,7 @@ def _findings(found: Iterable[Finding]) -> list[Finding]:
 
 def _no_input(config: SessionConfig) -> list[Finding]:
     """Find that `run` would refuse the settings because nothing in them gives input."""
-    if (
-        names_input(config) or config.guests
-    ):  # a feature's table may bring input, such as that of a second station
+    if names_input(config) or config.guests:  # a feature's table may bring input, such as a second station's
         return []
     return [
         Finding(
