@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from tega.config import SessionConfig
 from tega.config.calibration.folder import device_name
@@ -63,11 +62,9 @@ class MuscleLoop:
         self._decoder = muscle_decoder(config.stages, config.session.preset, maxima)
         self.driver, self.device = source.info.driver, device_name(source.info)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         """Close the source."""
-        self._source.__exit__(kind, error, trace)
+        self._source.__exit__(*error)
 
     def start(self) -> None:
         """Begin with the next samples."""

@@ -87,17 +87,15 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def _hand_options(function: _Function) -> _Function:
+    side = click.option(
+        "--side", type=click.Choice(["right", "left"]), default="right", help="Whether it is a right or a left hand."
+    )  # fmt: skip
     for option in (
         click.option("--emulated", is_flag=True, help="Use the emulated hand, in a process of its own."),
         click.option(
             "--device-id", type=click.IntRange(0, 3), default=0, help="The hand's number on its bus."
         ),
-        click.option(
-            "--side",
-            type=click.Choice(["right", "left"]),
-            default="right",
-            help="Whether it is a right or a left hand.",
-        ),
+        side,
         click.option("--channel", default="can0", show_default=True, help="Which bus of the adapter."),
         click.option(
             "--interface", default="socketcan", show_default=True, help="python-can's name of the adapter."

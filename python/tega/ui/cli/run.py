@@ -116,33 +116,25 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 def run_options(function: _Function) -> _Function:
     """Add the settings file and everything that a run can be asked."""
-    for option in (
-        json_option,
-        view_options,
-        click.option(
-            "--stream",
-            "streams",
-            type=click.Choice(sorted(named("streams"))),
-            multiple=True,
-            help="Stream the run live to that program, on this machine; repeatable.",
-        ),
-        click.option(
-            "--wait-for-go",
-            is_flag=True,
-            help="With --view: wait for the Go button on the page. Until then, click a motor to test it.",
-        ),
-        click.option(
-            "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
-        ),
-        click.option(
-            "--record", type=PATH, metavar="DIR", help="Record into this session's folder (recording.dir)."
-        ),
-        sets_option,
-        click.option(
-            "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
-        ),
-        click.argument("config", type=PATH, metavar="CONFIG.toml"),
-    ):
+    config = click.argument("config", type=PATH, metavar="CONFIG.toml")
+    person = click.option(
+        "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
+    )
+    record = click.option(
+        "--record", type=PATH, metavar="DIR", help="Record into this session's folder (recording.dir)."
+    )
+    lossless = click.option(
+        "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
+    )
+    wait = click.option(
+        "--wait-for-go", is_flag=True,
+        help="With --view: wait for the Go button on the page. Until then, click a motor to test it.",
+    )  # fmt: skip
+    streams = click.option(
+        "--stream", "streams", type=click.Choice(sorted(named("streams"))), multiple=True,
+        help="Stream the run live to that program, on this machine; repeatable.",
+    )  # fmt: skip
+    for option in (json_option, view_options, streams, wait, lossless, record, sets_option, person, config):
         function = option(function)
     return function
 

@@ -197,8 +197,7 @@ def arm_html(view: LoopView) -> str:
     health = arm.health
     took = "" if health.success_rate is None else f" · robot took {100 * health.success_rate:.0f} %"
     lines = (
-        f'<b style="background:{_ARM_COLOURS[arm.state]};color:#fff;padding:1px 8px;border-radius:3px">'
-        f"ARM {arm.state.upper()}</b> {escape(arm.reason)}",
+        f"{badge_html(f'ARM {arm.state.upper()}', _ARM_COLOURS[arm.state])} {escape(arm.reason)}",
         f"{arm.switches} · hand at {arm.place}",
         f'<span style="color:#868e96">the arm\'s loop: {escape(arm.phase)}, {health.rate_hz:.0f} Hz, worst '
         f"{health.worst_ms:.0f} ms, {health.refused} commands refused{took}</span>",
