@@ -11,7 +11,7 @@ from tega.config.choose import decoder_choice
 from tega.config.person import whose
 from tega.errors import DeviceUnavailableError
 from tega.runtime.guide import Bar, Guide
-from tega.setup.calibration.muscle_loop import MuscleLoop
+from tega.setup.calibration.tracking import MuscleLoop
 from tega_practice.fitts import FittsScore, fitts_score
 from tega_practice.fitts_course import FittsCourse, Target, fitts_plan
 from tega_practice.kept import FittsRecord, keep_record, movement_row

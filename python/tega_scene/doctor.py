@@ -9,8 +9,7 @@ from typing import Final
 
 from tega.config import SessionConfig
 from tega.errors import TegaError
-from tega.setup.doctor.case import holders
-from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.findings import Finding, holders
 from tega_scene.filming import Filming
 from tega_scene.layout import load_layout
 from tega_scene.lens import load_lens

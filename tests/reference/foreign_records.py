@@ -14,7 +14,7 @@ import numpy as np
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import PracticeRecord, write_record
 from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
-from tega.setup.calibration.tracked import keep_tracked, read_tracked
+from tega.setup.calibration.practice import keep_tracked, read_tracked
 from tega.stages.learned import fit
 from tega.stages.learned.model import load_model
 

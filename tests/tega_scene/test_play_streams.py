@@ -38,8 +38,8 @@ from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.browser import BrowserView, Controls
-from tega.ui.view.browser.camera_pictures import cameras_html
 from tega.ui.view.browser.feed import SessionFeed
+from tega.ui.view.browser.pictures import cameras_html
 from tega.ui.view.state import ViewState
 from tega_scene.decode import SceneDecoder, stands_alone
 from tega_scene.settings import VideoFormat

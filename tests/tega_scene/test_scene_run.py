@@ -21,7 +21,7 @@ pytest.importorskip("foxglove")
 from reference.film_server import FilmServer  # noqa: E402
 from reference.filmed import SIZE, number_of, numbered  # noqa: E402
 from tega.config import check_tree, load_config  # noqa: E402
-from tega.config.text import config_text  # noqa: E402
+from tega.config.attached import config_text  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
 from tega.loop import run_session  # noqa: E402
 from tega.loop.controls import Controls  # noqa: E402

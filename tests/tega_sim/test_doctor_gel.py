@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tega.config.calibration.records import GelRecord, write_record
-from tega.setup.doctor.case import DriverCase
+from tega.setup.doctor.findings import DriverCase
 from tega.setup.doctor.gel import check_gel
 from tega_sim.gel import Gel, ball
 

@@ -13,7 +13,7 @@ import pytest
 from tega.devices import Found, Options, driver_class, driver_names, list_drivers
 from tega.errors import TegaError
 from tega.setup.contract import check_driver, main
-from tega.setup.contract.sources import check_source
+from tega.setup.contract.devices import check_source
 from tega_emulators.benches import BENCHES, why_not
 
 

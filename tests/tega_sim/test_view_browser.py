@@ -21,10 +21,10 @@ from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.charts import drives
+from tega.ui.view.browser.pictures import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.ui.view.browser.scene import Scene
-from tega.ui.view.browser.touch import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.ui.view.browser.vest import vest_svg
-from tega.ui.view.rate_meter import RateMeter
+from tega.ui.view.run_state import RateMeter
 from tega.ui.view.state import EmgTail, ShapeKind
 
 

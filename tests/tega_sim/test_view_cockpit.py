@@ -18,7 +18,7 @@ from reference.waiting import until
 from tega.haptics import vest_frame
 from tega.ui.cli.page import browser_observer, view_options
 from tega.ui.view.browser import BrowserView, Controls
-from tega.ui.view.browser.delays import BUDGET_MS, Delays
+from tega.ui.view.browser.charts import BUDGET_MS, Delays
 from tega.ui.view.browser.state_html import lights_html, run_state_html
 from tega.ui.view.browser.vest import vest_svg
 

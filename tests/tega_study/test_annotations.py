@@ -354,7 +354,7 @@ def test_any_recording_is_annotated_by_boris_and_elan(
 
 def test_keys_and_buttons_of_the_page_code_events() -> None:
     viser = pytest.importorskip("viser")
-    from tega.ui.view.browser.seek import add_annotation_keys
+    from tega.ui.view.browser.timeline import add_annotation_keys
 
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tega.config import driver_options, load_config
-from tega.config.given import leaves, value_lines
+from tega.config.load import leaves, value_lines
 from tega.devices import driver_names
 from tega.devices.fingertip.images import ImageFolderOptions
 from tega.errors import ConfigError

@@ -18,8 +18,7 @@ from tega.devices.base import EmgChunk
 from tega.errors import CalibrationError
 from tega.loop import run_session
 from tega.recording.replay import replay_file
-from tega.setup.calibration.practice import Curve
-from tega.setup.calibration.tracked import keep_tracked, read_tracked, tracked_samples
+from tega.setup.calibration.practice import Curve, keep_tracked, read_tracked, tracked_samples
 from tega.stages.learned import LearnedDecoder
 from tega.ui.cli.main import main
 

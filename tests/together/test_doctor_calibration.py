@@ -13,8 +13,8 @@ from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration, write_record
 from tega.config.calibration.store import TouchMaxima
-from tega.setup.doctor.calibration import check_calibration
 from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.settings import check_calibration
 from tega.ui.cli.main import main
 
 NOW = datetime(2026, 11, 21, 15, 0, 0, tzinfo=UTC)

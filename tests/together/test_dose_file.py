@@ -183,7 +183,7 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
     # The doctor sends zeros alone; the bench of the tests has no wearer.
     assert made == {
         "tega/loop/worn_vest.py",
-        "tega/setup/doctor/vest.py",
+        "tega/setup/doctor/outputs.py",
         "tega_emulators/vest_bench.py",
     }
     # These take a kind or a driver from a variable. The acceptance opens a vest through `worn_vest`, the contract's
@@ -192,7 +192,7 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
         "tega_bench/acceptance/run.py",
         "tega/config/person.py",
         "tega/config/check.py",
-        "tega/config/options.py",
+        "tega/config/load.py",
         "tega/setup/contract/command.py",
         "tega/setup/doctor/bench.py",
         "tega/recording/replay/play.py",

@@ -66,8 +66,8 @@ def test_motors_are_in_the_order_in_which_they_are_worn(course: RunCourse) -> No
 
 def test_a_brief_pulse_is_in_the_picture_of_a_long_run() -> None:
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
-    from tega.ui.view.course import VestCourse
     from tega.ui.view.figures import draw_vest, new_figure
+    from tega.ui.view.state import VestCourse
 
     intensities = np.zeros((10_000, 1), np.uint8)
     intensities[7777] = 90

@@ -25,7 +25,7 @@ from tega.errors import CalibrationError
 from tega.haptics import intensity
 from tega.recording.folder import prepare_folder
 from tega.ui.cli.main import main
-from tega.ui.view import session as view_session
+from tega.ui.view import course as view_session
 
 OUTPUTS = [
     "calibration.toml", "can.csv", "contacts.csv", "events.csv", "levels.csv", "summary.json", "vest.csv",

@@ -16,7 +16,7 @@ import tega
 from reference.played import muscles
 from reference.taken_out import environment_without
 from tega.config import check_tree
-from tega.config.text import config_text
+from tega.config.attached import config_text
 from tega.loop import run_session
 from tega_emulators.lab import PRESSED, emulated_lab
 

@@ -18,7 +18,6 @@ from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
 from reference.sessions import record, rewritten, stream
 from tega.config import StagesSection, check_tree, load_config
 from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima
-from tega.config.calibration.known_press import Ball, fit_gel, held
 from tega.config.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
 from tega.config.choose import finger_metric, vest_mapping
 from tega.devices.base import DeviceInfo, TactileFrame
@@ -35,11 +34,12 @@ from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.records import Contact, Picture
 from tega.records.bus import Bus
+from tega.setup.calibration.presses import Ball, fit_gel, held
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.metrics import LiveMetric, LiveOptions
 from tega.tactile.tracker import DEPTH_LAW
-from tega.ui.view.labels import ContactLabels
+from tega.ui.view.run_state import ContactLabels
 from tega_sim.gel import PX_PER_MM, Gel, ball, board
 from tega_study.touch_picture import recorded_picture
 

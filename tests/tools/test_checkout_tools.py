@@ -11,7 +11,7 @@ import pytest
 
 from tega.errors import MissingToolError
 from tega.runtime.checkout_tools import needs_tools
-from tega.ui.cli.install_line import with_origin
+from tega.ui.cli.options import with_origin
 
 PROJECT = Path(__file__).resolve().parents[2]
 PACKAGES = ("tega_emulators", "tega_campaigns", "tega_figures")

@@ -26,7 +26,7 @@ from mcap.stream_reader import StreamReader
 
 from reference.sessions import SECONDS, messages, record, stream, tree
 from tega.config import RecordingSection, check_tree
-from tega.config.text import config_text
+from tega.config.attached import config_text
 from tega.loop import run_session
 from tega.recording.disk import open_disk, rescue_tails
 from tega.recording.inspection import inspect_file

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from tega.config.check import check_tree
-from tega.config.given import override_recorded, override_tree
-from tega.config.load import LOOP_KEYS, file_sets, load_config
-from tega.config.options import driver_options, stage_options
+from tega.config.load import (
+    LOOP_KEYS,
+    driver_options,
+    file_sets,
+    load_config,
+    override_recorded,
+    override_tree,
+    stage_options,
+)
 from tega.config.origins import LoadedConfig, SettingValue
 from tega.config.sections import (
     DEFAULT_LAYOUT,

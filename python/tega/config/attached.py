@@ -1,4 +1,4 @@
-"""Keep the files that stages name in their options with a recording, and find them there again.
+"""Write settings as TOML that can be run again, and keep the files that stages name in their options with it.
 
 A recording has to give the same results on another machine, years later: a model's file is part of the computation.
 """
@@ -13,8 +13,30 @@ from typing import Any, Final
 
 import msgspec
 
+from tega.config.sections import SessionConfig
 from tega.config.stage_sections import StagesSection
 from tega.runtime.files.foreign_file import read_foreign
+from tega.runtime.files.toml_text import tree_text
+
+
+def config_text(config: SessionConfig) -> str:
+    """Write settings as TOML that can be run again, every value that is not unset; paths stay absolute.
+
+    Example:
+        >>> from tega.config import SessionConfig
+        >>> print(config_text(SessionConfig()).splitlines()[0])
+        [session]
+    """
+    tree = msgspec.to_builtins(config, enc_hook=_plain)
+    guests = tree.pop("guests")
+    return tree_text({**tree, **guests})
+
+
+def _plain(value: object) -> Any:
+    if isinstance(value, Path | str):  # a text given outside the file is a str of its own kind
+        return str(value)
+    raise NotImplementedError(f"a setting of type {type(value).__name__} cannot be written")
+
 
 _GROUPS: Final = ("metric", "decoder", "mapping", "reflex")
 _MOST_MIB = 64
@@ -65,13 +87,9 @@ def _named(stages: StagesSection) -> list[tuple[str, _Place, Path]]:
 
 def _placed(stages: StagesSection, place: _Place, path: Path) -> StagesSection:
     where, field = place
+    one: Any = stages.beside[where] if isinstance(where, int) else getattr(stages, where)
+    changed = msgspec.structs.replace(one, options=msgspec.structs.replace(one.options, **{field: path}))
     if isinstance(where, int):
-        one = stages.beside[where]
-        changed = msgspec.structs.replace(one, options=msgspec.structs.replace(one.options, **{field: path}))
         beside = (*stages.beside[:where], changed, *stages.beside[where + 1 :])
         return msgspec.structs.replace(stages, beside=beside)
-    section = getattr(stages, where)
-    changed = msgspec.structs.replace(
-        section, options=msgspec.structs.replace(section.options, **{field: path})
-    )
     return msgspec.structs.replace(stages, **{where: changed})

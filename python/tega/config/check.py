@@ -9,10 +9,9 @@ from typing import Any, Final
 
 import msgspec
 
-from tega.config.errors import Overridden, explain
+from tega.config.errors import Overridden, check_removed, explain, without_constants
 from tega.config.guests import TableContext, read_guest_tables
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
-from tega.config.removed import check_removed, without_constants
 from tega.config.sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
@@ -21,13 +20,7 @@ from tega.config.sections import (
     SessionConfig,
     TactileSection,
 )
-from tega.config.stage_sections import (
-    DEFAULT_STAGES,
-    STAGE_GROUPS,
-    ReflexSection,
-    StageConfig,
-    StagesSection,
-)
+from tega.config.stage_sections import DEFAULT_STAGES, STAGE_GROUPS, ReflexSection, StageConfig, StagesSection
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
@@ -74,6 +67,17 @@ def _named(origins: Mapping[str, str], key: str) -> Iterator[None]:
         raise ConfigError(f"{where(origins, key)}: {key}: {error.message}", error.hint) from None
 
 
+def paths_below(base: Path) -> Callable[[type, Any], Any]:
+    """Return msgspec's hook for paths: relative ones are below ``base``, or here where given outside the file."""
+
+    def place(wanted: type, value: Any) -> Any:
+        if wanted is Path and isinstance(value, str | Path):
+            return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
+        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+
+    return place
+
+
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
     """Check a tree of settings against the schema and the drivers it names.
 
@@ -90,15 +94,10 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         MissingExtraError: A driver it names needs a package that is not installed.
     """
 
-    def place(wanted: type, value: Any) -> Any:
-        if wanted is Path and isinstance(value, str | Path):
-            return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
-        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
-
     def convert(subtree: Any, wanted: Any, prefix: str) -> Any:
         subtree = without_constants(subtree, prefix, getattr(wanted, "__struct_fields__", ()))
         try:
-            return msgspec.convert(subtree, wanted, dec_hook=place)
+            return msgspec.convert(subtree, wanted, dec_hook=paths_below(base))
         except msgspec.ValidationError as error:
             raise explain(error, subtree, wanted, prefix=prefix, origins=origins) from None
 

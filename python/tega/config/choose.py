@@ -103,10 +103,7 @@ def metric_choice(stages: StagesSection, preset: Preset) -> str:
 
 
 def preset_metric(
-    preset: Preset,
-    baseline: NDArray[Any],
-    finger: str = "thumb",
-    calibration: TouchMaxima | None = None,
+    preset: Preset, baseline: NDArray[Any], finger: str = "thumb", calibration: TouchMaxima | None = None
 ) -> Metric:
     """Make the metric of a preset with its default options."""
     return finger_metric(StagesSection(), preset, finger, baseline, calibration)
@@ -114,14 +111,8 @@ def preset_metric(
 
 def muscle_setup(calibration: EmgMaxima, preset: Preset) -> MuscleSetup:
     """Return the setup of a decoder."""
-    return MuscleSetup(
-        calibration.kind,
-        calibration.rate_hz,
-        calibration.tau,
-        calibration.channels,
-        calibration.maxima,
-        preset,
-    )
+    c = calibration
+    return MuscleSetup(c.kind, c.rate_hz, c.tau, c.channels, c.maxima, preset)
 
 
 def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima) -> Decoder:

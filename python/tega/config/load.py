@@ -1,4 +1,4 @@
-"""Load a session's settings from one TOML file, checked key by key.
+"""Load a session's settings from one TOML file, checked key by key; check one driver's or stage's options alone.
 
 A value is taken from, in rising order: the defaults here, the file, environment variables such as
 ``TEGA_EMG__KIND`` (two underscores where the key has a dot), ``--set emg.kind=raw``. Every number's unit is the
@@ -14,16 +14,171 @@ Example:
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import msgspec
 
-from tega.config.check import check_tree
-from tega.config.given import override, override_tree, read_settings
+from tega.config.check import check_tree, paths_below
+from tega.config.errors import Overridden, explain
 from tega.config.origins import LoadedConfig
+from tega.config.stage_sections import STAGE_GROUPS
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError
+from tega.runtime.device_items import Options
+from tega.runtime.files.foreign_file import parse_toml, read_words
+from tega.runtime.files.toml_hint import ESCAPES, swallowed_escape, toml_hint
 from tega.runtime.files.toml_text import toml_value
+from tega.stages.registry import stage_class
+
+
+def value_lines(text: str) -> dict[str, int]:
+    r"""Return the line, from 1, on which the statement of each value begins.
+
+    The text is cut into its statements by the parser itself: lines are added until they parse, which a value over
+    several lines does only at its end.
+
+    Returns:
+        By dotted key; a table of an array has its number, as in ``stages.beside[0].name``. A value that shares its line
+        with others, as in an inline table, has that line.
+
+    Example:
+        >>> value_lines("[emg]\nkind = 'raw'\noptions = { port = 'COM3' }")
+        {'emg.kind': 2, 'emg.options.port': 3}
+    """
+    lines: dict[str, int] = {}
+    table, waiting, first = "", "", 0
+    seen: dict[str, int] = {}
+    for number, line in enumerate(text.split("\n"), start=1):
+        if not waiting:
+            if line.lstrip().startswith("["):
+                table = line
+                if line.lstrip().startswith("[["):
+                    # A table of its own, even where nothing follows.
+                    ((name, _),) = leaves(tomllib.loads(line), numbered=False)
+                    seen[name] = seen.get(name, -1) + 1
+                continue
+            first = number
+        waiting += f"{line}\n"
+        try:
+            statement = tomllib.loads(f"{table}\n{waiting}")
+        except tomllib.TOMLDecodeError:
+            continue
+        for key, _ in leaves(statement):
+            lines[_counted(key, seen) if table.lstrip().startswith("[") else key] = first
+        waiting = ""
+    return lines
+
+
+def _counted(key: str, seen: Mapping[str, int]) -> str:
+    """Return a key within the newest table of an array: alone, each of them is parsed as number 0."""
+    for name, number in seen.items():
+        for begin in (f"{name}[0].", f"{name}."):
+            if key.startswith(begin):
+                return f"{name}[{number}].{key.removeprefix(begin)}"
+    return key
+
+
+def leaves(tree: Mapping[str, Any], prefix: str = "", *, numbered: bool = True) -> Iterator[tuple[str, Any]]:
+    """Yield every value that is no table, by its dotted key; tables of an array are numbered, or stay whole."""
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from leaves(value, f"{prefix}{key}.", numbered=numbered)
+        elif numbered and isinstance(value, list) and value and all(isinstance(one, dict) for one in value):
+            for number, one in enumerate(value):
+                yield from leaves(one, f"{prefix}{key}[{number}].")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into a tree of settings.
+
+    Args:
+        tree: Settings as nested tables; changed in place.
+        sets: Values as ``key=value``, in TOML or plain text.
+
+    Returns:
+        Where each of the keys came from: ``--set``.
+
+    Raises:
+        ConfigError: A value is not of the form ``key=value``, or its key leads into something that is not a table.
+    """
+    origins: dict[str, str] = {}
+    for item in sets:
+        override(tree, origins, *key_and_value(item, "session.preset=paper"), "--set")
+    return origins
+
+
+def override_recorded(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into the settings of a recording, which are written out in full.
+
+    As :func:`override_tree`; a stage that is replaced by name starts with its own defaults, since the options of the
+    recorded stage do not apply to it.
+    """
+    named = {item.partition("=")[0].strip() for item in sets}
+    for group in (*STAGE_GROUPS, "reflex"):
+        if f"stages.{group}.name" in named and isinstance(tree.get("stages"), dict):
+            tree["stages"].pop(group, None)
+    return override_tree(tree, sets)
+
+
+def key_and_value(item: str, example: str) -> tuple[str, str]:
+    """Return the two sides of ``key=value``; ``example`` is one that would do."""
+    key, equals, text = item.partition("=")
+    if not equals or not key.strip():
+        raise ConfigError(f"--set {item!r}: not of the form key=value", f"for example --set {example}")
+    return key.strip(), text.strip()
+
+
+def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return a file's tree, and the line of each value."""
+    text = ""
+    try:
+        text = read_words(path, error=ConfigError)
+        tree, lines = parse_toml(text), value_lines(text)
+    except FileNotFoundError as error:
+        raise ConfigError(
+            f"{path.name}: no such file", f"write a settings file with: tega-teleop init --out {path}"
+        ) from error
+    except OSError as error:
+        raise ConfigError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except UnicodeDecodeError as error:
+        utf16 = error.object[:2] in {b"\xff\xfe", b"\xfe\xff"}
+        message = f"{path.name}: not UTF-8 text: {'it looks like UTF-16' if utf16 else error.reason}"
+        raise ConfigError(message, "save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path.name}: not valid TOML: {error}", toml_hint(text, error)) from error
+    if (changed := swallowed_escape(tree)) is not None:
+        raise ConfigError(
+            f"{path.name}: {changed[0]} = {changed[1]!r} has a control character in it", ESCAPES
+        )
+    return tree, lines
+
+
+def override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str, origin: str) -> None:
+    """Put one value given as text into the tree."""
+    try:
+        value: Any = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    if isinstance(value, str):
+        value = Overridden(value)
+    *tables, last = key.split(".")
+    node = tree
+    for i, table in enumerate(tables):
+        node = node.setdefault(table, {})
+        if not isinstance(node, dict):
+            raise ConfigError(
+                f"{origin}: {key}: {'.'.join(tables[: i + 1])} is a value, not a table", "check the key"
+            )
+    node[last] = value
+    origins[key] = origin
+
 
 ENVIRONMENT_PREFIX = "TEGA_"
 
@@ -90,3 +245,53 @@ def file_sets(path: Path) -> tuple[str, ...]:
     return tuple(
         f"{key}={toml_value(msgspec.to_builtins(value, enc_hook=str))}" for key, value in found.items()
     )
+
+
+def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = ()) -> Options:
+    """Check a driver's options outside a session, as its ``options`` table would be.
+
+    Args:
+        name: The driver's name.
+        tree: Its options; paths are relative to the working directory.
+        sets: Further options as ``key=value``.
+
+    Returns:
+        The typed options.
+
+    Raises:
+        ConfigError: No such driver, or an option is unknown, missing, of a wrong type or out of range.
+        MissingExtraError: The driver needs a package that is not installed.
+    """
+    typed: Options = _checked_options(driver_class(name).options_type, tree, sets)
+    return typed
+
+
+def stage_options(
+    group: Literal["metric", "decoder", "mapping", "reflex"], name: str, *, sets: Sequence[str] = ()
+) -> Any:
+    """Check a stage's options outside a session, as its ``options`` table would be.
+
+    Args:
+        group: Kind of stage.
+        name: Its name.
+        sets: Options as ``key=value``; paths are relative to the working directory.
+
+    Returns:
+        The typed options.
+
+    Raises:
+        ConfigError: No such stage, or an option is unknown, missing, of a wrong type or out of range.
+        MissingExtraError: The stage needs a package that is not installed.
+    """
+    return _checked_options(stage_class(group, name).options_type, {}, sets)
+
+
+def _checked_options(wanted: Any, tree: Mapping[str, Any], sets: Sequence[str]) -> Any:
+    options: dict[str, Any] = dict(tree)
+    origins: dict[str, str] = {}
+    for item in sets:
+        override(options, origins, *key_and_value(item, "rate_hz=30"), "--set")
+    try:
+        return msgspec.convert(options, wanted, dec_hook=paths_below(Path.cwd()))
+    except msgspec.ValidationError as error:
+        raise explain(error, options, wanted, prefix="options", origins=origins) from None

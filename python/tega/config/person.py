@@ -75,16 +75,9 @@ def person_calibration(
         warnings += emg_warnings(record_emg, config, settings=settings, now=now)
     warnings += vest_warnings(config, folder, person, settings=settings, now=now)
     warnings += _arm_warnings(config, folder, person, settings=settings, now=now)
-    return Personal(
-        Calibration(
-            preset=config.session.preset,
-            origin=f"calibration of {person}",
-            tactile=FingerMaxima(**fingers),
-            emg=muscles,
-        ),
-        f"calibration of {person}",
-        tuple(warnings),
-    )
+    preset, name, tactile = config.session.preset, f"calibration of {person}", FingerMaxima(**fingers)
+    calibration = Calibration(preset=preset, origin=name, tactile=tactile, emg=muscles)
+    return Personal(calibration, name, tuple(warnings))
 
 
 def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:

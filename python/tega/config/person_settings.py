@@ -82,7 +82,6 @@ def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) 
 
 
 def _replaced(table: Any, path: Sequence[str], value: Any) -> Any:
-    """Return settings with the value of a dotted key replaced."""
     name, *rest = path
     inner = _replaced(getattr(table, name), rest, value) if rest else value
     return msgspec.structs.replace(table, **{name: inner})

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.config.attached import attached_files
+from tega.config.attached import attached_files, config_text
 from tega.config.calibration.store import calibration_text
 from tega.config.choose import mapping_choice, metric_choice
 from tega.config.guests import guest_files, guest_packages
-from tega.config.text import config_text
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.recording.log_records import LogRecords
 from tega.recording.mcap_folder import SessionFolder

@@ -17,7 +17,7 @@ from tega.devices.base import optional
 from tega.errors import ConfigError, TegaError
 from tega.loop.worn_vest import dose_file, worn_vest
 from tega.setup.doctor.bench import try_all
-from tega.setup.doctor.case import DriverCase
+from tega.setup.doctor.findings import DriverCase
 from tega.setup.doctor.settings import cases_of
 from tega_bench.acceptance.arm import accept_arm
 from tega_bench.acceptance.leading import accept_input, accept_tracker

@@ -65,7 +65,7 @@ def emg_fitts(
     import msgspec
 
     from tega.config import load_config
-    from tega.ui.cli.guided import guided
+    from tega.ui.cli.guide_page import guided
     from tega_practice.live import fitts_test
 
     config = load_config(settings, sets=worn_by(person, sets)).config

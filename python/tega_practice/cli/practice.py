@@ -43,7 +43,7 @@ def practice(
     """
     from tega.config import load_config
     from tega.setup.calibration.tracking import track
-    from tega.ui.cli.guided import guided
+    from tega.ui.cli.guide_page import guided
 
     config = load_config(settings, sets=worn_by(person, sets)).config
     port = view_port if view else None

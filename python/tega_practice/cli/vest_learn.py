@@ -48,7 +48,7 @@ def learn(
     from tega.errors import CalibrationError, ConfigError
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.guide import Undecided
-    from tega.ui.cli.guided import guided
+    from tega.ui.cli.guide_page import guided
     from tega_practice.kept import kept_records
     from tega_practice.vest_course import learn_vest
     from tega_practice.vest_kept import VestSkillRecord

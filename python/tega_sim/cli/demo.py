@@ -114,7 +114,7 @@ def demo(
     from tega.recording.folder import prepare_folder
     from tega.runtime.threads import short_turns
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.install_line import with_origin
+    from tega.ui.cli.options import with_origin
     from tega_sim.demo import demo_outputs, draw_demo, prepare_demo, run_demo, write_demo
     from tega_sim.trials import plan_trials
 
@@ -185,7 +185,7 @@ def _displayed(
 ) -> Iterator[tuple[Callable[[ViewState], None] | None, dict[str, Callable[[], Any]]]]:
     """Open the displays of the run; yield callables that may be slow, and the viewers' wishes."""
     if not view:
-        from tega.ui.cli.run_view import stage
+        from tega.ui.cli.run import stage
 
         with stage(TITLE, enabled=terminal) as (progress, watch):
             if watch is None:

@@ -10,8 +10,8 @@ from typing import Any, Literal, Protocol
 import msgspec
 
 from tega.config import SessionConfig
+from tega.config.attached import config_text
 from tega.config.stage_sections import StageConfig
-from tega.config.text import config_text
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale, load_poses
 from tega.loop.controls import Controls

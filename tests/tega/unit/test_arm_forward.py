@@ -20,8 +20,8 @@ from tega.config import load_config
 from tega.config.calibration.records import ArmRecord, read_record
 from tega.errors import CalibrationError
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
+from tega.ui.cli.arm import forward
 from tega.ui.cli.calibrate import calibrate
-from tega.ui.cli.forward import forward
 from tega.ui.cli.guide import LineGuide
 from tega_emulators.process import Emulator
 

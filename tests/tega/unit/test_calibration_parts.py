@@ -23,7 +23,7 @@ from tega.runtime.opencv import read_image
 from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.setup.calibration.gel import judge_rest, suspect_contact
 from tega.setup.calibration.presses import PressMeter
-from tega.setup.calibration.times import Sitting, Times
+from tega.setup.calibration.sitting import Sitting, Times
 from tega.setup.calibration.wizard import Calibrating, parts_of
 from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.main import main

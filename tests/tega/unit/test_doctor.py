@@ -17,7 +17,7 @@ from reference.command import call
 from tega.config import load_config
 from tega.setup.doctor import probe_drivers
 from tega.setup.doctor.bench import POLL_S, ROLES, TRY_S, in_time, probe_all, try_all
-from tega.setup.doctor.case import DriverCase, holders
+from tega.setup.doctor.findings import DriverCase, holders
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.vests import seen_by
 

@@ -12,7 +12,7 @@ import pytest
 from reference.doctor import only, reported
 from tega.setup.doctor import Finding
 from tega.setup.doctor.bench import probe_all
-from tega.setup.doctor.tactile import FoundCamera, crowded
+from tega.setup.doctor.sensors import FoundCamera, crowded
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 

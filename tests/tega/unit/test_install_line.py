@@ -13,10 +13,10 @@ import pytest
 import tega
 from tega.setup.doctor.bench import DriverProbe
 from tega.setup.doctor.findings import Finding
-from tega.ui.cli import install_line
-from tega.ui.cli.devices import could_not_look
+from tega.ui.cli import options
 from tega.ui.cli.doctor import _paragraph
-from tega.ui.cli.install_line import with_origin
+from tega.ui.cli.lists import could_not_look
+from tega.ui.cli.options import with_origin
 
 PROJECT = Path(__file__).parents[3]
 HINT = "install it with: pip install 'tega[sim,view]'"
@@ -44,7 +44,7 @@ def test_the_line_names_checkout_wheel_or_index(tmp_path: Path, url: str | None,
 
 
 def test_doctor_init_and_devices_print_that_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(install_line, "distribution", lambda _name: installed(tmp_path, "file:///lab/tega"))
+    monkeypatch.setattr(options, "distribution", lambda _name: installed(tmp_path, "file:///lab/tega"))
     finding = Finding(check="packages", status="missing", finding="packages are missing", todo=(HINT,))
     assert "pip install '/lab/tega[sim,view]'" in " ".join(_paragraph(finding, 8))
     looked = {"digit": DriverProbe("tactile", could_not="cv2 is missing", hint=HINT, lacks_package=True)}

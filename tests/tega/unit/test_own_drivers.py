@@ -21,8 +21,8 @@ from tega.loop.session import run_session
 from tega.runtime import plugins
 from tega.runtime.guide import Bar, Undecided
 from tega.setup.calibration.effort import Chain
+from tega.setup.calibration.sitting import Times
 from tega.setup.calibration.steps_emg import MuscleSteps
-from tega.setup.calibration.times import Times
 
 _RATE_HZ = 500.0
 

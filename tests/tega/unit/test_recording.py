@@ -18,8 +18,8 @@ from reference.parts import observed
 from reference.played import finger, muscles
 from reference.sessions import tree
 from tega.config import check_tree
+from tega.config.attached import config_text
 from tega.config.choose import preset_metric
-from tega.config.text import config_text
 from tega.errors import RecordingError, TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tega.config import load_config
-from tega.config.removed import CONSTANTS, REMOVED
+from tega.config.errors import CONSTANTS, REMOVED
 from tega.errors import ConfigError, MissingExtraError
 from tega.recording.absent import absent_features
 from tega.runtime.features import Feature, features, load_target

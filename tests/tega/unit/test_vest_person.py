@@ -14,7 +14,7 @@ from reference.scripted import touching
 from reference.vests import KeptVest
 from tega.config import VestConfig, load_config
 from tega.config.calibration import TouchMaxima
-from tega.config.options import driver_options, stage_options
+from tega.config.load import driver_options, stage_options
 from tega.devices.base import BudgetedVest
 from tega.devices.table_recorder import TableRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder

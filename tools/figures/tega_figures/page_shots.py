@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from PIL import Image
 
 from tega.ui.view.browser import BrowserView, Controls
-from tega.ui.view.browser.style import NARROW_PX
+from tega.ui.view.browser.state_html import NARROW_PX
 from tega_figures.chromium import launched, opened
 from tega_sim.plan import TrialPlan
 from tega_sim.trial import run_trial

@@ -23,6 +23,7 @@ class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
     """Fields that every record begins with.
 
     ``device`` is a serial number or a substitute; ``notes`` are facts a reader has to know, a sentence each.
+    ``comments`` say in the file what a field is, and its unit; what they leave open is among the attributes.
     """
 
     comments: ClassVar[dict[str, str]] = {}
@@ -40,9 +41,6 @@ class GelRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     Attributes:
         noise_counts: Standard deviation of a pixel in time, blue, green, red.
         n_pictures: How many the baseline is the mean of.
-        shift_counts: Change of the whole picture since the first baseline of this sensor.
-        dark_px: Pixels darker than in the first baseline.
-        wear_percent: Pixels that differ from the first baseline.
         cell_noise_counts: Standard deviation of a cell's mean, blue, green, red; ``None`` in earlier records.
     """
 
@@ -95,13 +93,8 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
         lowpass_hz: Cutoff of the filter before the block mean.
         settings: The driver's options that change the numbers, such as the gain.
         unit: Unit of the numbers below.
-        offset: Mean of the samples at rest.
-        rest: Middle block mean at rest.
         live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
-        paper_max: Their largest block mean.
-        answers: How much each channel rose while the muscle of each row worked alone, share of its range.
         refreshed: When rest and scale were last looked at; ``None`` for never.
-        scale: Factors by which the refreshes have multiplied the maxima.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -136,12 +129,9 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
 
     Attributes:
         ceiling_percent: Nothing stronger was shown.
-        sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of the next two.
-        threshold_percent: The lowest intensity felt there; -1 where none was.
-        step_percent: The smallest increase noticed there; -1 where none was.
+        sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of thresholds and steps.
         step_sites: Sites where the step was measured; the others of a face have the value measured there.
         named_right: Columns that were named correctly, out of ``named``.
-        false_alarms: How often nothing was felt to be something.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -169,8 +159,6 @@ class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
 
     Attributes:
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
-        yaw_rad: As in ``arm.mapping.yaw_rad``.
-        off_rad: How far from forward the second movement came out, to the left.
         base_yaw_rad: As in ``arm.mapping.base_yaw_rad``; earlier versions took 0 for granted.
     """
 
@@ -192,7 +180,6 @@ class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="fo
 
     Attributes:
         preset: Rules of the levels.
-        in_target_percent: Time on the level asked for.
         rms_error_levels: Root of the mean square of the difference, levels.
         delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
         kind: Kind of the samples beside the record (``.npy``: the channels, then the closure asked for).
@@ -225,14 +212,9 @@ class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
 
     Attributes:
         percent: How hard it was driven.
-        onset_ms: From the frame's hand-over to the transport to the first vibration, middle of the bursts.
-        middle_half_ms: Between these lies half of the bursts.
-        half_strength_ms: Time from the hand-over to half of the vibration's strength, middle of the bursts.
         used: How many bursts count.
-        left_out: The others, each number with its reason.
         spin_hz: Turns of the motor a second.
         clock: Source of the recording's time: ``clicks``; before version 0.3 also ``stamps`` or ``arrival``.
-        clock_uncertainty_ms: How far all delays together may be off by that.
     """
 
     comments: ClassVar[dict[str, str]] = {

@@ -175,12 +175,7 @@ class GelChange(NamedTuple):
 
 
 def compare_gels(
-    now: NDArray[np.uint8],
-    then: NDArray[np.uint8],
-    *,
-    noise_now: float,
-    noise_then: float,
-    when: str,
+    now: NDArray[np.uint8], then: NDArray[np.uint8], *, noise_now: float, noise_then: float, when: str
 ) -> GelChange:
     """Compare two baselines of one sensor, uint8 (H, W, 3) of one size, else ``CalibrationError``.
 
@@ -219,13 +214,7 @@ def compare_gels(
     if wear > _WORN_SHARE:
         words.append(f"{wear:.0%} of the gel looks other than on {when}: think of a new one")
     return GelChange(
-        _bgr(shift),
-        dark_px,
-        bright_px,
-        (column, row) if dark_px else None,
-        ratio,
-        wear,
-        tuple(words),
+        _bgr(shift), dark_px, bright_px, (column, row) if dark_px else None, ratio, wear, tuple(words)
     )
 
 

@@ -1,13 +1,16 @@
-"""Judge guided presses on a fingertip: which of them count, and which frames give its maxima."""
+"""Judge guided presses on a fingertip, which give its maxima, and fit its gel to those with a known ball and force."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Literal, NamedTuple
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 
+from tega.errors import CalibrationError
 from tega.records import Contact
+from tega.tactile.tracker import DEPTH_LAW, KnownPress, TrackedContact, calibrate_light, nominal_light
 
 PRESSES = 3
 """Repetitions of each object: one spike, or one odd press, must not decide."""
@@ -106,3 +109,93 @@ class PressMeter:
         """Return the contacts of the firm presses."""
         firm = self.firm
         return [c for c in self._seen[preset] if any(p.start_ns <= c.t_ns <= p.end_ns for p in firm)]
+
+
+GEL_RADII_MM = (21.0, 100.0)
+"""Radii of a DIGIT's gel across and along the finger, millimetres: the published drawing, near the top."""
+
+
+class Ball(NamedTuple):
+    """A ball pressed with a force known, for example, from a kitchen scale; a kilogram is 9.81 N."""
+
+    diameter_mm: float
+    force_n: float
+
+
+class GelFit(NamedTuple):
+    """Depth gain, stiffness and scale of a sensor, from presses with a known ball.
+
+    ``depth_gain`` is depth by depth as a gel's nominal light has it; ``mm_per_px`` is for a picture of 320 x
+    240 pixels. Gain and stiffness belong to the version ``depth_law`` of the law.
+    """
+
+    depth_gain: float
+    stiffness_n_mm3: float
+    mm_per_px: float
+    depth_law: int = DEPTH_LAW
+
+
+# An outlined dent's radius over that of the touching disc below, 1.03 to 1.09 for balls of 4 and 12 mm at 1 to 5 N on
+# simulated units: in-sample.
+_OUTLINED = 1.05
+# Pixels of the picture that the scale is given for.
+_NOMINAL_PX = 320 * 240
+
+
+def ball_radius_mm(ball: Ball, stiffness_n_mm3: float) -> float:
+    """Return the radius of the disc over which a ball touches, millimetres: √(2 d √(Ra Rb)), d the depth.
+
+    Ra and Rb are as in :func:`ball_depth_mm`.
+    """
+    return math.sqrt(2 * ball_depth_mm(ball, stiffness_n_mm3) * _round_mm(ball))
+
+
+def _round_mm(ball: Ball) -> float:
+    radius_mm = ball.diameter_mm / 2
+    across, along = (1 / (1 / radius_mm + 1 / gel) for gel in GEL_RADII_MM)
+    return math.sqrt(across * along)
+
+
+def ball_depth_mm(ball: Ball, stiffness_n_mm3: float) -> float:
+    """Return how deep a ball goes into a gel that gives way like springs side by side.
+
+    Force is stiffness times pressed volume, and a cap of depth d of two bodies has the volume π d² √(Ra Rb), with
+    1/R = 1/R_ball + 1/R_gel in either direction.
+    """
+    return math.sqrt(ball.force_n / (math.pi * stiffness_n_mm3 * _round_mm(ball)))
+
+
+def held(contacts: Sequence[Contact]) -> Contact | None:
+    """Return the contact of a press while it was held: the middle one of the deeper half; ``None`` without any."""
+    felt = [c for c in contacts if c.in_contact and c.depth_mm and c.force_n]
+    if not felt:
+        return None
+    deeper = sorted(felt, key=lambda c: c.force_n or 0.0)[len(felt) // 2 :]
+    return deeper[len(deeper) // 2]
+
+
+def fit_gel(presses: Sequence[Sequence[Contact]], ball: Ball) -> GelFit:
+    """Return depth gain, stiffness and scale of a sensor from presses with a known ball and force.
+
+    The scale is that with which the outlined dent is as wide as the ball's touching disc, a twentieth wider,
+    with the published stiffness; gain and stiffness are those with which depth and force come out right at
+    that scale. ``presses`` are the contacts of each press with the nominal light, frame by frame. Raises
+    ``CalibrationError`` if none was felt.
+    """
+    nominal = nominal_light()
+    depth_mm = ball_depth_mm(ball, nominal.stiffness_n_mm3)
+    # Of a contact only what was read is looked at, which a record of it has as well.
+    known = [
+        KnownPress(cast("TrackedContact", contact), ball.force_n, depth_mm)
+        for press in presses
+        if (contact := held(press)) is not None
+    ]
+    if not known:
+        raise CalibrationError("no press with the known ball was felt", "press harder, and hold for a second")
+    light = calibrate_light(known)
+    gain = float(np.abs(nominal.terms).max() / np.abs(light.terms).max())
+    radius_px = [math.sqrt((press.contact.broad or 0.0) * _NOMINAL_PX / math.pi) for press in known]
+    mm_per_px = _OUTLINED * ball_radius_mm(ball, nominal.stiffness_n_mm3) / (sum(radius_px) / len(radius_px))
+    # Depth goes with gain times scale, force with gain times the cube of the scale.
+    larger = mm_per_px / nominal.mm_per_px
+    return GelFit(gain / larger, light.stiffness_n_mm3 / larger**2, mm_per_px)

@@ -17,7 +17,7 @@ from tega.arm.heading import ForearmSweep, ForwardCheck, check_forward, kept_yaw
 from tega.devices.base import Tracker
 from tega.errors import CalibrationError
 from tega.runtime.guide import Bar, Guide, Undecided
-from tega.setup.calibration.settling import until_good
+from tega.setup.calibration.sitting import until_good
 
 WAIT_S: Final = 30.0
 """Time to wait for a movement."""
@@ -46,7 +46,7 @@ class TakenHeading(NamedTuple):
     problem: str = ""
 
 
-def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> TakenHeading:
+def take_heading(tracker: Tracker, guide: Guide) -> TakenHeading:
     """Lead through both movements, again until the second comes out forward: a wrong heading is not kept."""
 
     def attempt() -> TakenHeading:
@@ -55,11 +55,11 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
                 "Hold the forearm still where you work, facing the way you will look; then move it straight forward "
                 "by 20 cm and stop"
             )
-            found = watch_sweep(tracker, wait_s, yaw_rad=None, displayed=_displayed(guide))
+            found = watch_sweep(tracker, WAIT_S, yaw_rad=None, displayed=_displayed(guide))
             yaw_rad = kept_yaw(yaw_from_sweep(found.places, frame=tracker.frame))
             guide.say(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
             guide.ready("Go back and hold still; then move it forward once more: this is the check")
-            again = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, displayed=_displayed(guide))
+            again = watch_sweep(tracker, WAIT_S, yaw_rad=yaw_rad, displayed=_displayed(guide))
         except CalibrationError as error:
             return TakenHeading(0.0, None, f"{error.message}: {error.hint}" if error.hint else error.message)
         return TakenHeading(yaw_rad, check_forward(again.places, frame=tracker.frame, yaw_rad=yaw_rad))
@@ -74,9 +74,7 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
     return taken
 
 
-def take_base_yaw(
-    tracker: Tracker, guide: Guide, *, yaw_rad: float, reported_rad: float, wait_s: float = WAIT_S
-) -> float:
+def take_base_yaw(tracker: Tracker, guide: Guide, *, yaw_rad: float, reported_rad: float) -> float:
     """Ask which way the robot's base points as the operator sees it, or measure it by a forearm's movement.
 
     Return it as in ``arm.mapping.base_yaw_rad``; ``reported_rad`` where there is no answer.
@@ -94,7 +92,7 @@ def take_base_yaw(
     def attempt() -> tuple[float, str]:
         guide.ready("Hold the forearm still; then move it by 20 cm the way the robot's base points, and stop")
         try:
-            found = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, displayed=_displayed(guide))
+            found = watch_sweep(tracker, WAIT_S, yaw_rad=yaw_rad, displayed=_displayed(guide))
             seen_rad = yaw_from_sweep(found.places, frame=tracker.frame) - yaw_rad
         except CalibrationError as error:
             return 0.0, f"{error.message}: {error.hint}" if error.hint else error.message

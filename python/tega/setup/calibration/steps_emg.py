@@ -15,8 +15,7 @@ from tega.errors import CalibrationError
 from tega.loop.maxima import TAU_S, emg_conditions
 from tega.runtime.guide import Bar, Guide, Shows
 from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
-from tega.setup.calibration.settling import until_good
-from tega.setup.calibration.times import Times
+from tega.setup.calibration.sitting import Times, until_good
 
 SQUEEZES = 3
 

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.config.calibration.folder import KeptGel, device_name
-from tega.config.calibration.known_press import Ball, fit_gel
 from tega.config.calibration.records import GelRecord, TouchRecord
 from tega.config.calibration.store import TouchMaxima
 from tega.config.choose import Preset, preset_metric
@@ -31,9 +30,8 @@ from tega.setup.calibration.gel import (
     judge_rest,
     suspect_contact,
 )
-from tega.setup.calibration.presses import PRESSES, PressMeter
-from tega.setup.calibration.settling import until_good
-from tega.setup.calibration.times import Sitting
+from tega.setup.calibration.presses import PRESSES, Ball, PressMeter, fit_gel
+from tega.setup.calibration.sitting import Sitting, until_good
 from tega.stages.base import Metric
 
 _READ_S = 0.1
@@ -113,15 +111,8 @@ def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[KeptGel
         then = next(b for b in before if b.picture == gel)
         old = _picture(then)
         if old is not None and old.shape == picture.shape:
-            changes.append(
-                compare_gels(
-                    picture,
-                    old,
-                    noise_now=max(record.noise_counts),
-                    noise_then=max(then.record.noise_counts),
-                    when=f"{then.record.made:%Y-%m-%d}",
-                )
-            )
+            noises = {"noise_now": max(record.noise_counts), "noise_then": max(then.record.noise_counts)}
+            changes.append(compare_gels(picture, old, **noises, when=f"{then.record.made:%Y-%m-%d}"))
     return changes
 
 
@@ -192,12 +183,9 @@ def take_presses(
             return meter
 
         _, text = until_good(
-            guide,
-            f"{finger}: {name} presses",
-            attempt,
-            lambda m: m.problems(),
+            guide, f"{finger}: {name} presses", attempt, lambda m: m.problems(),
             can_keep=lambda m: bool(m.firm) and not m.touched,
-        )
+        )  # fmt: skip
         notes += text
         if name == "known":
             known = [[c for c in felt if p.start_ns <= c.t_ns <= p.end_ns] for p in meter.firm]
@@ -227,11 +215,7 @@ def take_presses(
 
 
 def _follow(
-    finger: str,
-    source: TactileSource,
-    metrics: Mapping[Preset, Metric],
-    meter: PressMeter,
-    sitting: Sitting,
+    finger: str, source: TactileSource, metrics: Mapping[Preset, Metric], meter: PressMeter, sitting: Sitting
 ) -> list[Contact]:
     """Measure frames until there are enough firm presses and the gel is free, or it takes too long."""
     felt: list[Contact] = []

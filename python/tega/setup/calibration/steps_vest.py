@@ -19,12 +19,11 @@ from tega.devices.base import VestSink
 from tega.haptics import FINGERS, FeltMap, Layout, MotorLevels, vest_frame
 from tega.loop.touch import TouchLoop
 from tega.records import Contact
-from tega.runtime.clock import Clock, SystemClock
+from tega.runtime.clock import SystemClock
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.identify import show_frame
-from tega.setup.calibration.settling import until_good
+from tega.setup.calibration.sitting import Times, until_good
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
-from tega.setup.calibration.times import Times
 from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
 
 _DISPLAYED_STEPS = 5
@@ -41,15 +40,13 @@ class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
 class Pulses:
     """Vibrations at sites of a vest, never above a ceiling, 1 to 15."""
 
-    def __init__(
-        self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times, clock: Clock | None = None
-    ) -> None:
+    def __init__(self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times) -> None:
         self._vest = vest
         self.layout: Layout = layout
         self._silent = vest_frame([0] * 4, [0] * 4, layout=layout)
         self.ceiling = ceiling
         self._times = times
-        self._clock = clock or SystemClock()
+        self._clock = SystemClock()
 
     def sites(self, *, each_motor: bool) -> tuple[str, ...]:
         """Return the columns, or the motors, that this vest has."""
@@ -129,10 +126,7 @@ class VestSteps:
         self._each("threshold", left, done, felt, lambda level: LEVEL_PERCENT[level])
 
     def steps(
-        self,
-        sites: tuple[str, ...],
-        thresholds: Mapping[str, FeltSite],
-        done: MutableMapping[str, FeltSite],
+        self, sites: tuple[str, ...], thresholds: Mapping[str, FeltSite], done: MutableMapping[str, FeltSite]
     ) -> None:
         """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
 

@@ -1,17 +1,93 @@
-"""Run a practice: a person follows a curve of levels through the chain that a run uses."""
+"""Read a calibrated person's muscles through a run's decoder, without a hand, and have a curve of levels followed."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from typing import Any, Self
 
 from tega.config import SessionConfig
+from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import PracticeRecord, utc_now
-from tega.config.choose import decoder_choice
-from tega.config.person import whose
+from tega.config.choose import block_s, decoder_choice, muscle_decoder
+from tega.config.person import person_calibration, whose
+from tega.devices.base import EmgChunk
+from tega.devices.registry import driver_class
+from tega.errors import CalibrationError, ConfigError
+from tega.loop.inbox.sources import BlockMeter, SourceReport
+from tega.loop.maxima import emg_conditions
+from tega.records import Intent
 from tega.runtime.guide import Bar, Guide
-from tega.setup.calibration.muscle_loop import MuscleLoop
-from tega.setup.calibration.practice import Curve, score
-from tega.setup.calibration.tracked import keep_tracked, tracked_samples
+from tega.setup.calibration.practice import Curve, keep_tracked, score, tracked_samples
+
+_READ_S = 0.05
+
+
+class MuscleLoop:
+    """EMG source and decoder of the settings, for as long as the ``with`` block lasts.
+
+    ``chunks`` are the samples since :meth:`start`, as they came; ``start_ns`` is the time of that call, on
+    the monotonic clock. ``device`` is the source's serial number, or a substitute. Raises ``ConfigError`` if
+    the settings have no EMG, ``CalibrationError`` if the person is not calibrated on this source.
+    """
+
+    def __init__(self, config: SessionConfig, *, settings: str, subject: str) -> None:
+        if config.emg is None:
+            raise ConfigError(
+                f"{subject} needs muscles: the settings have no [emg]", "add it; see docs/device-emg.md"
+            )
+        self._config = config
+        self.chunks: list[EmgChunk] = []
+        self._source = driver_class(config.emg.driver, "emg")(config.emg.options)
+        self._kind, self._settings = config.emg.kind, settings
+
+    def __enter__(self) -> Self:
+        """Open the source and make the decoder."""
+        self._source.__enter__()
+        try:
+            self._calibrate()
+        except BaseException:
+            self._source.__exit__(None, None, None)
+            raise
+        return self
+
+    def _calibrate(self) -> None:
+        config, source = self._config, self._source
+        conditions = emg_conditions(source, self._kind, block_s=block_s(config))
+        personal = person_calibration(config, {}, source, conditions, settings=self._settings, now=utc_now())
+        maxima = personal.calibration.emg
+        if maxima is None:
+            raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")
+        self.maxima = maxima
+        self._decoder = muscle_decoder(config.stages, config.session.preset, maxima)
+        self.driver, self.device = source.info.driver, device_name(source.info)
+
+    def __exit__(self, *error: Any) -> None:
+        """Close the source."""
+        self._source.__exit__(*error)
+
+    def start(self) -> None:
+        """Begin with the next samples."""
+        while self._source.read(0.0) is not None:
+            pass
+        self.start_ns = time.monotonic_ns()
+        self._meter = BlockMeter(
+            self._decoder, SourceReport(), maxima=self.maxima, live=True, start_ns=self.start_ns
+        )
+
+    @property
+    def gone_s(self) -> float:
+        """Seconds since :meth:`start`."""
+        return (time.monotonic_ns() - self.start_ns) * 1e-9
+
+    def blocks(self) -> list[Intent]:
+        """Wait a twentieth of a second at most; return the blocks that were completed, oldest first."""
+        chunk = self._source.read(_READ_S)
+        if chunk is None:
+            return []
+        self.chunks.append(chunk)
+        return list(self._meter.take(chunk))
+
 
 _TOP_LEVEL = 5
 

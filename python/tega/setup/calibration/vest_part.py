@@ -18,10 +18,9 @@ from tega.errors import CalibrationError, ConfigError
 from tega.haptics import FeltMap, Layout
 from tega.loop.worn_vest import worn_vest
 from tega.runtime.guide import Undecided
-from tega.setup.calibration.journal import Journal
+from tega.setup.calibration.sitting import Journal, Sitting
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
 from tega.setup.calibration.steps_vest import FeltSite, Pulses, VestSteps
-from tega.setup.calibration.times import Sitting
 from tega.stages.equal_steps import EqualStepsMapping
 
 

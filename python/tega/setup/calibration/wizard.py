@@ -11,7 +11,6 @@ import msgspec
 
 from tega.config import EmgConfig, SessionConfig, TactileConfig, TrackerConfig
 from tega.config.calibration.folder import device_name
-from tega.config.calibration.known_press import Ball
 from tega.config.calibration.records import (
     ArmRecord,
     EmgRecord,
@@ -26,11 +25,11 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.opencv import read_image
-from tega.setup.calibration.journal import Journal
+from tega.setup.calibration.presses import Ball
+from tega.setup.calibration.sitting import Journal, Sitting
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
 from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of, muscle_names
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
-from tega.setup.calibration.times import Sitting
 from tega.setup.calibration.vest_part import VestChoices, calibrate_vest, check_live, drawing
 
 Only = Literal["tactile", "emg", "vest", "arm"]
@@ -106,7 +105,6 @@ class Calibrating:
         return self._journal.done
 
     def _section(self, part: str) -> Any:
-        """Return the part's table of the settings."""
         kind, _, finger = part.partition(".")
         if kind == "tactile":
             return self._config.tactile.in_use()[finger]

@@ -28,9 +28,15 @@ from tega.devices.base import (
 )
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import vest_frame
-from tega.setup.contract.arm import check_arm, check_input, check_tracker
-from tega.setup.contract.rule import refuses, rule
-from tega.setup.contract.sources import check_skip, check_source
+from tega.setup.contract.devices import (
+    check_arm,
+    check_input,
+    check_skip,
+    check_source,
+    check_tracker,
+    refuses,
+    rule,
+)
 from tega.wire import allegro_torque_frames
 
 
@@ -43,18 +49,10 @@ def check_hand(hand: SteeredHand) -> None:
             rule(angles.dtype == np.float64 and angles.shape == (16,), "angles_rad is float64 (16,)")
             rule(bool(np.isfinite(angles).all()), "angles are finite")
         for level in (0, 6):
-            refuses(
-                partial(hand.step, level),
-                InvalidValueError,
-                "a level outside 1 to 5 raises InvalidValueError",
-            )
+            refuses(partial(hand.step, level), InvalidValueError, "a level outside 1 to 5")
         hand.step(2, 0.5)
         for added in (-0.1, 1.1, float("nan")):
-            refuses(
-                partial(hand.step, 2, added),
-                InvalidValueError,
-                "an addition outside 0 to 1 raises InvalidValueError",
-            )
+            refuses(partial(hand.step, 2, added), InvalidValueError, "an addition outside 0 to 1")
         rule(all(0 <= f.id <= 0x7FF for f in hand.limp()), "limp gives the frames that were sent")
 
 
@@ -170,11 +168,7 @@ def _check_lifecycle(driver: type[Device], options: Options) -> None:
     rule(device.info.kind == driver.kind, "info.kind is the driver's kind")
     rule("/" not in device.info.label and "\\" not in device.info.label, "info.label is no path")
     device.close()
-    refuses(
-        partial(_use, device),
-        DeviceUnavailableError,
-        "reading or writing while closed raises DeviceUnavailableError",
-    )
+    refuses(partial(_use, device), DeviceUnavailableError, "reading or writing while closed")
     with device as entered:
         rule(entered is device, "the context manager gives the device itself")
         rule(device.info.driver == driver(options).info.driver, "info.driver does not change by opening")

@@ -82,7 +82,6 @@ def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
 
 
 def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
-    """Check one driver; return the verdict and its text."""
     from tega.config import driver_options
     from tega.runtime.checkout_tools import needs_tools
 

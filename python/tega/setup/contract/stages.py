@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tega.haptics import FINGERS, MotorLevels
 from tega.haptics.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Event, Intent, NamedValue
-from tega.setup.contract.rule import rule
+from tega.setup.contract.devices import rule
 from tega.stages.base import (
     Decoder,
     FingerSetup,

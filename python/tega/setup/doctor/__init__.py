@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from tega.setup.doctor.bench import probe_all, probe_drivers
 from tega.setup.doctor.findings import Examination, Finding, Status
-from tega.setup.doctor.lab_file import lab_settings
+from tega.setup.doctor.lab_file import lab_settings, udev_rules
 from tega.setup.doctor.settings import examine
-from tega.setup.doctor.udev import udev_rules
 
 __all__ = [
     "Examination",

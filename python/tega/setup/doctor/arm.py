@@ -1,4 +1,4 @@
-"""Check arm and forearm tracker: whether they answer, versions fit and poses come. Nothing moves."""
+"""Check arm, forearm tracker, pedals and switches: whether they answer, fit and read as untouched. Nothing moves."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import time
 from typing import Any
 
 from tega.config import ArmConfig, SessionConfig
-from tega.devices import HarmlessDevice, driver_class
+from tega.devices import HarmlessDevice, InputReading, InputSource, driver_class
 from tega.devices.arm.base import PreflightedArm
 from tega.errors import TegaError
-from tega.setup.doctor.case import DriverCase, failed
-from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.findings import DriverCase, Finding, failed
 
-_POLL_S = 1.5
-_STEP_S = 0.01
+_POLL_S, _STEP_S = 1.5, 0.01
+_LISTEN_S, _LISTEN_STEP_S = 1.0, 0.02
 
 
 def try_arm(case: DriverCase) -> list[Finding]:
@@ -24,11 +23,8 @@ def try_arm(case: DriverCase) -> list[Finding]:
     options = driver.harmless(case.options) if isinstance(driver, HarmlessDevice) else None
     if options is None:
         text = f"{case.driver} was not opened: its driver does not say how to without moving the arm"
-        return [
-            case.reported(
-                "", "warning", text, todo=("try it in tega-teleop run, with the stop within reach",)
-            )
-        ]
+        todo = ("try it in tega-teleop run, with the stop within reach",)
+        return [case.reported("", "warning", text, todo=todo)]
     arm = driver(options)
     try:
         with arm:
@@ -80,9 +76,8 @@ def try_tracker(case: DriverCase) -> list[Finding]:
     measured = {"poses_hz": len(poses) / _POLL_S, "seen_hz": seen / _POLL_S}
     if not poses:
         why = problem or "; ".join(info.notes)
-        return [
-            case.reported(info.label, "error", f"{name} opened, and gave no pose", why=why, measured=measured)
-        ]
+        text = f"{name} opened, and gave no pose"
+        return [case.reported(info.label, "error", text, why=why, measured=measured)]
     if not seen:
         text = f"{name} sends poses, and calls all of them lost"
         todo = ("hold the tracked forearm where the tracker sees it, and look again",)
@@ -129,3 +124,37 @@ def _frame(arm: ArmConfig) -> str:
     except TegaError:  # told where it is tried
         return ""
     return str(tracker.frame)
+
+
+def try_input(case: DriverCase) -> list[Finding]:
+    """Open an input device, read it for a moment, close it. A device that hangs at rest is not detected."""
+    source: Any = driver_class(case.driver, "input")(case.options)
+    try:
+        with source:
+            state = _listen(source)
+            info = source.info
+    except TegaError as error:
+        refused = isinstance(error.__cause__, OSError)
+        return [failed(case, error, device=source.info.label, status="error" if refused else None)]
+    name = f"{case.driver} {info.label}"
+    if not state.live:
+        text, why = f"{name} opened, and then had no data", "; ".join(info.notes)
+        todo = ("let it go, check its cable or battery, look again",)
+        return [case.reported(info.label, "error", text, why=why, todo=todo)]
+    doubts = [case.reported(info.label, "warning", f"{name}: {note}") for note in info.notes]
+    touched = ["the cap is pushed or turned"] if any(state.motion) else []
+    if touched := [*touched, *(f"{button} is down" for button in sorted(state.held))]:
+        why = "harmless if you touch it just now; else it would move or release something by itself"
+        text = f"{name} says that it is touched: {', '.join(touched)}"
+        todo = ("let it go and look again",)
+        return [case.reported(info.label, "warning", text, why=why, todo=todo), *doubts]
+    why = "it reports nothing at rest: move it in tega-teleop run, which shows its values"
+    return [case.reported(info.label, "ok", f"{name} is open and at rest", why=why), *doubts]
+
+
+def _listen(source: InputSource) -> InputReading:
+    """Return the state of a device after a moment, or when it is lost."""
+    until_s = time.monotonic() + _LISTEN_S
+    while (state := source.state()).live and time.monotonic() < until_s:
+        time.sleep(_LISTEN_STEP_S)
+    return state

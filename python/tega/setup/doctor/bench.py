@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Final, NamedTuple, TypeVar
 
 import msgspec
@@ -14,14 +15,10 @@ from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import Kind
 from tega.devices.fingertip.video_nodes import video_nodes
 from tega.errors import DeviceUnavailableError, MissingExtraError
-from tega.setup.doctor.arm import try_arm, try_tracker
-from tega.setup.doctor.case import DriverCase, late
-from tega.setup.doctor.emg import try_amplifier
-from tega.setup.doctor.findings import Examination, Finding
-from tega.setup.doctor.hand import try_hand
-from tega.setup.doctor.inputs import try_input
-from tega.setup.doctor.tactile import FoundCamera, crowded, try_camera
-from tega.setup.doctor.vest import try_vest
+from tega.setup.doctor.arm import try_arm, try_input, try_tracker
+from tega.setup.doctor.findings import DriverCase, Examination, Finding, Status, late
+from tega.setup.doctor.outputs import try_hand, try_vest
+from tega.setup.doctor.sensors import FoundCamera, crowded, try_amplifier, try_camera
 
 _Key = TypeVar("_Key")
 _Answer = TypeVar("_Answer")
@@ -216,20 +213,10 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
             }
             return tries[case.kind](case)
         except Exception as error:  # a driver's mistake is one finding, not the end of the examination
-            return [
-                Finding(
-                    check=case.check,
-                    status="error",
-                    finding=f"{case.driver} failed with an unexpected {type(error).__name__}: {error}",
-                    todo=("report it to the author of the driver",),
-                    driver=case.driver,
-                )
-            ]
+            text = f"{case.driver} failed with an unexpected {type(error).__name__}: {error}"
+            return [case.reported("", "error", text, todo=("report it to the author of the driver",))]
 
-    def job(case: DriverCase) -> Callable[[], list[Finding]]:
-        return lambda: attempt(case)
-
-    jobs = {n: job(case) for n, case in enumerate(cases)}
+    jobs = {n: partial(attempt, case) for n, case in enumerate(cases)}
     # Devices are opened in threads, and only the main one can see to it that SIGTERM closes them.
     closes_on_exit(_nothing)
     try:
@@ -244,25 +231,20 @@ def _nothing() -> None:
 
 
 def _seen(check: str, found: Found) -> Finding:
-    """Return the finding for a device that was seen and not opened."""
+    text = f"seen and not opened: {found.label} ({found.driver})"
+    step = "tega-teleop init writes settings with it; then tega-teleop doctor lab.toml tries it"
+    status: Status = "warning"
     if found.problem:
-        return Finding(
-            check=check,
-            status="error",
-            finding=found.problem,
-            why=found.note,
-            todo=(found.hint,) if found.hint else (),
-            driver=found.driver,
-            device=found.label,
-        )
+        status, text, step = "error", found.problem, found.hint
+    todo, device = (step,) if step else (), found.label
     return Finding(
         check=check,
-        status="warning",
-        finding=f"seen and not opened: {found.label} ({found.driver})",
+        status=status,
+        finding=text,
         why=found.note,
-        todo=("tega-teleop init writes settings with it; then tega-teleop doctor lab.toml tries it",),
+        todo=todo,
         driver=found.driver,
-        device=found.label,
+        device=device,
     )
 
 

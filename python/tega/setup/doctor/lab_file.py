@@ -1,8 +1,9 @@
-"""Write a settings file with the connected devices filled in, and comments on the other settings."""
+"""Write a settings file with the connected devices filled in and comments on the rest; read the udev rules."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,7 @@ _ARM = """
 # button = "left"
 """
 _OPTIONS: Mapping[str, str] = {
-    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n',
+    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n'
 }
 
 # What a driver cannot find out by itself, and where to start.
@@ -115,7 +116,7 @@ _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
         "silent_after_ms": (
             5000,
             "100 where it repeats itself while held; else it has to be pressed again this often",
-        ),
+        )
     },
     "allegro": {
         "side": ("right", "right or left; the other one is refused"),
@@ -159,24 +160,19 @@ def lab_settings(
         untouched = _line("baseline", str(picture or f"{finger}.png"), "picture of the untouched gel")
         text += _section(f"tactile.{finger}", sensor, untouched if picture else f"# {untouched}")
     text += _left_over(sensors[len(FINGERS) :])
-    amplifiers = _found(looked, "emg")
     kind = 'kind = "raw"                  # type of signal: raw, rectified, envelope\n'
-    text += _section("emg", amplifiers[0], kind) if amplifiers else _NO_EMG
-    text += _left_over(amplifiers[1:])
-    vests = _found(looked, "vest")
     layout = 'layout = "x40"                # paper32, x40, x16\n'
-    text += _section("vest", vests[0], layout) if vests else _NO_VEST
-    text += _left_over(vests[1:])
-    hands = _found(looked, "hand")
-    text += _section("hand", hands[0], "") if hands else _NO_HAND
-    text += _left_over(hands[1:])
-    caps = _found(looked, "input", "spacemouse")
-    text += _section("input.motion", caps[0], "") if caps else _NO_MOTION
-    text += _left_over(caps[1:])
-    pedals = _found(looked, "input", "pedal")
-    text += _section("input.dead_man", pedals[0], "") if pedals else _NO_PEDAL
+    for table, found, more, absent in (
+        ("emg", _found(looked, "emg"), kind, _NO_EMG),
+        ("vest", _found(looked, "vest"), layout, _NO_VEST),
+        ("hand", _found(looked, "hand"), "", _NO_HAND),
+        ("input.motion", _found(looked, "input", "spacemouse"), "", _NO_MOTION),
+        ("input.dead_man", _found(looked, "input", "pedal"), "", _NO_PEDAL),
+    ):
+        text += _section(table, found[0], more) if found else absent
+        text += _left_over(found[1:])
     others = [one for one in _found(looked, "input") if one.driver not in {"spacemouse", "pedal"}]
-    return text + _left_over([*pedals[1:], *others]) + _arm(arm)
+    return text + _left_over(others) + _arm(arm)
 
 
 def _arm(driver: str | dict[str, Any] | None) -> str:
@@ -201,7 +197,6 @@ def _rank(driver: str) -> int:
 
 
 def _section(table: str, found: Found, more: str) -> str:
-    """Return a table with a device filled in."""
     text = "\n" + _comment(f"{found.label}{f': {found.note}' if found.note else ''}")
     if found.problem:
         text += _comment(f"Not usable yet: {found.problem}. {found.hint}")
@@ -237,3 +232,8 @@ def _comment(text: str) -> str:
     """Return a text as comment lines; a device's own name may contain any character."""
     lines = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+def udev_rules() -> str:
+    """Return the text of the rules' file, its installation in the first lines."""
+    return files("tega.setup.doctor").joinpath("70-tega.rules").read_text(encoding="utf-8")

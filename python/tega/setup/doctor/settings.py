@@ -1,23 +1,43 @@
-"""Try exactly the devices that a settings file names."""
+"""Try exactly the devices that a settings file names, and check the calibration that a run with them would use.
+
+The calibration is checked without opening: devices are identified by the names they have while closed. Facts that only
+an open device knows, such as its true rate, are checked when a run starts.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
-from typing import Final
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
 
 import msgspec
 
 from tega.config import SessionConfig
-from tega.errors import TegaError
+from tega.config.calibration.folder import Part, device_name
+from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration, utc_now
+from tega.config.calibration.store import load_calibration, refused_law
+from tega.config.person import (
+    calibrate_command,
+    driver_settings,
+    emg_warnings,
+    live_info,
+    needed_record,
+    other_conditions,
+    touch_warnings,
+    vest_warnings,
+    whose,
+)
+from tega.devices.base import DeviceInfo
+from tega.errors import CalibrationError, TegaError
 from tega.loop.rig import names_input
 from tega.runtime.features import Feature, call_feature, call_member, having
 from tega.setup.doctor.arm import check_arm
 from tega.setup.doctor.bench import try_all
-from tega.setup.doctor.calibration import check_calibration
-from tega.setup.doctor.case import DriverCase
-from tega.setup.doctor.findings import Examination, Finding
+from tega.setup.doctor.findings import DriverCase, Examination, Finding, Status
 
+CHECK: Final = "calibration"
 DEADLINE_S: Final = 30.0
 """Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
 
@@ -25,9 +45,140 @@ DEADLINE_S: Final = 30.0
 _IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
 
 
-def examine(
-    config: SessionConfig, *, name: str, settings: str = "", deadline_s: float = DEADLINE_S
-) -> Examination:
+def _about(status: Status, text: str, command: str = "") -> Finding:
+    """Return a finding about the calibration, with the command to run."""
+    todo = (f"run this:\n{command}",) if command else ()
+    return Finding(check=CHECK, status=status, finding=text, todo=todo)
+
+
+def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Finding]:
+    """Check a person's records for the live devices of some settings, as far as possible without opening these.
+
+    First comes what is there and fresh. ``missing``: there is none; ``error``: it is not to be used; ``warning``:
+    it is, but old or with a note.
+    """
+    person, folder = whose(config.calibration)
+    fine: list[str] = []
+    found: list[Finding] = []
+
+    def check(subject: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
+        if info is None:
+            return None
+        part: Part = "touch" if wanted is TouchRecord else "emg"
+        try:
+            return needed_record(folder, person, wanted, info, subject=subject, settings=settings)
+        except CalibrationError as error:
+            there = folder.file(person, part, device_name(info)).is_file()
+            found.append(_about("error" if there else "missing", error.message, error.hint))
+            return None
+
+    def warned(subject: str, warnings: list[str]) -> None:
+        for warning in warnings:
+            text, begins, rest = warning.partition(": tega-teleop ")
+            found.append(_about("warning", text, f"tega-teleop {rest}" if begins else ""))
+        if not warnings:
+            fine.append(subject)
+
+    for finger, section in config.tactile.in_use().items():
+        if (record := check(finger, TouchRecord, live_info(section, "tactile"))) is not None:
+            warned(finger, touch_warnings(config, folder, finger, record, settings=settings, now=now))
+    emg = config.emg
+    if (record := check("EMG", EmgRecord, live_info(emg, "emg"))) is not None and emg is not None:
+        text = other_conditions(record, driver=emg.driver, kind=emg.kind, settings=driver_settings(emg))
+        if text:
+            found.append(_about("error", text, calibrate_command(settings, person, "emg")))
+        else:
+            warned("EMG", emg_warnings(record, config, settings=settings, now=now))
+    if (info := live_info(config.vest, "vest")) is not None and config.session.preset == "live":
+        try:
+            worn = folder.record(person, VestCalibration, device_name(info))
+            fit = "" if worn is None else f" ({worn.named_right} of {worn.named} places named right)"
+            warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
+        except CalibrationError as error:
+            command = calibrate_command(settings, person, "vest")
+            found.append(_about("error", f"vest: {error.message}", command))
+    if fine:
+        found.insert(0, _about("ok", f"{person}'s calibration is there and fresh: {', '.join(fine)}"))
+    return found
+
+
+def check_calibration(config: SessionConfig, *, settings: str, now: datetime | None = None) -> list[Finding]:
+    """Look at the calibration that a run with some settings would use.
+
+    Return nothing where none is needed, since no file is named and nothing is live.
+    """
+    file, person = config.calibration.file, config.calibration.person
+    if file is not None:
+        return [_of_a_file(config, file, settings)]
+    if not _live(config):
+        return []
+    if person is None:
+        return [_no_person(config, settings)]
+    return _looked_at(config, settings=settings, now=now or utc_now())
+
+
+def _live(config: SessionConfig) -> list[str]:
+    """Name the live sources, which need a calibration."""
+    found = [f for f, section in config.tactile.in_use().items() if live_info(section, "tactile") is not None]
+    return found + ["EMG"] * (live_info(config.emg, "emg") is not None)
+
+
+def _no_person(config: SessionConfig, settings: str) -> Finding:
+    folder = config.calibration.folder or Path(settings).absolute().parent / "calibrations"
+    people = sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
+    if people:
+        them = ", ".join(people[:6]) + (" …" if len(people) > 6 else "")
+        return Finding(
+            check=CHECK,
+            status="warning",
+            finding=f"no person is named, so no calibration was looked at; there are those of {them}",
+            why="a run on live devices needs one",
+            todo=(
+                f"look at one:\ntega-teleop doctor {settings} --person {people[0]}",
+                f"run with it:\ntega-teleop run {settings} --person {people[0]}",
+            ),
+        )
+    return Finding(
+        check=CHECK,
+        status="missing",
+        finding=f"there is no calibration for {', '.join(_live(config))}",
+        why="a run on live devices needs one, and does not start without",
+        todo=(f"make one (ID is the person's code, such as p01):\n{calibrate_command(settings, 'ID')}",),
+    )
+
+
+def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
+    again = f"calibrate again:\n{calibrate_command(settings, 'ID')}"
+    try:
+        calibration = load_calibration(file)
+        calibration.check_fits(
+            preset=config.session.preset, fingers=config.tactile.in_use(), emg=None, name=file.name
+        )
+    except CalibrationError as error:
+        status: Status = "error" if file.exists() else "missing"
+        todo = tuple(step for step in (error.hint, again) if step)
+        return Finding(check=CHECK, status=status, finding=error.message, todo=todo)
+    wrong = ""
+    if config.emg is not None:
+        kind = None if calibration.emg is None else calibration.emg.kind
+        if kind is None:
+            wrong = f"{file.name}: has no EMG maxima"
+        elif kind != config.emg.kind:
+            wrong = f"{file.name}: made for emg kind = {kind!r}, the settings have {config.emg.kind!r}"
+    if wrong:
+        return Finding(check=CHECK, status="error", finding=wrong, todo=(again,))
+    command = calibrate_command(settings, "ID", "touch")
+    refused = [
+        text for one in config.tactile.in_use() for text in refused_law(one, calibration.touch(one), command)
+    ]
+    if refused:
+        return _about("warning", f"{file.name}: {'; '.join(refused)}")
+    return _about(
+        "ok", f"the file {file.name} matches these settings, but names no participant, device or date"
+    )
+
+
+def examine(config: SessionConfig, *, name: str, settings: str = "") -> Examination:
     """Open every device that the settings name, read it for a moment, close it.
 
     The calibration that a run would use is checked as well. A hand's motors stay off, a vest gets zeros, and outputs
@@ -40,7 +191,7 @@ def examine(
     twice = _same_device(cases)
     # Opened twice at once, a device would only complain about that.
     left = {id(case) for case, _ in twice}
-    findings = try_all([case for case in cases if id(case) not in left], deadline_s)
+    findings = try_all([case for case in cases if id(case) not in left], DEADLINE_S)
     calibration = check_calibration(config, settings=settings or name)
     others = [finding for _, finding in twice] + check_arm(config)
     for feature in having("checks"):
@@ -64,9 +215,7 @@ def _findings(found: Iterable[Finding]) -> list[Finding]:
 
 def _no_input(config: SessionConfig) -> list[Finding]:
     """Find that `run` would refuse the settings because nothing in them gives input."""
-    if (
-        names_input(config) or config.guests
-    ):  # a feature's table may bring input, such as that of a second station
+    if names_input(config) or config.guests:  # a feature's table may bring input, such as a second station's
         return []
     return [
         Finding(
@@ -116,22 +265,15 @@ def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
             if not value:
                 continue
             # A port is a port, whoever opens it; anything else is its driver's own business.
-            users[str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"].append(
-                case
-            )
-    return [
-        (
-            case,
-            Finding(
-                check=case.check,
-                status="error",
-                finding=f"{case.check} and {sharing[0].check} name the same device: {name}",
-                why="one device cannot be two",
-                todo=("look at the numbers printed on the devices and correct the settings",),
-                driver=case.driver,
-                device=name,
-            ),
-        )
-        for name, sharing in users.items()
-        for case in sharing[1:]
-    ]
+            name = str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"
+            users[name].append(case)
+    found = []
+    why, todo = (
+        "one device cannot be two",
+        ("look at the numbers printed on the devices and correct the settings",),
+    )
+    for name, (first, *others) in users.items():
+        for case in others:
+            text = f"{case.check} and {first.check} name the same device: {name}"
+            found.append((case, case.reported(name, "error", text, why=why, todo=todo)))
+    return found

@@ -1,1 +1,1 @@
-"""Parse the command line: one verb a file; a verb's module is imported when the verb is called."""
+"""Parse the command line: a verb's module is imported when the verb is called."""

@@ -1,4 +1,4 @@
-"""Calibrate fingertips, muscles, vest and the forearm's tracker for a person: ``tega-teleop calibrate``."""
+"""Calibrate for a person, and recalibrate muscles in ten seconds: ``tega-teleop calibrate``, ``emg recalibrate``."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.options import (
+    FILE,
+    PATH,
     calibrated_person_option,
     echo_json,
     json_option,
@@ -25,30 +27,25 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: tega-teleop calibrate lab.toml --person p01 --only emg")
-@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@click.argument("settings", type=PATH, metavar="SETTINGS.toml")
 @calibrated_person_option
 @click.option(
-    "--only",
-    type=click.Choice(["tactile", "emg", "vest", "arm"]),
-    multiple=True,
+    "--only", type=click.Choice(["tactile", "emg", "vest", "arm"]), multiple=True,
     help="Only this part; repeatable.",
-)
+)  # fmt: skip
 @click.option(
-    "--hand",
-    type=click.Choice(["left", "right"]),
+    "--hand", type=click.Choice(["left", "right"]),
     help="The hand that steers, set once: forearm of the arm and columns of the vest follow it in every run.",
-)
+)  # fmt: skip
 @click.option(
-    "--refresh",
-    is_flag=True,
+    "--refresh", is_flag=True,
     help="Measure baselines and EMG again, in twenty seconds, after sensors or electrodes were put on again.",
-)
+)  # fmt: skip
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
 @click.option(
-    "--folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    "--folder", type=click.Path(path_type=Path, file_okay=False),
     help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
-)
+)  # fmt: skip
 @click.option(
     "--ceiling", type=click.IntRange(10, 100), default=60, show_default=True, metavar="PERCENT",
     help="The strongest vibration shown on the vest.",
@@ -96,13 +93,13 @@ def calibrate(
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """
     from tega.config.calibration.folder import CalibrationFolder
-    from tega.config.calibration.known_press import Ball
     from tega.config.calibration.records import utc_now
+    from tega.setup.calibration.presses import Ball
     from tega.setup.calibration.refresh import refresh as refresh_all
-    from tega.setup.calibration.times import Sitting, Times
+    from tega.setup.calibration.sitting import Sitting, Times
     from tega.setup.calibration.vest_part import VestChoices
     from tega.setup.calibration.wizard import Calibrating, parts_of
-    from tega.ui.cli.guided import guide_for
+    from tega.ui.cli.guide_page import guide_for
 
     config, kept = _settings(settings, person, folder, sets)
     if hand is not None:
@@ -139,7 +136,7 @@ def calibrate(
             work.run(parts, restart=restart)
             files = work.files
     except BaseException:
-        _close(guide)
+        guide.close()
         if work.left:
             done = ", ".join(work.done) or "nothing yet"
             guide.say(
@@ -147,7 +144,7 @@ def calibrate(
             )
         report(work.files, finished=False)
         raise
-    _close(guide)
+    guide.close()
     then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
     guide.say(f"Finished. {then}", tone="good")
     report(files, finished=True)
@@ -164,11 +161,6 @@ def _settings(
     return config, kept
 
 
-def _close(guide: Any) -> None:
-    if hasattr(guide, "close"):
-        guide.close()
-
-
 def _reported(files: list[Path]) -> list[dict[str, Any]]:
     import tomllib
 
@@ -182,3 +174,51 @@ def _reported(files: list[Path]) -> list[dict[str, Any]]:
         plain = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in tree.items()}
         reported.append({"file": str(record), "record": plain})
     return reported
+
+
+@click.command(epilog="Example: tega-teleop emg recalibrate lab.toml --person p01")
+@click.argument("settings", type=PATH, metavar="SETTINGS.toml")
+@calibrated_person_option
+@click.option("--out", type=FILE, help="The new model's file.")
+@yes_option
+@time_scale_option
+@sets_option
+@json_option
+def emg_recalibrate(
+    *,
+    settings: Path,
+    person: str,
+    out: Path | None,
+    yes: bool,
+    time_scale: float,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Fit a calibrated person's muscles to today: five seconds at rest, five with the hand closed.
+
+    For electrodes that moved, dried or were put on again. Rest and maxima of the calibration are scaled to today. If
+    the settings use a learned model, it is fitted to today too, into a new file; the old one is unchanged. Nothing is
+    written if a channel gives less than a quarter or more than four times its calibrated value, or if rest and effort
+    cannot be distinguished. With --json: {"person", "record", "model"}.
+    """
+    import json
+
+    from tega.config import load_config
+    from tega.config.calibration.folder import CalibrationFolder
+    from tega.config.calibration.records import utc_now
+    from tega.setup.calibration.refresh import HALF_S, recalibrate
+    from tega.setup.calibration.sitting import Sitting, Times
+    from tega.ui.cli.guide_page import guided
+
+    config = load_config(settings, sets=worn_by(person, sets)).config
+    home = CalibrationFolder(config.calibration.folder or settings.absolute().parent / "calibrations")
+    times = Times(rest_s=HALF_S, squeeze_s=HALF_S).scaled(time_scale)
+    with guided("TEGA recalibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
+        found = recalibrate(Sitting(config, person, home, guide, times, utc_now), out)
+    if as_json:
+        model = None if found.model is None else str(found.model)
+        echo_json({"person": person, "record": str(found.record), "model": model})
+        return
+    click.echo(f"{found.record.name}: today's rest and maxima")
+    if found.model is not None:
+        click.echo(f"use the new model: stages.decoder.options.model = {json.dumps(str(found.model))}")

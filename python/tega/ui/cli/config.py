@@ -12,7 +12,7 @@ from tega.errors import TegaError
 from tega.runtime.files.toml_text import toml_value
 from tega.runtime.number_text import number_text
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import echo_json, json_option, sets_option
+from tega.ui.cli.options import PATH, echo_json, json_option, sets_option
 
 if TYPE_CHECKING:
     from tega.config import SettingValue
@@ -27,7 +27,7 @@ def config() -> None:
 
 
 @config.command(epilog="Example: tega-teleop config show session.toml --set session.preset=paper")
-@click.argument("file", type=click.Path(path_type=Path), required=False)
+@click.argument("file", type=PATH, required=False)
 @sets_option
 @click.option("--changed", is_flag=True, help="Print only settings that differ from their default or preset.")
 @json_option
@@ -65,7 +65,7 @@ def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bo
 
 
 @config.command(epilog="Example: tega-teleop config check session.toml")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
 @sets_option
 @json_option
 def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:

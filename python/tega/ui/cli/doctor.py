@@ -9,41 +9,30 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, sets_option, worn_by
+from tega.ui.cli.options import PATH, echo_json, json_option, sets_option, with_origin, worn_by
 
 if TYPE_CHECKING:
     from tega.setup.doctor import Examination, Finding
 
 
-_COLOURS = {
-    "ok": "green",
-    "warning": "yellow",
-    "error": "red",
-    "missing": "red",
-}
+_COLOURS = {"ok": "green", "warning": "yellow", "error": "red", "missing": "red"}
 _STATUS_WIDTH = max(map(len, _COLOURS))
 _WIDTHS = (60, 110)
 
 
 @click.command(epilog="Example: tega-teleop doctor lab.toml")
-@click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
+@click.argument("config", type=PATH, metavar="[SETTINGS.toml]", required=False)
 @click.option(
-    "--person",
-    metavar="ID",
+    "--person", metavar="ID",
     help="Participant ID whose calibration is checked (default: calibration.person).",
-)
+)  # fmt: skip
 @sets_option
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."
 )
 @json_option
 def doctor(
-    *,
-    config: Path | None,
-    person: str | None,
-    sets: tuple[str, ...],
-    udev_rules: bool,
-    as_json: bool,
+    *, config: Path | None, person: str | None, sets: tuple[str, ...], udev_rules: bool, as_json: bool
 ) -> None:
     """Check the devices; print each problem with its cause and its fix.
 
@@ -57,7 +46,7 @@ def doctor(
     (ok, warning, error, missing), "finding", "why", "todo", "driver", "device", "measured".
     """
     if udev_rules:
-        from tega.setup.doctor.udev import udev_rules as rules
+        from tega.setup.doctor.lab_file import udev_rules as rules
 
         click.echo(rules(), nl=False)
         return
@@ -117,8 +106,6 @@ def reported(examination: Examination) -> list[str]:
 
 
 def _paragraph(finding: Finding, width: int) -> list[str]:
-    from tega.ui.cli.install_line import with_origin
-
     mark = click.style(
         f"{finding.status:<{_STATUS_WIDTH}}", fg=_COLOURS[finding.status], bold=finding.status != "ok"
     )

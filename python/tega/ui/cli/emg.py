@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.emg_inspect import emg_inspect
+from tega.ui.cli.calibrate import emg_recalibrate
+from tega.ui.cli.emg_files import emg_inspect, emg_score
 from tega.ui.cli.emg_logs import (
     force_log,
     kind_option,
@@ -16,10 +17,8 @@ from tega.ui.cli.emg_logs import (
     reading_options,
     target_option,
 )
-from tega.ui.cli.emg_recalibrate import emg_recalibrate
-from tega.ui.cli.emg_score import emg_score
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import NameList, PngPath, echo_json, json_option
+from tega.ui.cli.options import FILE, PATH, NameList, PngPath, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.runtime.files.tables.table import Reading
@@ -39,27 +38,19 @@ emg.add_command(emg_recalibrate, "recalibrate")
 @emg.command(
     epilog="Example: tega-teleop emg fit calibrations/people/p01/practice/20261122-150405.toml --out p01.json"
 )
-@click.argument("log", type=click.Path(path_type=Path), metavar="LOG")
-@click.option(
-    "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The model's file."
-)
+@click.argument("log", type=PATH, metavar="LOG")
+@click.option("--out", required=True, type=FILE, help="The model's file.")
 @target_option
 @kind_option("--kind", "raw")
 @reading_options
 @click.option(
-    "--model",
-    type=click.Choice(["ridge", "huber", "kernel"]),
-    default="ridge",
-    show_default=True,
+    "--model", type=click.Choice(["ridge", "huber", "kernel"]), default="ridge", show_default=True,
     help="Regression that is fitted.",
-)
+)  # fmt: skip
 @click.option(
-    "--features",
-    type=NameList(),
-    default="MAV,LOGVAR",
-    show_default=True,
+    "--features", type=NameList(), default="MAV,LOGVAR", show_default=True,
     help="Features of each block and channel.",
-)
+)  # fmt: skip
 @click.option(
     "--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block."
 )
@@ -104,17 +95,9 @@ def fit(
         names = tuple(f"ch{c}" for c in reading.channels)
     tau = max(4, round(tau_ms / 1000 * given.rate_hz))
     decoder = fit_decoder(
-        given.samples,
-        given.target,
-        rate_hz=given.rate_hz,
-        tau=tau,
-        kind=given.kind,
-        features=features,
-        model=model,
-        full=full,
-        channels=names,
-        person=person,
-    )
+        given.samples, given.target, rate_hz=given.rate_hz, tau=tau, kind=given.kind, features=features,
+        model=model, full=full, channels=names, person=person,
+    )  # fmt: skip
     decoder.save(out)
     made = decoder.model
     closure = decoder.process(given.samples)
@@ -148,38 +131,24 @@ def fit(
 @kind_option("--kind", "raw")
 @reading_options
 @click.option(
-    "--best",
-    type=click.IntRange(1, 64),
+    "--best", type=click.IntRange(1, 64),
     help="Use only so many channels: those that go best with the target in the training part.",
-)
+)  # fmt: skip
 @click.option(
-    "--decoders",
-    type=NameList(),
-    default="rules-paper,rules,proportional,learned",
-    show_default=True,
+    "--decoders", type=NameList(), default="rules-paper,rules,proportional,learned", show_default=True,
     help="Decoders to compare; learned-huber, learned-kernel and any installed one are possible, too.",
-)
+)  # fmt: skip
 @click.option("--train", help="Train on this log instead, and judge each LOG whole: across days.")
 @click.option(
-    "--shift",
-    type=click.IntRange(0, 63),
-    default=0,
+    "--shift", type=click.IntRange(0, 63), default=0,
     help="Rotate the judged part's channels by so many places and draw new gains (simulated).",
-)
+)  # fmt: skip
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed of the gains that --shift draws.")
 @click.option(
-    "--recalibrate",
-    "recalibrate_s",
-    type=click.FloatRange(0, 3600),
-    default=0.0,
-    metavar="SECONDS",
+    "--recalibrate", "recalibrate_s", type=click.FloatRange(0, 3600), default=0.0, metavar="SECONDS",
     help="Recalibrate maxima and models with the first seconds of the judged part, and judge the rest.",
-)
-@click.option(
-    "--picture",
-    type=PngPath(),
-    help="Draw target and closures into this PNG.",
-)
+)  # fmt: skip
+@click.option("--picture", type=PngPath(), help="Draw target and closures into this PNG.")
 @json_option
 def compare(
     *,
@@ -236,9 +205,9 @@ def compare(
             rows += [where | figures_of(one) for one in reported]
             drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, reported))
     if picture is not None:
-        from tega.ui.cli.emg_picture import draw
+        from tega.ui.view.figures import draw_decoders
 
-        draw(drawn, picture)
+        draw_decoders(drawn, picture)
     if as_json:
         echo_json(rows)
     else:
@@ -269,7 +238,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
 
     from rich.console import Console
 
-    from tega.ui.cli.tables import figures_table
+    from tega.ui.cli.report import figures_table
 
     console = Console(highlight=False)
     for (log, trained_on, judged_on), some in groupby(

@@ -14,7 +14,7 @@ from tega.ui.cli.options import ChannelList
 if TYPE_CHECKING:
     from tega.runtime.files.signals import Signals
     from tega.runtime.files.tables.table import Reading
-    from tega.setup.calibration.tracked import Tracked
+    from tega.setup.calibration.practice import Tracked
     from tega.stages.learned.compare import Log
 
 _ARRAYS = {".mat", ".npz", ".h5", ".hdf5", ".hdf"}
@@ -48,20 +48,21 @@ class _ReadOption(click.ParamType[dict[str, Any]]):
         return tree
 
 
-def column_options(prefix: str = "") -> tuple[Callable[[Any], Any], ...]:
-    """Return the options for rate, columns and array of a file of EMG."""
-    return (
-        click.option(
-            f"--{prefix}variable", default="emg", show_default=True, help="Array or stream of a file of several."
-        ),
-        click.option(
-            f"--{prefix}channels", type=ChannelList(), help="EMG columns, counted from 1; else those that are EMG."
-        ),
-        click.option(
-            f"--{prefix}rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True),
-            help="Samples per second; else as the file states them.",
-        ),
+def column_options(prefix: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return a decorator that adds the options for rate, columns and array of a file of EMG."""
+    array = click.option(
+        f"--{prefix}variable", default="emg", show_default=True, help="Array or stream of a file of several."
+    )
+    columns = click.option(
+        f"--{prefix}channels",
+        type=ChannelList(),
+        help="EMG columns, counted from 1; else those that are EMG.",
+    )
+    rate = click.option(
+        f"--{prefix}rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True),
+        help="Samples per second; else as the file states them.",
     )  # fmt: skip
+    return lambda function: rate(columns(array(function)))
 
 
 def kind_option(name: str, default: str | None = None) -> Callable[[Any], Any]:
@@ -91,17 +92,12 @@ def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
         tree = {"channels": channels or (), "variable": variable, "rate_hz": rate_hz, **read}
         return function(reading=msgspec.convert(tree, Reading), **others)
 
-    options = (
-        click.option(
-            "--read", type=_ReadOption(), default="rows=auto", metavar="KEY=VALUE",
-            help="Choice for files that can be read in several ways: decimal=comma or point, time=COLUMN or none, "
-            "rows=samples or channels; several with commas between.",
-        ),
-        *column_options(),
+    read_option = click.option(
+        "--read", type=_ReadOption(), default="rows=auto", metavar="KEY=VALUE",
+        help="Choice for files that can be read in several ways: decimal=comma or point, time=COLUMN or none, "
+        "rows=samples or channels; several with commas between.",
     )  # fmt: skip
-    for option in options:
-        command = option(command)
-    return command
+    return column_options()(read_option(command))
 
 
 def read_emg(file: Path, reading: Reading) -> Signals:
@@ -151,7 +147,7 @@ def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
 
 def practised_log(record: Path) -> tuple[Log, Tracked]:
     """Read a record of practice, with the EMG beside it."""
-    from tega.setup.calibration.tracked import read_tracked
+    from tega.setup.calibration.practice import read_tracked
     from tega.stages.learned.compare import Log as Given
 
     tracked = read_tracked(record)

@@ -11,7 +11,7 @@ import click
 from tega.errors import MissingExtraError, TegaError
 from tega.runtime.features import load_target, named, warn
 from tega.ui.cli.export_format import ExportFormat
-from tega.ui.cli.options import echo_json, json_option, progress_bar
+from tega.ui.cli.options import PATH, echo_json, json_option, progress_bar
 
 _TABLES = ("csv", "parquet")
 
@@ -51,17 +51,12 @@ def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> s
 @click.command(
     cls=_Export, epilog="Example: tega-teleop recording export sessions/monday --out tables --pictures"
 )
-@click.argument("session", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
+@click.argument("session", type=PATH)
+@click.option("--out", type=PATH, required=True, help="Folder: new or empty.")
 @click.option(
-    "--format",
-    "kind",
-    callback=_check_format,
-    default="csv",
-    show_default=True,
-    metavar="FORMAT",
+    "--format", "kind", callback=_check_format, default="csv", show_default=True, metavar="FORMAT",
     help="csv or parquet for tables, or a feature's format such as lerobot.",
-)
+)  # fmt: skip
 @click.option(
     "--pictures", is_flag=True, help="Write every picture, too, in a folder per finger (csv, parquet)."
 )

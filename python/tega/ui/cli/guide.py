@@ -68,8 +68,11 @@ class LineGuide:
         left = "" if left_s is None else f" {left_s:3.0f} s "
         _line(f"   {prompt}{left} " + "  ".join(f"{b.name} {_bar(b, 8)} {b.text}" for b in bars))
 
+    def close(self) -> None:
+        """Do nothing: no terminal was taken."""
 
-class TerminalGuide:
+
+class TerminalGuide(LineGuide):
     """Large prompts and live bars on a terminal's stderr.
 
     With ``yes`` nothing waits for Enter: each prompt is shown for ``get_ready_s``.
@@ -78,8 +81,7 @@ class TerminalGuide:
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
         from rich.console import Console
 
-        self._yes = yes
-        self._get_ready_s = get_ready_s
+        super().__init__(yes=yes, get_ready_s=get_ready_s)
         self._console: Console = Console(stderr=True, highlight=False)
         self._live: Live | None = None
         self._displayed: tuple[str, Sequence[Bar]] = ("", ())
@@ -164,7 +166,6 @@ class TerminalGuide:
         return Panel(Group(*rows), subtitle=below or None, border_style="cyan", padding=(0, 2))
 
     def _still(self) -> None:
-        """Stop redrawing the live line."""
         live, self._live = self._live, None
         if live is not None:
             live.stop()

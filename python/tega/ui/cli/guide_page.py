@@ -1,17 +1,19 @@
-"""Show the prompts of a practice or a test on a page in the browser: large words, live bars, buttons to go on."""
+"""Choose how a person is guided; show prompts on a page in the browser: large words, live bars, buttons to go on."""
 
 from __future__ import annotations
 
 import contextlib
 import queue
+import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from html import escape
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from tega.runtime.guide import Bar, Undecided
+from tega.runtime.guide import Bar, Guide, Undecided
 from tega.runtime.lifecycle import require
-from tega.ui.cli.guide import LineGuide
+from tega.ui.cli.guide import LineGuide, TerminalGuide
 
 if TYPE_CHECKING:
     from tega.ui.view.browser.local import LocalServer
@@ -54,7 +56,7 @@ class PageGuide(LineGuide):
         """Serve the page."""
         require("viser", driver="page", extra="view")
         from tega.ui.view.browser.local import LocalServer
-        from tega.ui.view.browser.style import STYLE
+        from tega.ui.view.browser.state_html import STYLE
 
         self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
         gui = self._server.gui
@@ -154,3 +156,27 @@ def _bar_html(bar: Bar) -> str:
         f'<div style="{place};background:{colour}"></div></div>'
         f'<span style="width:9em;text-align:left">{escape(bar.text)}</span></div>'
     )
+
+
+def guide_for(*, yes: bool, get_ready_s: float) -> LineGuide:
+    """Return the guide that fits where this runs."""
+    if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
+        return TerminalGuide(yes=yes, get_ready_s=get_ready_s)
+    return LineGuide(yes=yes, get_ready_s=get_ready_s)
+
+
+@contextmanager
+def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None = None) -> Iterator[Guide]:
+    """Guide a person on a page, or on the terminal, and give either back at the end."""
+    if view_port is not None:
+        from tega.ui.cli.page import open_page, page_address
+
+        with PageGuide(title, yes=yes, get_ready_s=get_ready_s, port=view_port, **page_address()) as page:
+            open_page(page.url)
+            yield page
+        return
+    guide = guide_for(yes=yes, get_ready_s=get_ready_s)
+    try:
+        yield guide
+    finally:
+        guide.close()

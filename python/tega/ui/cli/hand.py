@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FILE, echo_json, json_option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,17 +19,13 @@ if TYPE_CHECKING:
     from tega.devices.hand.allegro import Allegro
 
 
-_FILE = click.Path(path_type=Path, dir_okay=False)
-
-
 @click.command(epilog="Example: tega-teleop hand decode candump.log --out states.csv")
-@click.argument("log", type=_FILE)
-@click.option("--out", type=_FILE, help="CSV with a row for each complete set of joint angles.")
+@click.argument("log", type=FILE)
+@click.option("--out", type=FILE, help="CSV with a row for each complete set of joint angles.")
 @click.option(
-    "--device-id",
-    type=click.IntRange(0, 3),
+    "--device-id", type=click.IntRange(0, 3),
     help="The hand's number on its bus [default: the one that reports].",
-)
+)  # fmt: skip
 @click.option("--bus", help="Name of the bus in a log of several [default: the one with the hand].")
 @json_option
 def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | None, as_json: bool) -> None:
@@ -90,17 +86,15 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def _hand_options(function: _Function) -> _Function:
+    side = click.option(
+        "--side", type=click.Choice(["right", "left"]), default="right", help="Whether it is a right or a left hand."
+    )  # fmt: skip
     for option in (
         click.option("--emulated", is_flag=True, help="Use the emulated hand, in a process of its own."),
         click.option(
             "--device-id", type=click.IntRange(0, 3), default=0, help="The hand's number on its bus."
         ),
-        click.option(
-            "--side",
-            type=click.Choice(["right", "left"]),
-            default="right",
-            help="Whether it is a right or a left hand.",
-        ),
+        side,
         click.option("--channel", default="can0", show_default=True, help="Which bus of the adapter."),
         click.option(
             "--interface", default="socketcan", show_default=True, help="python-can's name of the adapter."
@@ -114,7 +108,6 @@ def _hand_options(function: _Function) -> _Function:
 def _opened(
     *, interface: str, channel: str, side: str, device_id: int, emulated: bool, **more: Any
 ) -> Iterator[Allegro]:
-    """Open the hand, or the emulated one."""
     from contextlib import ExitStack
 
     from tega.devices.hand.allegro import Allegro
@@ -174,7 +167,7 @@ def show(*, as_json: bool, **where: Any) -> None:
 
 
 @hand.command(epilog="Example: tega-teleop hand teach --level 3 poses.toml")
-@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("file", type=FILE)
 @click.option("--level", type=click.IntRange(1, 5), required=True, help="Which closure level to replace.")
 @click.option(
     "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long to average."
@@ -231,7 +224,7 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
     """
     import msgspec
 
-    from tega.setup.doctor.hand_timing import time_loop
+    from tega.setup.doctor.outputs import time_loop
 
     # A loop without a hand behind it is to be watched when it is late, not to be ended.
     patience: dict[str, Any] = {"silent_after_ms": 500.0, "lowest_rate_hz": 0.0} if where["emulated"] else {}

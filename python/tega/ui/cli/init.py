@@ -5,54 +5,36 @@ from __future__ import annotations
 import os
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import click
 
 from tega.errors import ConfigError, TegaError
-from tega.ui.cli.devices import could_not_look
-from tega.ui.cli.options import echo_json, json_option
-
-
-class _Moves(Protocol):
-    """Emulated device that moves by typed commands."""
-
-    def act(self, line: str) -> object:
-        """Execute a typed command."""
+from tega.ui.cli.lists import could_not_look
+from tega.ui.cli.options import FILE, echo_json, json_option
 
 
 @click.command(epilog="Example: tega-teleop init --out lab.toml")
-@click.option(
-    "--out",
-    type=click.Path(dir_okay=False, path_type=Path),
-    default=Path("lab.toml"),
-    show_default=True,
-    help="The file to write.",
-)
+@click.option("--out", type=FILE, default=Path("lab.toml"), show_default=True, help="The file to write.")
 @click.option("--force", is_flag=True, help="Overwrite the file if it is there.")
 @click.option(
-    "--emulated",
-    is_flag=True,
+    "--emulated", is_flag=True,
     help="Start emulated devices, write settings that reach them, and keep them up.",
-)
+)  # fmt: skip
 @click.option(
-    "--arm",
-    metavar="DRIVER",
+    "--arm", metavar="DRIVER",
     help="Switch the arm's table on, with this driver: franky, bench-arm, simulated-arm; else it is a comment. "
     "With --emulated an arm is led too: franky on a robot of franky-sim, bench-arm or simulated-arm.",
-)
+)  # fmt: skip
 @click.option(
-    "--stations",
-    is_flag=True,
+    "--stations", is_flag=True,
     help="With --emulated: settings for two stations, as docs/two-machines.md says.",
-)
+)  # fmt: skip
 @click.option(
-    "--play",
-    type=int,
-    metavar="SEED",
+    "--play", type=int, metavar="SEED",
     help="With --emulated: squeeze, rest and press by a script of this seed, until a move is typed.",
-)
+)  # fmt: skip
 @json_option
 def init(
     *,
@@ -160,7 +142,7 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
             if not as_json:
                 click.echo(f"Type here what muscles and fingertips do: {MOVES}")
             threading.Thread(
-                target=_act_as_typed, args=(bench.moves,), name="tega-typed", daemon=True
+                target=_act_as_typed, args=(bench.moves.act,), name="tega-typed", daemon=True
             ).start()
         begin_s = time.monotonic()
         while not stop():
@@ -169,13 +151,13 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
             time.sleep(0.1)
 
 
-def _act_as_typed(moves: _Moves) -> None:
+def _act_as_typed(act: Callable[[str], object]) -> None:
     """Move the emulated devices by lines of the standard input, until that ends."""
     for line in sys.stdin:
         if not line.strip():
             continue
         try:
-            moves.act(line.strip())
+            act(line.strip())
         except TegaError as error:
             click.echo(f"error: {error}", err=True)
 

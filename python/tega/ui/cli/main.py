@@ -21,51 +21,53 @@ EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
 
 
 # The summaries stand here so that `--help` imports no verb.
+_BY_GROUP = {
+    "Start": {
+        "run": ("tega.ui.cli.run:run", "Run a session on the devices of a settings file."),
+        "replay": ("tega.ui.cli.replay:replay", "Run the loop on pictures and EMG from files; write tables."),
+        "verify": ("tega.ui.cli.verify:verify", "Re-run a recording and check that the output is identical."),
+        "play": ("tega.ui.cli.play:play", "Play a recording on the vest and the hand."),
+    },
+    "Prepare": {
+        "init": ("tega.ui.cli.init:init", "Write a settings file for the devices that are plugged in."),
+        "doctor": ("tega.ui.cli.doctor:doctor", "Check the devices; print each problem with its fix."),
+        "calibrate": (
+            "tega.ui.cli.calibrate:calibrate",
+            "Calibrate fingertips, muscles and vest for a person.",
+        ),
+        "stages": ("tega.ui.cli.lists:stages", "List metrics, decoders, mappings and layouts."),
+        "devices": ("tega.ui.cli.lists:devices", "List the drivers, and the devices that they see."),
+    },
+    "Examine": {
+        "audit": (
+            "tega_figures.audit.command:audit",
+            "Compare readings of the contact equations on a recording.",
+        ),
+        "bench": ("tega_figures.bench.command:bench", "Measure the run time and error of each kernel."),
+        "soak": (
+            "tega_campaigns.soak.command:soak",
+            "Run all emulated devices for long, with random faults.",
+        ),
+    },
+    "Groups": {
+        "recording": ("tega.ui.cli.recording:recording", "Inspect, export, trim and merge recordings."),
+        "emg": ("tega.ui.cli.emg:emg", "Fit a decoder to a person; compare and score decoders."),
+        "vest": (
+            "tega.ui.cli.vest:vest",
+            "Switch motors on one at a time; measure how long they take to start.",
+        ),
+        "hand": ("tega.ui.cli.hand:hand", "Check the robot hand, teach its closure poses, time its loop."),
+        "arm": (
+            "tega.ui.cli.arm:arm",
+            "Check a Franka robot; align the forearm's tracker with the operator.",
+        ),
+        "config": ("tega.ui.cli.config:config", "Show or check a settings file."),
+    },
+}
 _VERBS = {
-    "run": Verb("tega.ui.cli.run:run", "Run a session on the devices of a settings file.", "Start"),
-    "replay": Verb(
-        "tega.ui.cli.replay:replay", "Run the loop on pictures and EMG from files; write tables.", "Start"
-    ),
-    "verify": Verb(
-        "tega.ui.cli.verify:verify", "Re-run a recording and check that the output is identical.", "Start"
-    ),
-    "play": Verb("tega.ui.cli.play:play", "Play a recording on the vest and the hand.", "Start"),
-    "init": Verb(
-        "tega.ui.cli.init:init", "Write a settings file for the devices that are plugged in.", "Prepare"
-    ),
-    "doctor": Verb(
-        "tega.ui.cli.doctor:doctor", "Check the devices; print each problem with its fix.", "Prepare"
-    ),
-    "calibrate": Verb(
-        "tega.ui.cli.calibrate:calibrate", "Calibrate fingertips, muscles and vest for a person.", "Prepare"
-    ),
-    "stages": Verb("tega.ui.cli.stages:stages", "List metrics, decoders, mappings and layouts.", "Prepare"),
-    "devices": Verb(
-        "tega.ui.cli.devices:devices", "List the drivers, and the devices that they see.", "Prepare"
-    ),
-    "audit": Verb(
-        "tega_figures.audit.command:audit",
-        "Compare readings of the contact equations on a recording.",
-        "Examine",
-    ),
-    "bench": Verb(
-        "tega_figures.bench.command:bench", "Measure the run time and error of each kernel.", "Examine"
-    ),
-    "soak": Verb(
-        "tega_campaigns.soak.command:soak",
-        "Run all emulated devices for long, with random faults.",
-        "Examine",
-    ),
-    "recording": Verb("tega.ui.cli.recording:recording", "Inspect, export, trim and merge recordings."),
-    "emg": Verb("tega.ui.cli.emg:emg", "Fit a decoder to a person; compare and score decoders."),
-    "vest": Verb(
-        "tega.ui.cli.vest:vest", "Switch motors on one at a time; measure how long they take to start."
-    ),
-    "hand": Verb("tega.ui.cli.hand:hand", "Check the robot hand, teach its closure poses, time its loop."),
-    "arm": Verb(
-        "tega.ui.cli.arm:arm", "Check a Franka robot; align the forearm's tracker with the operator."
-    ),
-    "config": Verb("tega.ui.cli.config:config", "Show or check a settings file."),
+    name: Verb(target, summary, group)
+    for group, verbs in _BY_GROUP.items()
+    for name, (target, summary) in verbs.items()
 }
 
 # What a verb was called before: it runs, and says what it is called now.
@@ -79,8 +81,6 @@ _EARLIER = {
     "identify": "vest identify",
     "forward": "arm forward",
 }
-
-
 _GROUPS = ("Start", "Prepare", "Examine", "Two machines", "Groups")
 
 
@@ -148,11 +148,9 @@ Type one of these first:
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --out pressed",
 )
 @click.option(
-    "--debug",
-    is_flag=True,
-    expose_value=False,
+    "--debug", is_flag=True, expose_value=False,
     help="Show where in the program an error arose; with any verb.",
-)
+)  # fmt: skip
 @click.option(
     "--version", is_flag=True, callback=_version, expose_value=False, is_eager=True, help="Show the version."
 )
@@ -189,15 +187,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("stopped", err=True)
         sys.exit(EXIT_STOPPED)
-    except MissingToolError as error:
-        _notify(error.message, error.hint, debug=debug)
-        sys.exit(EXIT_USAGE)
-    except DeviceUnavailableError as error:
-        _notify(error.message, error.hint, debug=debug)
-        sys.exit(EXIT_DEVICE)
     except TegaError as error:
         _notify(error.message, error.hint, debug=debug)
-        sys.exit(EXIT_FAILED)
+        if isinstance(error, MissingToolError):
+            sys.exit(EXIT_USAGE)
+        sys.exit(EXIT_DEVICE if isinstance(error, DeviceUnavailableError) else EXIT_FAILED)
     except BrokenPipeError:
         # The reader of our output went away; nothing of ours is wrong, and nothing can be told to it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -237,6 +231,6 @@ def _notify(message: str, hint: str, *, debug: bool) -> None:
         traceback.print_exc()
     click.echo(f"error: {message}", err=True)
     if hint:
-        from tega.ui.cli.install_line import with_origin
+        from tega.ui.cli.options import with_origin
 
         click.echo(f"hint: {with_origin(hint)}", err=True)

@@ -1,20 +1,26 @@
-"""Define the options and habits that verbs share: --json, Ctrl-C, progress."""
+"""Define the options and habits that verbs share: --json, Ctrl-C, progress, the pip line that works here."""
 
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
+from urllib.parse import urlsplit
 
 import click
 
 from tega.safety.stop import Stop as AnyStop
 
 _NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
+
+PATH: Final = click.Path(path_type=Path)
+FILE: Final = click.Path(path_type=Path, dir_okay=False)
 
 
 class ChannelList(click.ParamType[list[int]]):
@@ -160,3 +166,22 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
         yield show
         if displayed and displayed[0][1]:
             bar.update(task, completed=displayed[0][1], refresh=True)
+
+
+def with_origin(text: str, installed: Distribution | None = None) -> str:
+    """Put the place that TEGA was installed from into ``pip install 'tega[…]'`` and ``pip install './tools/…'``."""
+    if "pip install 'tega[" not in text and "'./tools/" not in text:
+        return text
+    try:
+        message = (installed or distribution("tega")).read_text("direct_url.json")
+        address = urlsplit(json.loads(message or "{}").get("url", ""))
+    except (PackageNotFoundError, ValueError):
+        return text
+    if address.scheme != "file":
+        return text
+    from urllib.request import url2pathname
+
+    place = url2pathname(address.path)
+    if Path(place, "tools").is_dir():
+        text = text.replace("'./tools/", f"'{place}/tools/")
+    return re.sub(r"pip install 'tega(\[[^']*)'", lambda m: f"pip install '{place}{m[1]}'", text)

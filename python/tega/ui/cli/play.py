@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, sets_option, stop_keys, worn_by
+from tega.ui.cli.options import FILE, PATH, echo_json, json_option, sets_option, stop_keys, worn_by
 from tega.ui.cli.page import run_viewed, view_options
 
 
@@ -26,33 +26,30 @@ class _Speed(click.ParamType[float | None]):
 
 
 @click.command(epilog="Example: tega-teleop play sessions/monday/trial-002.mcap --to lab.toml --speed 0.5")
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 @click.option(
-    "--to", type=click.Path(path_type=Path), metavar="LAB.toml",
+    "--to", type=PATH, metavar="LAB.toml",
     help="Settings file with the vest and hand to play on (default: draw the vest in the terminal).",
 )  # fmt: skip
 @click.option(
-    "--person",
-    metavar="ID",
+    "--person", metavar="ID",
     help="Person who wears the vest; playback stays within the rest of that person's daily vibration.",
-)
+)  # fmt: skip
 @sets_option
 @click.option(
     "--speed", type=_Speed(), default="1", show_default=True,
     help="Multiple of the recorded speed, 0.05 to 20, or 'max': as fast as possible; not allowed with real devices.",
 )  # fmt: skip
 @click.option(
-    "--because",
-    default="",
-    metavar="REASON",
+    "--because", default="", metavar="REASON",
     help="Reason for playing faster than recorded on real devices (required, logged).",
-)
+)  # fmt: skip
 @click.option(
     "--from", "from_s", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="SECONDS",
     help="Where in the recording to begin; with --view a slider goes anywhere.",
 )  # fmt: skip
 @click.option(
-    "--beside", "--scene", "others", type=click.Path(path_type=Path, dir_okay=False), multiple=True, metavar="FILE",
+    "--beside", "--scene", "others", type=FILE, multiple=True, metavar="FILE",
     help="File of the same time, such as a scene recording, shown with --view; repeatable.",
 )  # fmt: skip
 @click.option(
@@ -98,7 +95,7 @@ def play(
     from tega.records.bus import Bus
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.report import print_summary
-    from tega.ui.cli.run_view import stage
+    from tega.ui.cli.run import stage
 
     if others and not view:
         raise click.UsageError("--beside is shown on the page, so it needs --view")

@@ -1,4 +1,4 @@
-"""Group the verbs on recordings: ``tega-teleop recording``."""
+"""Group the verbs on recordings, and print what is in one: ``tega-teleop recording``."""
 
 from __future__ import annotations
 
@@ -9,33 +9,104 @@ import click
 
 from tega.ui.cli.export import export
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.inspect import inspect
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FILE, PATH, echo_json, json_option
 
 if TYPE_CHECKING:
+    from tega.recording.inspection import Inspection
     from tega.runtime.files.annotations import CodedEvent
+
+
+@click.command(epilog="Example: tega-teleop recording inspect sessions/monday")
+@click.argument("session", type=PATH)
+@json_option
+def inspect(*, session: Path, as_json: bool) -> None:
+    """Print the contents of a recording: streams, true rates, gaps, losses, latency, markers, versions.
+
+    SESSION is a file, or the folder of a session with all its files. An unfinished file is finished first. With
+    --json: a list of objects, one per file.
+    """
+    import msgspec
+
+    from tega.recording.inspection import inspect_file
+    from tega.recording.mcap_folder import session_files
+
+    found = [inspect_file(path) for path in session_files(session)]
+    if as_json:
+        echo_json(msgspec.to_builtins(found))
+        return
+    for inspection in found:
+        _show(inspection)
+
+
+def _show(found: Inspection) -> None:
+    from datetime import UTC, datetime
+
+    from tega.config.motor_onset import STAGE
+    from tega.ui.cli.report import figures_table, wide_console
+
+    console = wide_console()
+    started = datetime.fromtimestamp(found.start / 1e9, UTC)
+    state = "complete" if found.complete else "not finished by its run, read as far as it goes"
+    console.print(f"[bold]{found.file}[/]  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}")
+    kind = "lossless" if found.lossless else "pictures as JPEG"
+    console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
+    for step in found.origin:
+        subject = f"{step['session']}/{step['file']}"
+        if step["from_ns"] != "0" or step["to_ns"]:
+            end = f"{int(step['to_ns']) / 1e9:g} s" if step["to_ns"] else "its end"
+            subject += f", {int(step['from_ns']) / 1e9:g} s to {end}"
+        console.print(f"  made by {step['made_by']} from {subject}", markup=False)
+    for source in (*(f"{name}: {label}" for name, label in found.sources.items()), *found.absent):
+        console.print(f"  {source}", markup=False)
+    figures = ["messages", "rate Hz", "usual ms", "longest", "gaps", "missing", "dropped", "MiB"]
+    table = figures_table(["stream"], figures, box=None)
+    for s in found.streams:
+        table.add_row(
+            s.topic,
+            str(s.messages),
+            *(_number(value, 2) for value in (s.rate_hz, s.median_ms, s.longest_ms)),
+            _number(s.gaps, 0),
+            *(str(count) if count else "-" for count in (s.missing, s.dropped)),
+            f"{s.mib:.2f}",
+        )
+    console.print(table)
+    if found.latency:
+        table = figures_table(["latency"], ["n", "p50 ms", "p95 ms", "p99 ms", "worst ms"], box=None)
+        for stage in found.latency:
+            times_ms = (stage.p50_ms, stage.p95_ms, stage.p99_ms, stage.worst_ms)
+            table.add_row(stage.stage, str(stage.n), *(_number(time_ms, 2) for time_ms in times_ms))
+        console.print(table)
+        stages = [stage.stage for stage in found.latency]
+        if "camera to vest: whole" in stages and not any(stage.startswith(STAGE) for stage in stages):
+            console.print(
+                f"  {STAGE}: not measured when this was recorded; the latency ends at the vest's transport"
+            )
+    for title, lines in (("markers", found.markers), ("states", found.states), ("log", found.log)):
+        if lines:
+            console.print(f"  {title}:")
+        for line in lines:
+            console.print(f"    {line.t_s:9.3f} s  {line.text}", markup=False)
+    console.print(f"  settings {found.config_sha256[:16]}")
+    console.print("  " + ", ".join(f"{name} {version}" for name, version in found.versions.items()))
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 @click.command(
     epilog="Example: tega-teleop recording trim sessions/monday --from 12 --to 30 --out sessions/monday-lift"
 )
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 @click.option(
-    "--from",
-    "from_s",
-    type=click.FloatRange(min=0),
-    default=0.0,
+    "--from", "from_s", type=click.FloatRange(min=0), default=0.0,
     help="Start of the part, seconds since the recording's start.",
-)
+)  # fmt: skip
 @click.option(
-    "--to",
-    "to_s",
-    type=click.FloatRange(min=0),
+    "--to", "to_s", type=click.FloatRange(min=0),
     help="End of the part, seconds since the recording's start; else the recording's end.",
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="Folder: new or empty; SESSION-FROM-TO if left out."
-)
+)  # fmt: skip
+@click.option("--out", type=PATH, help="Folder: new or empty; SESSION-FROM-TO if left out.")
 @click.option(
     "--no-lead-in", is_flag=True, help="Leave out what came before; the part then cannot be computed again."
 )
@@ -66,8 +137,8 @@ def trim(
 @click.command(
     epilog="Example: tega-teleop recording merge sessions/monday sessions/tuesday --out sessions/both"
 )
-@click.argument("sessions", type=click.Path(path_type=Path), nargs=-1, required=True)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
+@click.argument("sessions", type=PATH, nargs=-1, required=True)
+@click.option("--out", type=PATH, required=True, help="Folder: new or empty.")
 @json_option
 def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """Copy the recordings of several sessions into a new one, in order of time.
@@ -85,26 +156,21 @@ def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
         click.echo(path)
 
 
-_FILE = click.Path(path_type=Path, dir_okay=False)
-
-
 @click.command(
     epilog="Example: tega-teleop recording annotate trial-001.mcap --import coded.boris --rater r1"
 )
-@click.argument("recording", type=_FILE)
+@click.argument("recording", type=FILE)
 @click.option(
-    "--import", "taken", type=_FILE, metavar="FILE",
+    "--import", "taken", type=FILE, metavar="FILE",
     help="Events to import: a BORIS project, its tabular or aggregated events, or an ELAN file.",
 )  # fmt: skip
 @click.option("--rater", metavar="ID", help="With --import: code of the rater of these events.")
-@click.option("--boris", type=_FILE, metavar="OUT.boris", help="BORIS project to write.")
-@click.option("--elan", type=_FILE, metavar="OUT.eaf", help="ELAN file to write.")
+@click.option("--boris", type=FILE, metavar="OUT.boris", help="BORIS project to write.")
+@click.option("--elan", type=FILE, metavar="OUT.eaf", help="ELAN file to write.")
 @click.option(
-    "--video",
-    default="",
-    metavar="NAME",
+    "--video", default="", metavar="NAME",
     help="Name of a video of the recording beside the written file, as scene export makes one.",
-)
+)  # fmt: skip
 @json_option
 def annotate(
     *,

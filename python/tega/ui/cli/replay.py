@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
 from tega.ui.cli.emg_logs import column_options, kind_option
-from tega.ui.cli.options import PngPath, json_option, progress_bar
+from tega.ui.cli.options import PATH, PngPath, json_option, progress_bar
 from tega.ui.cli.page import run_viewed, view_options
 
 
@@ -31,24 +30,16 @@ class _Named(click.ParamType[tuple[str, str]]):
         return name, text
 
 
-def _columns(function: Callable[..., Any]) -> Callable[..., Any]:
-    for option in column_options("emg-"):
-        function = option(function)
-    return function
-
-
 @click.command(
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --emg squeeze.csv --emg-rate-hz 1000 "
     "--emg-kind raw --emg-channels 1,2,3 --preset live --out pressed"
 )
-@click.argument("session", type=click.Path(path_type=Path), required=False, metavar="")
-@click.option("--config", type=click.Path(path_type=Path), hidden=True)
+@click.argument("session", type=PATH, required=False, metavar="")
+@click.option("--config", type=PATH, hidden=True)
 @click.option(
-    "--tactile",
-    type=_Named("path"),
-    multiple=True,
+    "--tactile", type=_Named("path"), multiple=True,
     help="Recording of a finger: a folder of pictures, a video, an .npy or .npz stack, or a ROS 2 bag.",
-)
+)  # fmt: skip
 @click.option(
     "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True),
     help="Pictures per second of folders and stacks [default: times in their names or files, else 60].",
@@ -58,43 +49,33 @@ def _columns(function: Callable[..., Any]) -> Callable[..., Any]:
     help="Topic of a finger's pictures, or of EMG (emg=/TOPIC), in a ROS 2 bag; by default the only one that fits.",
 )  # fmt: skip
 @click.option(
-    "--baseline",
-    type=_Named("path"),
-    multiple=True,
+    "--baseline", type=_Named("path"), multiple=True,
     help="Picture of a finger's untouched gel; else estimated.",
-)
+)  # fmt: skip
 @click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
-@click.option(
-    "--emg",
-    type=click.Path(path_type=Path),
-    help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others.",
-)
+@click.option("--emg", type=PATH, help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others.")
 @kind_option("--emg-kind")
-@_columns
+@column_options("emg-")
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
     help="Readings of the equations: paper (as printed) or live (meant for people).",
 )  # fmt: skip
 @click.option(
-    "--calibration",
-    type=click.Path(path_type=Path),
-    help="File with the maxima; else they are taken from the recording itself.",
+    "--calibration", type=PATH, help="File with the maxima; else they are taken from the recording itself."
 )
 @click.option(
-    "--out",
-    type=click.Path(path_type=Path),
+    "--out", type=PATH,
     help="Folder for the tables: new, empty, or an earlier run's, whose results are then kept below it.",
-)
+)  # fmt: skip
 @click.option(
     "--set", "sets", multiple=True, metavar="KEY=VALUE",
     help="Override a setting, such as stages.metric.options.outline=contact; repeatable.",
 )  # fmt: skip
 @click.option(
-    "--picture",
-    type=PngPath(),
+    "--picture", type=PngPath(),
     help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time; else picture.png "
     "in the folder --out.",
-)
+)  # fmt: skip
 @view_options
 @json_option
 def replay(
@@ -123,8 +104,7 @@ def replay(
     from tega.records.bus import Bus
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
-    from tega.ui.cli.findings import Findings
-    from tega.ui.cli.report import echo_summary
+    from tega.ui.cli.report import Findings, echo_summary
     from tega.ui.cli.verify import check_flags, replay_session
 
     if session is not None:
@@ -197,7 +177,6 @@ def _is_bag(path: Path) -> bool:
 
 
 def _emg_table(path: Path, flags: dict[str, Any], topic: str) -> dict[str, Any]:
-    """Return the settings of EMG, by the kind of file."""
     bag = _is_bag(path)
     if flags["emg_kind"] is None:
         raise click.UsageError("--emg needs --emg-kind")
@@ -209,7 +188,6 @@ def _emg_table(path: Path, flags: dict[str, Any], topic: str) -> dict[str, Any]:
 
 
 def _finger_table(path: Path, flags: dict[str, Any], topic: str, exclude: list[Path]) -> dict[str, Any]:
-    """Return the settings of a finger's source, by the kind of file."""
     options: dict[str, Any] = {"file": path}
     if _is_bag(path):
         return {"driver": "ros2-pictures", "options": options | {"topic": topic}}

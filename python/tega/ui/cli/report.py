@@ -1,16 +1,21 @@
-"""Print the summary of a run, for people."""
+"""Print the summary of a run and the findings of a replay, for people."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from tega.runtime.number_text import number_text
-from tega.ui.cli.options import echo_json
+from tega.ui.cli.options import echo_json, with_origin
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+    from tega.records.bus import Bus
 
 
 def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
@@ -61,8 +66,6 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     """Print a summary of ``run_session``, with ``wall_s`` and ``real_time_factor``, which are in no file."""
     from rich.console import Console
 
-    from tega.ui.cli.tables import figures_table
-
     out = Console(highlight=False)
     if summary["tactile"]:
         table = figures_table(["finger", "source"], ["frames", "Hz", "CCI max", "EDA max"], "touch")
@@ -112,7 +115,6 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
 
 
 def _recorded(recording: dict[str, Any]) -> str:
-    """Report the result of a recording."""
     n_dropped = sum(recording["dropped"].values())
     lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
     text = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
@@ -122,7 +124,6 @@ def _recorded(recording: dict[str, Any]) -> str:
 
 
 def _print_safety(out: Console, summary: dict[str, Any]) -> None:
-    from tega.ui.cli.tables import figures_table
 
     changes = summary["safety"]["changes"]
     # A run that was active from the first moment to its end has nothing to tell.
@@ -147,8 +148,6 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
 
 def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
     """Make a table of every path's stages; fewer than 100 samples have no percentiles."""
-    from tega.ui.cli.tables import figures_table
-
     titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms", "motion": "muscle to joint, ms"}
     for path, stages in latency_ms.items():
         table = figures_table(["stage"], ["n", "p50", "p95", "p99", "worst"], titles[path])
@@ -162,3 +161,61 @@ def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
 
 def _short(value: float | None) -> str:
     return "none" if value is None else number_text(value)
+
+
+class Findings:
+    """Follows the replay of a recording on its bus, and reports its findings afterwards.
+
+    ``picture`` is the PNG to draw; ``None`` for words alone. If it is ``required`` and matplotlib is not
+    installed, ``MissingExtraError`` is raised before the run; else a note at the end reports that.
+    """
+
+    def __init__(self, bus: Bus, picture: Path | None, *, required: bool) -> None:
+        from tega.errors import MissingExtraError
+        from tega.ui.view.course import RunCourse, SessionPicture
+
+        self._course, self._path = RunCourse(bus), picture
+        self._picture: SessionPicture | None = None
+        self._note = ""
+        if picture is not None:
+            try:
+                self._picture = SessionPicture(bus, self._course)
+            except MissingExtraError as error:
+                if required:
+                    raise
+                self._note = f"no picture: {error}"
+
+    def notify(self, title: str, *, pose_base: int, words: bool) -> None:
+        """Draw the picture and print the words; the most open level is number ``pose_base``, 0 or 1.
+
+        A failed drawing is reported on stderr, without ``words`` as well.
+        """
+        if words:
+            for sentence in self._course.words(pose_base=pose_base):
+                click.echo(f"  {sentence}")
+        if self._picture is not None and self._path is not None:
+            self._picture.write(self._path, title, pose_base=pose_base)
+            if words:
+                click.echo(f"  picture: {self._path}")
+        if self._note:
+            click.echo(with_origin(self._note), err=True)
+
+
+def figures_table(left: Sequence[str], right: Sequence[str], title: str = "", **layout: Any) -> Table:
+    """Return an empty table: columns of words, then columns of figures."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(title=title or None, title_justify="left", **({"box": SIMPLE} | layout))
+    for place, name in enumerate(left):
+        table.add_column(name, no_wrap=place == 0)
+    for name in right:
+        table.add_column(name, justify="right")
+    return table
+
+
+def wide_console() -> Console:
+    """Return a console that breaks no line of a table where the output is no terminal."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=None if Console().is_terminal else 160)

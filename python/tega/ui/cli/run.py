@@ -1,8 +1,10 @@
-"""Run a session from its settings: ``tega-teleop run``."""
+"""Run a session from its settings, shown on the terminal: ``tega-teleop run``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -10,17 +12,91 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tega.runtime.features import call_feature, load_target, named
-from tega.ui.cli.options import json_option, sets_option, stop_keys, worn_by
+from tega.ui.cli.options import PATH, json_option, progress_bar, sets_option, stop_keys, worn_by
 from tega.ui.cli.page import open_page, run_viewed, view_options
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
+    from tega.loop.prepare import Progress
+    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
 
 
-def stream_names() -> list[str]:
-    """Return the names of all streams."""
-    return sorted(named("streams"))
+class TerminalDisplay:
+    """Draws the newest moment in a thread of its own: drawing takes longer than a tick of the hand."""
+
+    def __init__(self, title: str) -> None:
+        from tega.records.bus import Backlog
+        from tega.ui.view.terminal import TerminalView
+
+        self._view = TerminalView(title)
+        self._newest: tuple[LoopView, Mapping[str, str], float] | None = None
+        self._waiting = Backlog("view", most=1, newest=True, idle=self._draw)
+
+    def opened(self, url: str) -> None:
+        """Print the page's address, and keep it in sight in the frame."""
+        open_page(url)
+        self._view.address = url
+
+    def watch(self, bus: Bus) -> None:
+        """Show the moments of a run from now on."""
+        from tega.loop.snapshot import Snapshot  # not before a run opens its devices
+        from tega.records.display import DisplayRows
+
+        rows = DisplayRows(bus, "terminal")
+
+        def take(snapshot: Snapshot) -> None:
+            self._take((snapshot.view, rows()))
+
+        bus.subscribe(Snapshot, take, name="display", backlog=self._waiting)
+
+    def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
+        """Show a view of the loop and further lines of text, by name; returns at once."""
+        self._waiting.put(TerminalDisplay._take, self, (view, rows))
+
+    def open(self) -> None:
+        """Take the screen."""
+        self._view.__enter__()
+        self._waiting.start()
+
+    def close(self) -> None:
+        """Give the screen back."""
+        self._waiting.close()
+        self._view.__exit__(None, None, None)
+
+    def _take(self, given: tuple[LoopView, Mapping[str, str]]) -> None:
+        self._newest = (*given, time.monotonic() - self._waiting.waited_s)
+        self._draw()
+
+    def _draw(self) -> None:
+        """Draw the newest moment and its age, as often as a screen is worth."""
+        if self._newest is not None:
+            view, rows, came_s = self._newest
+            self._view(view, rows, age_s=time.monotonic() - came_s)
+
+
+@contextmanager
+def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisplay | None]]:
+    """Show preparation and run on a terminal's stderr.
+
+    Yield the ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.
+    """
+    if not enabled or not sys.stderr.isatty():
+        yield lambda _subject, _done, _total: None, None
+        return
+    display = TerminalDisplay(title)
+    with ExitStack() as ending, ExitStack() as stack:
+        bar = stack.enter_context(progress_bar())
+
+        def progress(subject: str, done: int, total: int) -> None:
+            if subject == "running":
+                stack.close()
+                display.open()
+                ending.callback(display.close)
+            else:
+                bar(subject, done, total)
+
+        yield progress, display
 
 
 @contextmanager
@@ -40,36 +116,25 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 def run_options(function: _Function) -> _Function:
     """Add the settings file and everything that a run can be asked."""
-    for option in (
-        json_option,
-        view_options,
-        click.option(
-            "--stream",
-            "streams",
-            type=click.Choice(stream_names()),
-            multiple=True,
-            help="Stream the run live to that program, on this machine; repeatable.",
-        ),
-        click.option(
-            "--wait-for-go",
-            is_flag=True,
-            help="With --view: wait for the Go button on the page. Until then, click a motor to test it.",
-        ),
-        click.option(
-            "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
-        ),
-        click.option(
-            "--record",
-            type=click.Path(path_type=Path),
-            metavar="DIR",
-            help="Record into this session's folder (recording.dir).",
-        ),
-        sets_option,
-        click.option(
-            "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
-        ),
-        click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml"),
-    ):
+    config = click.argument("config", type=PATH, metavar="CONFIG.toml")
+    person = click.option(
+        "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
+    )
+    record = click.option(
+        "--record", type=PATH, metavar="DIR", help="Record into this session's folder (recording.dir)."
+    )
+    lossless = click.option(
+        "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
+    )
+    wait = click.option(
+        "--wait-for-go", is_flag=True,
+        help="With --view: wait for the Go button on the page. Until then, click a motor to test it.",
+    )  # fmt: skip
+    streams = click.option(
+        "--stream", "streams", type=click.Choice(sorted(named("streams"))), multiple=True,
+        help="Stream the run live to that program, on this machine; repeatable.",
+    )  # fmt: skip
+    for option in (json_option, view_options, streams, wait, lossless, record, sets_option, person, config):
         function = option(function)
     return function
 
@@ -120,7 +185,6 @@ def run_settings(
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.report import echo_summary
-    from tega.ui.cli.run_view import stage
 
     if wait_for_go and not view:
         raise click.UsageError("--wait-for-go is for --view, whose page has the button")
@@ -153,17 +217,11 @@ def run_settings(
         if display is not None:
             display.watch(bus)
         if view:
+            opened = open_page if display is None else display.opened
             summary = run_viewed(
-                settings,
-                title=f"TEGA · {config.name}",
-                port=view_port,
-                progress=progress,
-                stop=stop,
-                settings=name,
-                bus=bus,
-                wait=wait_for_go,
-                opened=open_page if display is None else display.opened,
-            )
+                settings, title=f"TEGA · {config.name}", port=view_port, progress=progress, stop=stop,
+                settings=name, bus=bus, wait=wait_for_go, opened=opened,
+            )  # fmt: skip
         else:
             summary = run_session(
                 settings, progress=progress, controls=Controls(stop=stop), settings=name, bus=bus

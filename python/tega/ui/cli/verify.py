@@ -9,24 +9,23 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from tega.ui.cli.options import PngPath, echo_json, json_option, progress_bar
+from tega.ui.cli.options import PATH, PngPath, echo_json, json_option, progress_bar
 
 if TYPE_CHECKING:
     from tega.recording.replay import Replay
 
 
 @click.command(epilog="Example: tega-teleop verify sessions/monday")
-@click.argument("session", type=click.Path(path_type=Path))
-@click.option("--config", type=click.Path(path_type=Path), help="Run it through these settings instead.")
+@click.argument("session", type=PATH)
+@click.option("--config", type=PATH, help="Run it through these settings instead.")
 @click.option(
     "--set", "sets", multiple=True, metavar="KEY=VALUE",
     help="Run it with another setting, such as stages.metric.options.outline=contact; repeatable.",
 )  # fmt: skip
 @click.option(
-    "--picture",
-    type=PngPath(),
+    "--picture", type=PngPath(),
     help="PNG file for a figure of the recording: firmest contacts, then touch, level, fingers and vest over time.",
-)
+)  # fmt: skip
 @json_option
 def verify(
     *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool
@@ -62,7 +61,7 @@ def replay_session(
     from tega.recording.mcap_folder import session_files
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
-    from tega.ui.cli.findings import Findings
+    from tega.ui.cli.report import Findings
 
     replays, files = [], session_files(session)
     for path in files:
@@ -83,7 +82,7 @@ def replay_session(
 
 
 def _show(replay: Replay) -> None:
-    from tega.ui.cli.tables import wide_console
+    from tega.ui.cli.report import wide_console
 
     console = wide_console()
     console.print(

@@ -8,11 +8,11 @@ import click
 
 from tega.errors import ConfigError
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import sets_option, worn_by
+from tega.ui.cli.options import PATH, sets_option, worn_by
 
 
 @click.command(epilog="Example: tega-teleop vest identify --set vest.driver=bhaptics-player --motor 0")
-@click.argument("config", type=click.Path(path_type=Path), metavar="[CONFIG.toml]", required=False)
+@click.argument("config", type=PATH, metavar="[CONFIG.toml]", required=False)
 @click.option(
     "--motor", "motors", type=click.IntRange(0, 39), multiple=True, help="Only this motor; repeatable."
 )
@@ -20,17 +20,13 @@ from tega.ui.cli.options import sets_option, worn_by
     "--percent", type=click.IntRange(1, 100), default=50, show_default=True, help="How hard it vibrates."
 )
 @click.option(
-    "--seconds",
-    type=click.FloatRange(0.1, 10),
-    default=1.0,
-    show_default=True,
+    "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True,
     help="How long each motor vibrates, seconds.",
-)
+)  # fmt: skip
 @click.option(
-    "--person",
-    metavar="ID",
+    "--person", metavar="ID",
     help="Person who wears the vest; the run stays within the rest of that person's daily vibration.",
-)
+)  # fmt: skip
 @sets_option
 def identify(
     *,

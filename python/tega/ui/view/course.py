@@ -1,10 +1,10 @@
-"""Keep the course of a run (each finger's contact, the level, the vest) and describe it in words."""
+"""Keep the course of a run (each finger's contact, the level, the vest), describe it in words, and draw it."""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,30 +13,9 @@ from tega.errors import ConfigError
 from tega.haptics.motor_layout import find_layout
 from tega.records import Contact, Intent, VestFrame
 from tega.records.bus import Bus
-
-
-class FingerCourse(NamedTuple):
-    """One finger over time, each (n,): times of its pictures, seconds, and contact.
-
-    ``cci_norm`` and ``eda_norm`` are shares of the maximum, 0 to 1.
-    """
-
-    t_s: NDArray[np.float64]
-    in_contact: NDArray[np.bool_]
-    cci_norm: NDArray[np.float64]
-    eda_norm: NDArray[np.float64]
-
-
-class VestCourse(NamedTuple):
-    """The vest over time; ``t_s`` are the times of the frames, (n,).
-
-    ``intensities`` are percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back
-    in the same order. ``motors`` are the face and column of each, such as ``front column 1``, counted from 1.
-    """
-
-    t_s: NDArray[np.float64]
-    intensities: NDArray[np.uint8]
-    motors: tuple[str, ...]
+from tega.stages.base import MeasuredPicture
+from tega.ui.view.figures import Firmest, SessionCourse, TouchPicture, new_figure, session_figure
+from tega.ui.view.state import FingerCourse, VestCourse
 
 
 class RunCourse:
@@ -141,3 +120,43 @@ def _vest_words(vest: VestCourse | None) -> Iterator[str]:
         f"vest: on in {100 * share:.0f} % of its frames; strongest {vest.intensities[frame, motor]} % "
         f"at {vest.t_s[frame]:.1f} s ({vest.motors[motor]})"
     )
+
+
+class SessionPicture:
+    """Collects the data for the figure of a run; give its bus to ``run_session``."""
+
+    def __init__(self, bus: Bus, course: RunCourse) -> None:
+        new_figure(figsize=(1, 1))  # what cannot be drawn is said before the run, not after it
+        self._firmest, self._course = Firmest(), course
+        self._felt: dict[str, tuple[float, float, float]] = {}
+        bus.subscribe(MeasuredPicture, self._firmest.take, name="picture")
+        bus.subscribe(Contact, self._contact, name="picture")
+
+    def _contact(self, contact: Contact) -> None:
+        if contact.in_contact and contact.mass > self._felt.get(contact.finger, (0.0, 0.0, 0.0))[0]:
+            self._felt[contact.finger] = contact.mass, contact.cci_norm, contact.eda_norm
+
+    def write(self, path: Path, title: str, *, pose_base: int = 1) -> None:
+        """Draw the run into a PNG file; a finger that never touched has no picture in it.
+
+        The most open level is drawn as number ``pose_base``, 0 or 1.
+        """
+        pictures = {
+            finger: TouchPicture(image, *self._felt.get(finger, (0.0, 0.0, 0.0))[1:])
+            for finger, image in self._firmest.images.items()
+        }
+        fingers = self._course.fingers
+        times = np.unique(np.concatenate([np.empty(0), *(course.t_s for course in fingers.values())]))
+        sums, n_touching = np.zeros((len(times), 2)), np.zeros((len(times), 1))
+        for course in fingers.values():
+            at = np.searchsorted(times, course.t_s[course.in_contact])
+            sums[at, 0] += course.cci_norm[course.in_contact]
+            sums[at, 1] += course.eda_norm[course.in_contact]
+            n_touching[at, 0] += 1
+        touch = sums / np.maximum(n_touching, 1)
+        level_t_s, level = self._course.levels
+        mean = SessionCourse(
+            touch_t_s=times, cci_norm=touch[:, 0], eda_norm=touch[:, 1], level_t_s=level_t_s, level=level,
+            pose_base=pose_base,
+        )  # fmt: skip
+        session_figure(path, pictures, mean, title, fingers=fingers, vest=self._course.vest)

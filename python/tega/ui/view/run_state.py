@@ -1,13 +1,69 @@
-"""Describe the run's states for displays: each one's meaning for the connected devices, and the text beside it."""
+"""Describe a run for displays: rates, contact names that do not flicker, states and what they mean, text beside."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 from tega.hand import split_level
+from tega.haptics import HIGH_SHARE, ContactType, contact_type
 from tega.loop.snapshot import LoopView
+from tega.records import Contact
 from tega.runtime.number_text import number_text
+
+
+class RateMeter:
+    """Turns counts that rise into rates over the last full second, by name; empty before one is over."""
+
+    def __init__(self) -> None:
+        self.rates_hz: dict[str, float] = {}
+        self._since_s, self._before = 0.0, dict[str, int]()
+
+    def take(self, now_s: float, counts: Mapping[str, int]) -> None:
+        """Take the counts of now; where one is lower than before, another run began, which counts from 0 again."""
+        passed_s = now_s - self._since_s
+        if self._before and all(n >= self._before.get(name, 0) for name, n in counts.items()):
+            if passed_s < 1.0:
+                return
+            self.rates_hz = {name: (n - self._before.get(name, 0)) / passed_s for name, n in counts.items()}
+        self._since_s, self._before = now_s, dict(counts)
+
+
+BAND = 0.05
+"""A share is called high from 0.55 of its maximum on, and stays so down to 0.45.
+
+Wider than EDA's largest jump between two frames of a steady press, 4 % (docs/evidence/touch-live.md).
+"""
+
+
+class ContactLabels:
+    """Names each finger's contact by the rule of :func:`tega.haptics.contact_type`, with hysteresis.
+
+    A new contact is named by the rule itself. A share that was high stays so until it is clearly under the border, and
+    the other way round. It is for displays: the vest's columns have no borders.
+    """
+
+    def __init__(self) -> None:
+        self._high: dict[str, tuple[bool, bool]] = {}
+
+    def name(self, contact: Contact) -> ContactType:
+        """Return the label of a finger's newest contact."""
+        finger, shares = contact.finger, (contact.cci_norm, contact.eda_norm)
+        if not contact.in_contact or contact.eda_norm == 0:
+            self._high.pop(finger, None)
+            return "none"
+        before = self._high.get(finger)
+        if before is None:
+            cci, eda = (share >= HIGH_SHARE for share in shares)
+        else:
+            cci, eda = (
+                share >= (HIGH_SHARE - BAND if was else HIGH_SHARE + BAND)
+                for share, was in zip(shares, before, strict=True)
+            )
+        self._high[finger] = cci, eda
+        return contact_type(1.0 if cci else 0.0, 1.0 if eda else HIGH_SHARE / 2)
+
 
 _WITH_HAND: Final = {
     "idle": "the hand is open",

@@ -1,4 +1,4 @@
-"""Define the view of one moment for displays, the same for a real run, a replay and a simulation.
+"""Define what displays show: one moment, the same for a real run, a replay and a simulation, and a run's course.
 
 Everything but the loop's own view is optional; a display leaves out missing parts. The arrays are borrowed: do not
 write into them after offering a state.
@@ -80,3 +80,27 @@ class ViewState(NamedTuple):
     rows: Mapping[str, str] = {}
     latency_ms: Mapping[str, float] = {}
     cameras: Mapping[str, NDArray[np.uint8]] = {}
+
+
+class FingerCourse(NamedTuple):
+    """One finger over time, each (n,): times of its pictures, seconds, and contact.
+
+    ``cci_norm`` and ``eda_norm`` are shares of the maximum, 0 to 1.
+    """
+
+    t_s: NDArray[np.float64]
+    in_contact: NDArray[np.bool_]
+    cci_norm: NDArray[np.float64]
+    eda_norm: NDArray[np.float64]
+
+
+class VestCourse(NamedTuple):
+    """The vest over time; ``t_s`` are the times of the frames, (n,).
+
+    ``intensities`` are percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back
+    in the same order. ``motors`` are the face and column of each, such as ``front column 1``, counted from 1.
+    """
+
+    t_s: NDArray[np.float64]
+    intensities: NDArray[np.uint8]
+    motors: tuple[str, ...]

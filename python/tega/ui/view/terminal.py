@@ -15,9 +15,15 @@ from rich.text import Text
 from tega.haptics import CONTACT_RULES, FINGERS, MotorLevels
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
-from tega.ui.view.labels import ContactLabels
-from tega.ui.view.rate_meter import RateMeter
-from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, device_rows, lines_beside, meaning
+from tega.ui.view.run_state import (
+    NO_NEWS,
+    NO_NEWS_S,
+    ContactLabels,
+    RateMeter,
+    device_rows,
+    lines_beside,
+    meaning,
+)
 
 _WIDEST, _WIDE, _TALL = 120, 104, 30
 _REFRESH_S = 0.1
@@ -231,11 +237,7 @@ class TerminalView:
     """
 
     def __init__(
-        self,
-        title: str,
-        *,
-        console: Console | None = None,
-        now_s: Callable[[], float] = time.monotonic,
+        self, title: str, *, console: Console | None = None, now_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._title, self.address = title, ""
         self._now_s = now_s
@@ -264,17 +266,11 @@ class TerminalView:
         self._drawn_s = now_s
         self._meter.take(now_s, view.counts)
         try:
+            width, height = self._live.console.size
             drawn = render(
-                view,
-                title=self._title,
-                rates_hz=self._meter.rates_hz,
-                rows=rows,
-                age_s=age_s,
-                labels=self._labels,
-                address=self.address,
-                width=self._live.console.width,
-                height=self._live.console.height,
-            )
+                view, title=self._title, rates_hz=self._meter.rates_hz, rows=rows, age_s=age_s,
+                labels=self._labels, address=self.address, width=width, height=height,
+            )  # fmt: skip
         except Exception as error:  # the run goes on, and its state is still shown
             drawn = Text(f"{view.state.upper()}  not drawn: {type(error).__name__}: {error}", "bold red")
         self._live.update(drawn, refresh=True)

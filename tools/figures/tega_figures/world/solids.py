@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tega.ui.view.browser.solids import LOOKS, LookPart
+from tega.ui.view.browser.scene import LOOKS, LookPart
 from tega_sim.world.world import Shape
 
 if TYPE_CHECKING:

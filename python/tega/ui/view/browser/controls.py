@@ -32,8 +32,6 @@ class Controls:
         objects: Sequence[str] = (),
         try_motor: Callable[[int], MotorAnswer] | None = None,
         can_go: bool = False,
-        undo: Callable[[], None] | None = None,
-        rezero: Callable[[], None] | None = None,
         playhead: Playhead | None = None,
         reflex: float | None = None,
         annotate: Callable[[str], str] | None = None,
@@ -41,7 +39,9 @@ class Controls:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
-        self.try_motor, self.can_go, self.undo, self.rezero = try_motor, can_go, undo, rezero
+        self.try_motor, self.can_go = try_motor, can_go
+        self.undo: Callable[[], None] | None = None
+        self.rezero: Callable[[], None] | None = None
         self.playhead, self.annotate = playhead, annotate
         self._go = threading.Event()
         self._lock = threading.Lock()

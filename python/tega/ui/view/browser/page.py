@@ -7,16 +7,16 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
-from tega.ui.view.browser.camera_pictures import CameraPictures, cameras_html, picture_html
-from tega.ui.view.browser.charts import CourseChart, MuscleCharts
-from tega.ui.view.browser.delays import Delays
+from tega.ui.view.browser.charts import CourseChart, Delays, MuscleCharts
+from tega.ui.view.browser.pictures import CameraPictures, TouchSheet, cameras_html, picture_html
 from tega.ui.view.browser.scene import Point, Scene
-from tega.ui.view.browser.seek import SeekSlider, add_annotation_keys
 from tega.ui.view.browser.state_html import (
     BEATS_PER_S,
     FONT,
     LEGEND,
     PAUSED,
+    STOP_MARK,
+    STYLE,
     arm_html,
     badge_html,
     captions_html,
@@ -25,11 +25,9 @@ from tega.ui.view.browser.state_html import (
     run_state_html,
     status_html,
 )
-from tega.ui.view.browser.style import STOP_MARK, STYLE
-from tega.ui.view.browser.timeline import KEPT_S, Timeline
-from tega.ui.view.browser.touch import TouchSheet
+from tega.ui.view.browser.timeline import KEPT_S, SeekSlider, Timeline, add_annotation_keys
 from tega.ui.view.browser.vest import TRIED, vest_svg
-from tega.ui.view.labels import ContactLabels
+from tega.ui.view.run_state import ContactLabels
 
 if TYPE_CHECKING:
     import viser

@@ -13,8 +13,7 @@ from tega.loop.snapshot import Snapshot
 from tega.records.bus import Backlog
 from tega.runtime.lifecycle import require
 from tega.ui.view.browser.controls import Controls
-from tega.ui.view.rate_meter import RateMeter
-from tega.ui.view.run_state import NO_NEWS_S
+from tega.ui.view.run_state import NO_NEWS_S, RateMeter
 from tega.ui.view.state import ViewState
 
 if TYPE_CHECKING:
@@ -79,8 +78,8 @@ class BrowserView:
             raise InvalidValueError(f"rate_hz = {rate_hz} Hz, expected above 0 and at most 60")
         self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
         self._period_s = 1 / rate_hz
-        self._complete, self._camera = complete, (eye_m, at_m)
-        self._kept_s = kept_s
+        self._complete = complete
+        self._looks: dict[str, Any] = {"eye_m": eye_m, "at_m": at_m, "kept_s": kept_s}
         self.controls = controls or Controls()
         self.n_painted = 0
         self._waiting = Backlog("browser-view", most=1, newest=True, idle=self._paint)
@@ -126,22 +125,9 @@ class BrowserView:
         from tega.ui.view.browser.local import LocalServer
         from tega.ui.view.browser.page import Page
 
-        self._server = LocalServer(
-            self._host,
-            self._port,
-            self._title,
-            allow_remote=self._allow_remote,
-            try_motor=self.controls.try_motor,
-        )
-        eye_m, at_m = self._camera
-        self.page = Page(
-            self._server,
-            title=self._title,
-            controls=self.controls,
-            eye_m=eye_m,
-            at_m=at_m,
-            kept_s=self._kept_s,
-        )
+        remote, motor = self._allow_remote, self.controls.try_motor
+        self._server = LocalServer(self._host, self._port, self._title, allow_remote=remote, try_motor=motor)
+        self.page = Page(self._server, title=self._title, controls=self.controls, **self._looks)
         self._over.clear()
         self._waiting.start()
         return self
@@ -164,7 +150,6 @@ class BrowserView:
         self.offer(ViewState(loop.t_ns, loop))
 
     def _snapshot(self, snapshot: Snapshot) -> None:
-        """Paint a moment from the bus."""
         self._paint(ViewState(snapshot.t_ns, snapshot.view))
 
     def _paint(self, state: ViewState | None = None) -> None:
@@ -173,16 +158,16 @@ class BrowserView:
             return
         began_s, rest_s = time.monotonic(), 0.0
         try:
-            if self._paint_next(began_s, state):
+            period_s = self._period_s
+            if painted := self._paint_next(began_s, state):
                 period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
+            else:
+                self._report_age(began_s)
+                painted = self.page.paint_past()  # also while the run stands still
+            if painted:
                 took_s = time.monotonic() - began_s
                 # Where painting takes long the machine is busy: better fewer moments than the run's time.
                 rest_s = max(period_s - took_s, _REST_SHARE * took_s)
-            else:
-                self._report_age(began_s)
-                if self.page.paint_past():  # also while the run stands still
-                    took_s = time.monotonic() - began_s
-                    rest_s = max(self._period_s - took_s, _REST_SHARE * took_s)
         except BaseException as error:  # of native code, too; the run goes on, and so does the page
             self._fail(error)
             rest_s = _RETRY_S

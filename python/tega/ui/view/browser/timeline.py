@@ -1,4 +1,4 @@
-"""Keep the newest minute of moments that the page showed, to look back at one or to see them in a loop."""
+"""Look back at moments that the page showed, seek in a recording that is played, and code events in it by keys."""
 
 from __future__ import annotations
 
@@ -6,12 +6,82 @@ import time
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 if TYPE_CHECKING:
     import viser
 
+    from tega.recording.replay.playhead import Playhead
     from tega.ui.view.state import EmgTail, ViewState
+
+
+# Whoever drags the slider is left alone with it for so long.
+_DRAGGED_S = 1.5
+
+
+class SeekSlider:
+    """A slider over the whole recording: it follows the playback, and moving it seeks.
+
+    It is hidden until the length of the recording is known.
+    """
+
+    def __init__(self, gui: viser.GuiApi, playhead: Playhead) -> None:
+        self._playhead = playhead
+        self._dragged_s = -_DRAGGED_S
+        self.slider: Any = gui.add_slider(
+            "recording, s", min=0.0, max=1.0, step=0.1, initial_value=0.0, visible=False
+        )
+        self.slider.on_update(self._put)
+
+    def _put(self, event: Any) -> None:
+        if event.client is None:  # the program moved it
+            return
+        self._dragged_s = time.monotonic()
+        self._playhead.go_to(float(self.slider.value))
+
+    def follow(self) -> None:
+        """Put the slider where the recording is now."""
+        if (duration_s := self._playhead.end_ns / 1e9) <= 0:
+            return
+        if not self.slider.visible:
+            self.slider.max, self.slider.visible = max(duration_s, 0.1), True
+        if time.monotonic() - self._dragged_s >= _DRAGGED_S:
+            at_s = round(self._playhead.at_s, 1)
+            if at_s != self.slider.value:
+                self.slider.value = at_s
+
+
+_LABELS: Final[dict[Literal["S", "D", "X", "L", "U"], str]] = {
+    "S": "slip",
+    "D": "deformation begins or ends",
+    "X": "drop",
+    "L": "lift-off",
+    "U": "undo",
+}
+
+
+def add_annotation_keys(gui: viser.GuiApi, annotate: Callable[[str], str]) -> Any:
+    """Add a key and a button for each behaviour, and a line with the last step; return the buttons' handle.
+
+    ``annotate`` codes an event by its key, and returns the effect in words.
+    """
+    buttons = gui.add_button_group("annotate", [f"{key}: {label}" for key, label in _LABELS.items()])
+    last = gui.add_markdown("")
+
+    def press(key: str) -> None:
+        last.content = annotate(key.lower()) or "nothing to undo"
+
+    @buttons.on_click
+    def _(event: Any) -> None:
+        press(str(event.target.value)[:1])
+
+    def pressed(key: str) -> Callable[[Any], None]:
+        return lambda _event: press(key)
+
+    for key, label in _LABELS.items():
+        gui.add_command(f"annotate: {label}", hotkey=key).on_trigger(pressed(key))
+    return buttons
+
 
 KEPT_S: Final = 60.0
 """Time that one can look back in a live run, seconds."""

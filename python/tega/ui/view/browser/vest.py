@@ -83,7 +83,6 @@ def _click(motor: int) -> str:
 
 
 def _torso(middle: int, bottom: int) -> str:
-    """Outline neck, shoulders and waist around the motors."""
     half = (
         f"M{middle - 14} 17 q0 8 -18 11 q-30 5 -38 16 q-8 12 -6 40 L{middle - 66} {bottom} "
         f"L{middle + 66} {bottom} L{middle + 76} 84 q2 -28 -6 -40 q-8 -11 -38 -16 q-18 -3 -18 -11 Z"
@@ -92,7 +91,6 @@ def _torso(middle: int, bottom: int) -> str:
 
 
 def _scale(y: int) -> str:
-    """Draw the 16 steps as a scale."""
     width = (_WIDTH - 100) / (_N_STEPS + 1)
     steps = "".join(
         f'<rect x="{50 + step * width:.1f}" y="{y}" width="{width - 1:.1f}" height="7"'

@@ -1,13 +1,14 @@
-"""List the drivers, and the devices that they see: ``tega-teleop devices``."""
+"""List drivers with the devices they see, and stages with their options: ``tega-teleop devices``, ``stages``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.runtime.number_text import number_text
+from tega.ui.cli.options import echo_json, json_option, with_origin
 
 if TYPE_CHECKING:
     from tega.setup.doctor.bench import DriverProbe
@@ -30,7 +31,6 @@ def devices(*, as_json: bool) -> None:
 
     from tega.devices import list_drivers
     from tega.setup.doctor import probe_drivers
-    from tega.ui.cli.install_line import with_origin
 
     drivers, looked = list_drivers(), probe_drivers(_POLL_S)
     if as_json:
@@ -62,8 +62,6 @@ def devices(*, as_json: bool) -> None:
 
 def could_not_look(looked: Mapping[str, DriverProbe]) -> list[str]:
     """Return the lines that say which drivers could not look for their devices, and why."""
-    from tega.ui.cli.install_line import with_origin
-
     lacking = {name: there for name, there in looked.items() if there.lacks_package}
     lines = [
         f"{name} could not look: {there.could_not}"
@@ -74,3 +72,54 @@ def could_not_look(looked: Mapping[str, DriverProbe]) -> list[str]:
         hints = "; ".join(dict.fromkeys(there.hint for there in lacking.values()))
         lines.append(f"{', '.join(lacking)} could not look for want of packages: {with_origin(hints)}")
     return lines
+
+
+_TITLES = {
+    "metric": "Metrics: a fingertip's picture to a contact (stages.metric.name)",
+    "decoder": "Decoders: EMG to intent (stages.decoder.name)",
+    "mapping": "Mappings: contacts to motor levels (stages.mapping.name)",
+    "reflex": "Reflexes: firm the grip when an object slips (stages.reflex.name)",
+    "layout": "Layouts: where the motors are (vest.layout)",
+}
+
+
+@click.command(epilog="Example: tega-teleop stages --json")
+@json_option
+def stages(*, as_json: bool) -> None:
+    """List the installed stages, by their name in a settings file, with their options.
+
+    With --json: an object per stage, {"group", "name", "summary", "package", "ready", "problem", "options", "values"};
+    options has an object per option, {"name", "default", "unit", "choices", "summary"}, values the unit of each of a
+    metric's own values.
+    """
+    import msgspec
+
+    from tega.stages import list_stages
+
+    found = list_stages()
+    if as_json:
+        echo_json(msgspec.to_builtins(found))
+        return
+    for number, (group, title) in enumerate(_TITLES.items()):
+        click.echo(f"{'' if number == 0 else chr(10)}{title}")
+        for stage in (one for one in found if one.group == group):
+            brought = "" if stage.package == "tega" else f" [{stage.package}]"
+            click.echo(f"  {stage.name:<10} {stage.summary if stage.ready else stage.problem}{brought}")
+            for name, unit in stage.values.items():
+                click.echo(f"      measures {name}{'' if unit == '1' else f', {unit}'}")
+            width = max((len(option.name) for option in stage.options), default=0)
+            for option in stage.options:
+                unit = "" if option.default is None else f" {option.unit}".rstrip()
+                default = f"{_text(option.default)}{unit}"
+                choices = f" (one of {', '.join(option.choices)})" if option.choices else ""
+                click.echo(f"      {option.name:<{width}}  {default}{choices}: {option.summary}")
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "not set"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, float):
+        return number_text(value, 12)
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,15 +1,98 @@
-"""Keep the results of a calibration's finished steps, so that an interrupted one goes on after them."""
+"""Define what the steps of a calibration share: person and durations, what a fault asks, the results kept so far."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
-from tega.config.calibration.folder import Unfinished
+from tega.config import SessionConfig
+from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.errors import CalibrationError
-from tega.setup.calibration.times import Sitting
+from tega.runtime.guide import Guide, Undecided
+
+
+class Times(NamedTuple):
+    """Durations of the steps, seconds.
+
+    Attributes:
+        presses_s: Without enough presses for so long the person is asked whether to go on.
+        get_ready_s: Between a signal and the start of its step.
+        pause_s: Between two squeezes: a strong squeeze tires.
+        movement_s: One muscle alone.
+        pulse_s: One vibration.
+        gap_s: Between the two vibrations of a pair.
+    """
+
+    baseline_s: float = 1.5
+    presses_s: float = 60.0
+    get_ready_s: float = 2.0
+    rest_s: float = 5.0
+    squeeze_s: float = 4.0
+    pause_s: float = 30.0
+    movement_s: float = 3.0
+    pulse_s: float = 0.5
+    gap_s: float = 0.3
+
+    def scaled(self, by: float) -> Times:
+        """Return the durations times a factor; noise and muscles do not hurry, so baseline and pauses stay."""
+        times = Times(*(value * by for value in self))
+        return times._replace(
+            baseline_s=self.baseline_s, pause_s=self.pause_s, presses_s=max(3.0, times.presses_s)
+        )
+
+
+class Sitting(NamedTuple):
+    """One person's calibration with some settings; ``now`` returns the time of day."""
+
+    config: SessionConfig
+    person: str
+    folder: CalibrationFolder
+    guide: Guide
+    times: Times
+    now: Callable[[], datetime]
+
+
+_Result = TypeVar("_Result")
+
+
+def until_good(
+    guide: Guide,
+    subject: str,
+    attempt: Callable[[], _Result],
+    problems: Callable[[_Result], Sequence[str]],
+    *,
+    can_keep: Callable[[_Result], bool] = lambda _result: True,
+) -> tuple[_Result, tuple[str, ...]]:
+    """Repeat a step until nothing is wrong with it or the person keeps it; return it and the problems kept.
+
+    Raises ``CalibrationError`` if there is a problem and no answer about it, as without a terminal;
+    ``KeyboardInterrupt`` if the person gives up.
+    """
+    while True:
+        result = attempt()
+        found = tuple(problems(result))
+        if not found:
+            return result, ()
+        for text in found:
+            guide.say(text, tone="bad")
+        answers = {"a": "again"}
+        if can_keep(result):
+            answers["k"] = "keep it as it is"
+        answers["q"] = "stop here"
+        try:
+            answer = guide.ask(f"{subject}: what now?", answers)
+        except Undecided:
+            raise CalibrationError(
+                f"{subject}: {'; '.join(found)}", "see to it, then run the same command"
+            ) from None
+        if answer == "q":
+            raise KeyboardInterrupt
+        if answer == "k":
+            return result, tuple(f"{subject}, kept in spite of: {text}" for text in found)
+
 
 _Kept = TypeVar("_Kept")
 
