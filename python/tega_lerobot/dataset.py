@@ -17,12 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import ConfigError, RecordingError
-from tega.recording.copies import note_copy
 from tega.recording.mcap_folder import recorded_task
 from tega.recording.mcap_reader import Progress
-from tega.recording.origin import origins, span
-from tega.runtime.files.foreign_file import reports_damage
-from tega.runtime.files.plain_name import plain_name
+from tega.recording.origin import note_copy, origins, span
+from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega.runtime.lifecycle import require
 from tega_lerobot.episode import Episode, read_episode
 from tega_lerobot.scene import check_scene, own_scenes, scene_frames

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tega.errors import RecordingError
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import plain_name
 from tega_lerobot.episode import Episode
 from tega_scene.own_film import filmed_cameras
 from tega_scene.pictures import read_pictures, times_path

@@ -21,7 +21,7 @@ from tega.loop.inbox.stream import LiveStream
 from tega.loop.latency import LatencyTrace
 from tega.records import Contact
 from tega.records.bus import Bus
-from tega.runtime.wake import Bell
+from tega.runtime.threads import Bell
 from tega_link.clock import Offset
 from tega_link.ends import FarFinger
 from tega_link.gate import StampGate, refused_by

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from tega.runtime.evidence import is_other_clock
 from tega.runtime.lsl import find_streams, hosts_of, load_lsl, to_monotonic_s
-from tega.runtime.stamp_check import is_other_clock
 
 _POLL_S = 0.5
 _WAIT_S = 0.2

@@ -18,9 +18,9 @@ from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, R
 from tega.recording import mcap_reader
 from tega.recording.disk import SpooledFile
 from tega.recording.encode import encode_session
-from tega.recording.folder import OUTPUT_NAMES, prepare_folder
 from tega.recording.mcap_folder import SessionFolder, recorded_task, recover_file, session_files
 from tega.recording.merge import merge_sessions
+from tega.recording.run_tables import OUTPUT_NAMES, prepare_folder
 from tega.recording.trim import trim_session
 from tega.runtime.clock import SystemClock
 from tega.runtime.files.foreign_file import MIB

@@ -11,7 +11,7 @@ from tega.config.errors import Overridden
 from tega.config.stage_sections import STAGE_GROUPS
 from tega.errors import ConfigError
 from tega.runtime.files.foreign_file import parse_toml, read_words
-from tega.runtime.files.toml_hint import ESCAPES, swallowed_escape, toml_hint
+from tega.runtime.files.toml_text import ESCAPES, swallowed_escape, toml_hint
 
 
 def value_lines(text: str) -> dict[str, int]:

@@ -6,12 +6,14 @@ names the undone one, and the end of a state one that names its beginning.
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Protocol
 
 import msgspec
 
-from tega.errors import InvalidValueError, RecordingError
+from tega.errors import InvalidValueError, RecordingError, TegaError
 from tega.runtime.files.annotations import CodedEvent
 from tega.runtime.files.json_lines import JsonLines, read_json_lines
 
@@ -143,3 +145,45 @@ class AnnotationFile(JsonLines[_Line]):
     def _step(self, **fields: object) -> None:
         line = _Line(n=len(self.entries) + 1, rater=self._rater, **fields)  # type: ignore[arg-type]  # fields of a line
         self.append(line)
+
+
+class _Played(Protocol):
+    """Knows the moment of the recording that is played."""
+
+    @property
+    def at_s(self) -> float:
+        """Seconds from the beginning of the recording."""
+        ...
+
+
+class AnnotationKeys:
+    """Codes an event for each key, at the moment of the recording that ``played`` has then; from any thread.
+
+    Raises what :class:`~tega.recording.annotations.AnnotationFile` does.
+    """
+
+    def __init__(self, recording: Path, rater: str, played: _Played) -> None:
+        self._file = AnnotationFile(recording, rater)
+        self._played = played
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> Callable[[str], str]:
+        """Return the function that takes a key and returns its effect in words."""
+        return self.press
+
+    def __exit__(self, *_error: object) -> None:
+        """Close the file."""
+        with self._lock:
+            self._file.close()
+
+    def press(self, key: str) -> str:
+        """Code the behaviour of a key, or undo the last step (``u``); return the effect in words, ``""`` for none."""
+        t_s = self._played.at_s
+        with self._lock:
+            try:
+                if key == "u":
+                    return self._file.undo()
+                code = KEYS.get(key)
+                return "" if code is None else self._file.press(code, t_s, is_state=code in STATES)
+            except (TegaError, OSError, ValueError) as error:  # a full disk; or the file is closed already
+                return f"not kept: {error}"

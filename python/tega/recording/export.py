@@ -13,17 +13,15 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from tega.errors import ConfigError, RecordingError
-from tega.recording.column_names import channel_columns, emg_source, list_columns, time_column
-from tega.recording.copies import note_copy
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import WHOLE, McapReader, Message, Progress, Within
-from tega.recording.origin import LEAD_IN
+from tega.recording.origin import LEAD_IN, note_copy
 from tega.recording.pictures import paired
+from tega.recording.record_columns import channel_columns, emg_source, list_columns, time_column
 from tega.records.hand import frames_text
 from tega.runtime.call_beside import called_beside
-from tega.runtime.files.foreign_file import MIB, reports_damage
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import MIB, plain_name, reports_damage
 from tega.runtime.lifecycle import require
 
 # Pictures' cells, seven kilobytes each, wait with the messages that they are in: memory that the system clears anew.
@@ -196,7 +194,7 @@ def _sample_columns(log_s: Sequence[float], values: Sequence[Any], channels: Seq
 
 
 def message_columns(values: Sequence[Any], channels: Sequence[str] = ()) -> dict[str, Sequence[Any]]:
-    """Return the columns of messages alike, named as :mod:`tega.recording.column_names` says.
+    """Return the columns of messages alike, named as :mod:`tega.recording.record_columns` says.
 
     The decoded messages all have the same fields present and lists of the same length.
     """

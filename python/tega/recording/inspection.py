@@ -11,9 +11,8 @@ import numpy as np
 
 from tega.config.motor_onset import STAGE
 from tega.loop.inbox.histogram import LEAST_SAMPLES
-from tega.recording.absent import absent_features
 from tega.recording.mcap_reader import McapReader, Message
-from tega.recording.origin import origins, span
+from tega.recording.origin import absent_features, origins, span
 from tega.records import Latency as LatencyRecord
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import reports_damage

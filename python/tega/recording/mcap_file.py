@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from tega.errors import RecordingError
 from tega.recording.disk import open_disk
 from tega.recording.record_channels import RecordChannels
-from tega.runtime.files.lock import lock_file
+from tega.runtime.files.whole_file import lock_file
 from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:

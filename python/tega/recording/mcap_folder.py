@@ -16,8 +16,7 @@ from tega.recording.disk import take_tail
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_reader import open_recording
 from tega.runtime.files.foreign_file import parse_json, read_words
-from tega.runtime.files.lock import lock_file
-from tega.runtime.files.whole_file import new_file, write_whole
+from tega.runtime.files.whole_file import lock_file, new_file, write_whole
 
 INDEX_NAME = "session.json"
 INDEX_FORMAT = "tega-session"

@@ -8,8 +8,8 @@ from collections import Counter, deque
 from typing import NamedTuple, Self
 
 from tega.records import Picture, Record
+from tega.records.base import VideoPacket
 from tega.records.bus import report_drops
-from tega.records.video import VideoPacket
 
 __all__ = ["BoundedQueue", "Item"]
 

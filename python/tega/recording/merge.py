@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
-from tega.recording.copies import note_copy
 from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording
-from tega.recording.origin import new_session, origin, span
+from tega.recording.origin import new_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 from tega.runtime.lifecycle import require

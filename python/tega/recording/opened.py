@@ -24,11 +24,11 @@ from typing import overload
 
 import tega.haptics  # noqa: F401  # draws vest frames
 from tega.errors import RecordingError
-from tega.recording.column_names import emg_source
 from tega.recording.mcap_folder import session_files
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import table_ns
 from tega.recording.pictures import PICTURES
+from tega.recording.record_columns import emg_source
 from tega.recording.topics import NEVER_NS, PictureTopic, RecordedFile, Topic
 
 __all__ = ["PictureTopic", "RecordedTopics", "Topic", "open_recording"]

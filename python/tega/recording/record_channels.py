@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 
 from tega.hand import JOINT_NAMES
-from tega.recording.cells import cell_sums
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
+from tega.recording.pictures import cell_sums
 from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
+from tega.records.base import VideoPacket
 from tega.records.schema import schema_name
-from tega.records.video import VideoPacket
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import give_way
 

@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from tega.errors import RecordingError
 from tega.recording.mcap_queue import BoundedQueue, Item
-from tega.runtime.child_process import end_child, start_child
-from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
+from tega.runtime.child_process import end_child, receive_object, send_object, start_child, widen_pipe
 from tega.runtime.threads import run_realtime
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Any
 
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.runtime.object_pipe import AnswerPipe, program_pipes, receive_object
+from tega.runtime.child_process import AnswerPipe, program_pipes, receive_object
 from tega.runtime.threads import realtime, run_realtime
 
 # What has come through the pipe waits here, and what does not fit waits in the run, where it is dropped and counted.

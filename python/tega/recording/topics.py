@@ -10,12 +10,12 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
-from tega.recording.column_names import channel_columns
 from tega.recording.export import message_columns
 from tega.recording.mcap_index import IndexedReader
 from tega.recording.mcap_reader import read_picture
 from tega.recording.record_columns import (
     arrays_of,
+    channel_columns,
     column_names,
     find_kind,
     machine_clock,

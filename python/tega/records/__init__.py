@@ -14,8 +14,7 @@ from tega.records.arm import (
     TrackerAxes,
 )
 from tega.records.base import Record
-from tega.records.beside import BesideContact, BesideIntent
-from tega.records.emg import Adaptation, AdaptationSwitch, EmgSamples, Intent, MuscleCondition
+from tega.records.emg import Adaptation, AdaptationSwitch, BesideIntent, EmgSamples, Intent, MuscleCondition
 from tega.records.hand import (
     BusFrame,
     HandCommand,
@@ -26,13 +25,14 @@ from tega.records.hand import (
     ReflexGrip,
     bus_frames,
 )
-from tega.records.latency import Latency
-from tega.records.operator import Button, InputState
 from tega.records.run import (
     Alert,
+    Button,
     End,
     Haptics,
     HeardMarker,
+    InputState,
+    Latency,
     LogLine,
     Marker,
     RecorderStatus,
@@ -40,7 +40,7 @@ from tega.records.run import (
     Skip,
     Value,
 )
-from tega.records.touch import Contact, Event, NamedValue, Picture
+from tega.records.touch import BesideContact, Contact, Event, NamedValue, Picture
 from tega.records.vest import ProgramFrame, SentFrame, TriedMotor, VestFrame, VestRecord
 
 __all__ = [

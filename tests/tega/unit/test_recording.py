@@ -24,9 +24,9 @@ from tega.errors import RecordingError, TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
-from tega.recording.cells import cell_sums, read_sums
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
+from tega.recording.pictures import cell_sums, read_sums
 from tega.recording.replay import replay_file
 from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.table import columns, numbers, rows

@@ -16,9 +16,8 @@ from tega.devices.base import optional
 from tega.devices.cyton_check import AlternationCheck
 from tega.devices.packet_order import PacketOrder
 from tega.devices.value_check import ValueCheck
-from tega.runtime.evidence import EVIDENCE, Contradictions
-from tega.runtime.lsl_clock import ClockCorrection
-from tega.runtime.stamp_check import StampCheck
+from tega.runtime.evidence import EVIDENCE, Contradictions, StampCheck
+from tega.runtime.lsl import ClockCorrection
 
 LIVE = ("tactile", "emg", "hand", "tracker")
 PAGE = Path(__file__).parents[3] / "docs" / "evidence" / "faults.md"

@@ -20,7 +20,7 @@ from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
 from tega.loop.inbox.stream import NEVER_NS
-from tega.recording.cells import read_sums
+from tega.recording.pictures import read_sums
 from tega.recording.replay.compare import MEASURED
 from tega.recording.replay.feed import Newest, RecordFeed
 from tega.recording.replay.head import contacts_kept, levels_kept, metric_change, with_changes

@@ -84,7 +84,7 @@ def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
 def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
     """Check one driver; return the verdict and its text."""
     from tega.config import driver_options
-    from tega.runtime.checkout_tools import needs_tools
+    from tega.runtime.lifecycle import needs_tools
 
     with ExitStack() as stack:
         tree: dict[str, Any] = {}

@@ -120,7 +120,7 @@ def _opened(
 
     from tega.devices.hand.allegro import Allegro
     from tega.devices.hand.allegro_options import AllegroOptions
-    from tega.runtime.checkout_tools import needs_tools
+    from tega.runtime.lifecycle import needs_tools
 
     with ExitStack() as stack:
         where: dict[str, Any] = {"interface": interface, "channel": channel}

@@ -11,7 +11,7 @@ from pathlib import Path
 from tega.arm.pose import StampedPose
 from tega.errors import RecordingError
 from tega.records import PoseNumbers
-from tega.runtime.files.tables.rows import named_rows
+from tega.runtime.files.tables.numbers import named_rows
 
 _COLUMNS = ["t_s", *PoseNumbers.table]
 
