@@ -22,9 +22,7 @@ from tega.recording.mcap_reader import Progress
 from tega.recording.origin import note_copy, origins, span
 from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega.runtime.lifecycle import require
-from tega_lerobot.episode import Episode, read_episode
-from tega_lerobot.scene import check_scene, own_scenes, scene_frames
-from tega_lerobot.stats import figures
+from tega_lerobot.episode import Episode, check_scene, own_scenes, read_episode, scene_frames
 from tega_lerobot.video import (
     CODEC,
     FILES_PER_CHUNK,
@@ -34,6 +32,7 @@ from tega_lerobot.video import (
     VIDEOS,
     EpisodeCamera,
     VideoPlace,
+    figures,
 )
 
 FORMAT = "v3.0"

@@ -12,9 +12,8 @@ from tega.arm.pose import StampedPose
 from tega.loop.inbox.histogram import Histogram
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent
-from tega_link.clock import Offset
+from tega_link.clock import Offset, StampGate, refused_by
 from tega_link.ends import FarTracker
-from tega_link.gate import StampGate, refused_by
 from tega_link.messages import ArmMessage, HandMessage
 
 _Command = TypeVar("_Command", HandMessage, ArmMessage)

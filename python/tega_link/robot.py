@@ -26,13 +26,12 @@ from tega.loop.parts import RunStart
 from tega.records import Contact, Picture, RunState
 from tega.records.bus import Bus
 from tega.runtime.device_items import EmgChunk
+from tega_link.behind import PictureSender, SampleReceiver
 from tega_link.commands import Commands
 from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
 from tega_link.leader import Leadership, Reception
 from tega_link.link import Channel
 from tega_link.messages import Change, Feature, State, Welcome, encode
-from tega_link.pictures import PictureSender
-from tega_link.samples import SampleReceiver
 from tega_link.station import Station
 
 _STATE_NS = 100_000_000

@@ -13,8 +13,7 @@ import msgspec
 from tega.config.removed import CONSTANTS
 from tega.errors import ConfigError
 from tega.runtime.features import broken_features, named
-from tega.runtime.nearest import nearest_hint
-from tega.runtime.number_text import number_text
+from tega.runtime.words import nearest_hint, number_text
 
 _UNITS = {
     "hz": "hertz",

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from tega.errors import ConfigError
-from tega.runtime.removed import Removed
+from tega.runtime.words import Removed
 
 REMOVED: Final[Mapping[str, Removed]] = {
     "vest.feedback": Removed(

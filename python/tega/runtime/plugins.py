@@ -9,7 +9,7 @@ from importlib.metadata import Distribution, EntryPoint, entry_points
 from typing import Any
 
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:

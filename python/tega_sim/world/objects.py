@@ -17,7 +17,7 @@ import msgspec
 from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError, TegaError
 from tega.runtime.files.foreign_file import parse_toml, plain_name, read_foreign
-from tega.runtime.removed import without_removed
+from tega.runtime.words import without_removed
 from tega_sim.removed import REMOVED_FIELDS
 
 PALM_FACE_M: Final = 0.0111

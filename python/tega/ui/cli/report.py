@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 from tega.ui.cli.options import echo_json
 
 if TYPE_CHECKING:

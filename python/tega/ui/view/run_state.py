@@ -7,7 +7,7 @@ from typing import Final
 
 from tega.hand import split_level
 from tega.loop.snapshot import LoopView
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 
 _WITH_HAND: Final = {
     "idle": "the hand is open",

@@ -13,7 +13,7 @@ import numpy as np
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB, load_npy
 from tega.runtime.files.tables.encoding import MOST_MIB
-from tega.runtime.files.tables.names import judged
+from tega.runtime.files.tables.judging import judged
 from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one, judged_columns, oriented
 
 _RATE = re.compile(
