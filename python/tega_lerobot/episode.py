@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.recording.compute_ahead import compute_ahead
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader, Message, Progress, read_picture
 from tega.recording.origin import span
-from tega.recording.pictures import PICTURES
+from tega.recording.pictures import PICTURES, compute_ahead
 from tega.records import Contact, HandCommand
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import plain_name, reports_damage

@@ -11,8 +11,7 @@ from tega.loop.parts import Part, PartContext, RunStart
 from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
 from tega.records.bus import Backlog, Bus
 from tega.runtime.lsl import load_lsl, to_monotonic_s
-from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
-from tega_markers.lsl_streams import LslStreams
+from tega_markers.lsl_streams import LslMarkersIn, LslStreams, ReceivedMarker
 from tega_markers.settings import MarkersSection
 
 # What was pushed last is on its way when the stream is taken away.

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tega.errors import RecordingError
-from tega.recording.mcap_file import McapFile
-from tega.recording.mcap_queue import BoundedQueue, Item
+from tega.recording.mcap_file import BoundedQueue, Item, McapFile
 from tega.records import RECORDS, Record, RecorderStatus
 from tega.runtime.threads import run_realtime
 

@@ -19,7 +19,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
 
 from tega.errors import RecordingError
-from tega.recording.mcap_queue import BoundedQueue, Item
+from tega.recording.mcap_file import BoundedQueue, Item
 from tega.runtime.child_process import end_child, receive_object, send_object, start_child, widen_pipe
 from tega.runtime.threads import run_realtime
 

@@ -27,7 +27,7 @@ from tega.records import ArmTurn, Contact, Event, HandCommand, Intent, Record, V
 from tega.records.bus import Backlog
 from tega.records.display import Notice
 from tega.records.table import columns, rows
-from tega.runtime.files.csv_writer import CsvWriter
+from tega.runtime.files.csv_tables import CsvWriter
 from tega.runtime.files.foreign_file import parse_json, read_words
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.threads import run_realtime

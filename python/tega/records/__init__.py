@@ -15,14 +15,19 @@ from tega.records.arm import (
 )
 from tega.records.base import Record
 from tega.records.emg import Adaptation, AdaptationSwitch, BesideIntent, EmgSamples, Intent, MuscleCondition
-from tega.records.hand import (
+from tega.records.outputs import (
     BusFrame,
     HandCommand,
     HandExchange,
     HandLook,
     Imposed,
     Joints,
+    ProgramFrame,
     ReflexGrip,
+    SentFrame,
+    TriedMotor,
+    VestFrame,
+    VestRecord,
     bus_frames,
 )
 from tega.records.run import (
@@ -41,7 +46,6 @@ from tega.records.run import (
     Value,
 )
 from tega.records.touch import BesideContact, Contact, Event, NamedValue, Picture
-from tega.records.vest import ProgramFrame, SentFrame, TriedMotor, VestFrame, VestRecord
 
 __all__ = [
     "RECORDS",

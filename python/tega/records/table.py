@@ -10,7 +10,7 @@ from typing import Any
 from tega.records.arm import PoseNumbers
 from tega.records.base import Record
 from tega.records.schema import fields, units, values
-from tega.runtime.files.csv_writer import cell_text, time_text
+from tega.runtime.files.csv_tables import cell_text, time_text
 from tega.runtime.words import number_text
 
 # What a row is made of where a record has a row for each part, as a hand's command has for each CAN frame.

@@ -85,7 +85,7 @@ class Removed(NamedTuple):
 REMOVED: Final[Mapping[str, Removed]] = {
     "stages.metric shear": Removed(
         "0.3", "it was not shown to tell sliding from holding", "choose live, which reads the same contact"
-    ),
+    )
 }
 """Settings and stages of this package that were taken out, by name."""
 

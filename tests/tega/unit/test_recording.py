@@ -30,7 +30,7 @@ from tega.recording.pictures import cell_sums, read_sums
 from tega.recording.replay import replay_file
 from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.table import columns, numbers, rows
-from tega.runtime.files.csv_writer import time_text
+from tega.runtime.files.csv_tables import time_text
 from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator

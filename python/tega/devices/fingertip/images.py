@@ -11,7 +11,7 @@ import numpy as np
 from tega.devices.base import Options, TactileFrame
 from tega.devices.fingertip.recorded_pictures import RecordedPictures
 from tega.errors import RecordingError
-from tega.runtime.files.picture_names import name_times_s, sorted_names, without_strays
+from tega.runtime.files.picture_stack import name_times_s, sorted_names, without_strays
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 
 _USUAL_HZ = 60.0

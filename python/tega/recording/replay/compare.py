@@ -27,7 +27,7 @@ from tega.records import (
     SentFrame,
     VestFrame,
 )
-from tega.records.hand import frames_text
+from tega.records.outputs import frames_text
 from tega.records.schema import values
 
 if TYPE_CHECKING:

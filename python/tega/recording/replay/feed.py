@@ -14,10 +14,9 @@ import numpy as np
 
 from tega import records
 from tega.errors import RecordingError
-from tega.recording.compute_ahead import compute_ahead
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import Message, Progress, read_picture
-from tega.recording.pictures import PICTURES, paired
+from tega.recording.pictures import PICTURES, compute_ahead, paired
 from tega.recording.record_columns import find_kind, record_of
 from tega.recording.replay.head import lead_in, read_head
 from tega.records import Contact, HandCommand, Intent, Picture, Record, VestFrame

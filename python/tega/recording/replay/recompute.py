@@ -196,9 +196,7 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
         options = msgspec.convert(tree | {"poses": poses if poses.is_file() else None}, AllegroOptions)
         link = options.link()
     recorded.subscribe(
-        HandExchange,
-        lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))),
-        vital=True,
+        HandExchange, lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))), vital=True
     )
 
 

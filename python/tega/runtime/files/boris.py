@@ -17,8 +17,8 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega.runtime.files.annotations import CodedEvent, Edge, edges_of, paired
+from tega.runtime.files.csv_tables import read_rows, seconds
 from tega.runtime.files.foreign_file import MIB, parse_json, read_foreign
-from tega.runtime.files.foreign_rows import read_rows, seconds
 
 _MOST_MIB: Final = 64
 _EXPORT: Final = "export tabular or aggregated events from BORIS as TSV or CSV"

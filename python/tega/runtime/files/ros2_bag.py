@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB, check_file
-from tega.runtime.files.picture_names import sorted_names
+from tega.runtime.files.picture_stack import sorted_names
 from tega.runtime.lifecycle import require
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

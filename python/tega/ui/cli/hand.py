@@ -43,7 +43,7 @@ def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | Non
     from tega.devices.hand.can_log import read_can_log
     from tega.devices.hand.hand_log import HandLog, LoggedHand, find_hand
     from tega.hand import JOINT_NAMES
-    from tega.runtime.files.csv_writer import CsvWriter
+    from tega.runtime.files.csv_tables import CsvWriter
 
     def cells(state: LoggedHand) -> list[str]:
         torques = [""] * 16 if state.torque_counts is None else [str(int(v)) for v in state.torque_counts]

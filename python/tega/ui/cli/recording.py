@@ -75,7 +75,7 @@ def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     SESSIONS are files, or folders of sessions; they are not changed. Recordings that overlap in time, or differ in
     versions, calibration, vest or inputs, are rejected.
     """
-    from tega.recording.merge import merge_sessions
+    from tega.recording.remake import merge_sessions
 
     made = merge_sessions(list(sessions), out=out)
     if as_json:

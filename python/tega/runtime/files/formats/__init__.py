@@ -50,7 +50,7 @@ FORMATS: Final[tuple[Format, ...]] = (
     Format("XDF", (".xdf", ".xdfz"), (b"XDF:",), f"{_HERE}.xdf:open_xdf", "pyxdf", "LabRecorder"),
     Format("MAT 7.3", (), (b"MATLAB 7.3",), f"{_HERE}.hdf5:open_mat73", "h5py", "MATLAB, save -v7.3"),
     Format("HDF5", (".h5", ".hdf5", ".hdf"), (_HDF5,), f"{_HERE}.hdf5:open_hdf5", "h5py", "HDF5, NWB"),
-    Format("MAT", (".mat",), (b"MATLAB 5.0",), f"{_HERE}.mat:open_mat", "scipy", "MATLAB, Octave"),
+    Format("MAT", (".mat",), (b"MATLAB 5.0",), f"{_HERE}.hdf5:open_mat", "scipy", "MATLAB, Octave"),
     Format("NumPy array", (".npy",), (b"\x93NUMPY",), f"{_HERE}.named:open_npy", "", "numpy.save"),
     Format("NumPy archive", (".npz",), (), f"{_HERE}.named:open_npz", "", "numpy.savez"),
     Format("Parquet", (".parquet", ".pq"), (b"PAR1",), f"{_HERE}.parquet:open_parquet", "pyarrow", "pandas, Arrow"),
