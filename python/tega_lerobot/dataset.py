@@ -133,11 +133,8 @@ class _Dataset:
                 key = f"observation.images.{finger}"
                 self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
         elif features != self._features:
-            other = [
-                name
-                for name in {**features, **self._features}
-                if features.get(name) != self._features.get(name)
-            ]
+            names = {**features, **self._features}
+            other = [name for name in names if features.get(name) != self._features.get(name)]
             raise RecordingError(
                 f"{episode.path.name}: differs from the first recording in {', '.join(other)}",
                 "export recordings of one setup together",
@@ -294,7 +291,6 @@ class _Dataset:
 
 
 def _source(episode: Episode, number: int) -> dict[str, Any]:
-    """Return the source of an episode."""
     head = episode.tables.get("tega", {})
     return {
         "episode_index": number,

@@ -46,12 +46,10 @@ class SampleSender:
         if start_ns is None or not self._wanted():
             self._waiting.clear()
             return
-        before = self._waiting[-1] if self._waiting else chunk
-        if (
-            before is not chunk
-            and chunk.first_index != before.first_index + len(before.samples) // before.n_channels
-        ):
-            self._pass_on(start_ns)  # samples are missing between, so that they have to be two messages
+        if self._waiting:
+            before = self._waiting[-1]
+            if chunk.first_index != before.first_index + len(before.samples) // before.n_channels:
+                self._pass_on(start_ns)  # samples are missing between, so that they have to be two messages
         self._waiting.append(chunk)
         if chunk.t_ns - self._waiting[0].t_ns >= _AT_ONCE_NS:
             self._pass_on(start_ns)

@@ -89,7 +89,6 @@ def robot(**options: Any) -> None:
 
 
 def _check_station(name: str, station: str, settings: SessionConfig) -> None:
-    """Refuse settings that are not this station's."""
     net = net_of(settings)
     if net is None:
         raise ConfigError(

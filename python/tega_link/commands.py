@@ -94,7 +94,6 @@ class Commands:
         return command
 
     def _pass_on(self, command: HandMessage, block_ns: int, now_ns: int) -> None:
-        """Give a new block of EMG to the loop."""
         start_ns, requested = self._start_ns, command.intent
         if start_ns is None or requested is None or not self._has_hand:
             return

@@ -77,9 +77,8 @@ class Leadership:
                 f"robot {robot!r} has an arm, and this station has no dead-man switch", "set [input.dead_man]"
             )
         if frame and join.frame != frame:
-            text = (
-                f"gives poses in the axes {join.frame!r}" if join.frame else "has nothing that leads an arm"
-            )
+            gives = f"gives poses in the axes {join.frame!r}"
+            text = gives if join.frame else "has nothing that leads an arm"
             return Refused(
                 f"robot {robot!r} has an arm that wants poses in the axes {frame!r}; this station {text}",
                 "set [net.tracker] or [input.motion] here, or arm.mapping.frame in the robot's settings",
@@ -99,11 +98,8 @@ class Leadership:
 
     def check(self, now_ns: int) -> bool:
         """Return whether the leader has gone without ever having given a sign of life."""
-        if (
-            self.session == 0
-            or (self.name, self.session) in self._alive
-            or now_ns - self._since_ns <= _SIGN_NS
-        ):
+        alive = (self.name, self.session) in self._alive
+        if self.session == 0 or alive or now_ns - self._since_ns <= _SIGN_NS:
             return False
         self._free()
         return True

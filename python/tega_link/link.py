@@ -251,15 +251,8 @@ def zenoh_settings(net: NetSection) -> dict[str, Any]:
 
 
 _ALL = [
-    "put",
-    "delete",
-    "declare_subscriber",
-    "query",
-    "reply",
-    "declare_queryable",
-    "liveliness_token",
-    "liveliness_query",
-    "declare_liveliness_subscriber",
+    *("put", "delete", "declare_subscriber", "query", "reply", "declare_queryable"),
+    *("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
 ]
 
 

@@ -192,7 +192,6 @@ class OperatorStation(Station):
         return f"{text}, {self._clock.words}"
 
     def _summary(self) -> dict[str, Any]:
-        """Return the counts of the link."""
         return self._link_summary() | {
             "robot": self.net.robot,
             "joined": self._lead.n,

@@ -200,7 +200,6 @@ class RobotStation(Station):
         return text
 
     def _summary(self) -> dict[str, Any]:
-        """Return the counts of the link."""
         commands = self._commands
         with self._lock:
             commands.keep_counts()

@@ -119,7 +119,6 @@ class LslStreams:
 
 
 def _labels(record: Record) -> list[tuple[str, str]]:
-    """Return name and unit of every channel."""
     if isinstance(record, EmgSamples):
         unit = next(field.unit for field in fields(EmgSamples) if field.array)
         return [(f"ch{k + 1}", unit) for k in range(record.n_channels)]

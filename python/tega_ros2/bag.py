@@ -51,7 +51,6 @@ def export_bag(path: Path, folder: Path) -> Path:
 
 
 def _write(reader: McapReader, writer: Any) -> None:
-    """Convert and write every message."""
     converter: Converter | None = None
     connections: dict[str, tuple[str, Any]] = {}
     for message in reader.messages():
@@ -79,7 +78,6 @@ def _write(reader: McapReader, writer: Any) -> None:
 
 
 def _export(recordings: Sequence[Path], out: Path) -> list[Path]:
-    """Write one bag for each recording."""
     new_session(out)
     return [export_bag(path, out / path.stem) for path in recordings]
 

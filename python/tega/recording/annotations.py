@@ -25,8 +25,6 @@ STATES: Final = frozenset({"deformation"})
 
 
 class _Line(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """A line of the file."""
-
     n: Annotated[int, msgspec.Meta(ge=1)]
     rater: Annotated[str, msgspec.Meta(max_length=200)]
     t_s: Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)] = 0.0

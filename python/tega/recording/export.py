@@ -113,11 +113,8 @@ def _write_tables(
             table = tables.get(topic)
             if table is None:
                 if not tables:
-                    epoch_ns, info = (
-                        int(reader.metadata.get("tega", {}).get("epoch_ns", "0")),
-                        emg_source(reader),
-                    )
-                    channels = () if info is None else info.channels
+                    epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
+                    channels = () if (info := emg_source(reader)) is None else info.channels
                 name = plain_name(topic.strip("/").replace("/", "."), subject="topic", source=path.name)
                 to = _GROWING[kind](folder / f"{name}.{kind}")
                 table = tables[topic] = _TopicTable(to, schema, epoch_ns, channels)
@@ -274,12 +271,9 @@ def _own(descriptor: Any) -> frozenset[str]:
 
 
 def _poses_text(poses: Any) -> str:
-    return "; ".join(_pose_text(pose) for pose in poses)
-
-
-def _pose_text(pose: Any) -> str:
-    """Return a pose as its time, place, turn and validity."""
-    return " ".join(map(str, (pose.t_ns, *pose.position, *pose.quaternion, int(pose.valid))))
+    """Return poses, each as its time, place, turn and validity."""
+    numbers = [(pose.t_ns, *pose.position, *pose.quaternion, int(pose.valid)) for pose in poses]
+    return "; ".join(" ".join(map(str, one)) for one in numbers)
 
 
 def _picture(message: Message, folder: Path, seq: int) -> None:

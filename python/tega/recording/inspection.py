@@ -148,9 +148,7 @@ def inspect_file(path: Path) -> Inspection:
         sources=sources,
         absent=absent_features(reader.metadata),
         streams=[_facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(seen.topics.items())],
-        latency=_with_skin(
-            [_latency(stage, times) for stage, times in seen.stages.items() if any(times) and paced]
-        ),
+        latency=_with_skin([_latency(*one) for one in seen.stages.items() if any(one[1]) and paced]),
         markers=seen.markers,
         states=seen.states,
         log=seen.log,
@@ -200,7 +198,7 @@ class _Messages:
             case "tega.Levels":
                 stages["EMG block: captured to taken in"].append(value.taken_ns - value.t_ns)
             case "tega.VestFrame" if message.topic == "/vest/frame":
-                self._pictures.vest(value)
+                stages["vest frame: deadline to handed over"].append(value.handed_ns - value.t_ns)
             case _:
                 pass
 
@@ -246,12 +244,8 @@ class _Stages:
 
     def contact(self, finger: str, value: Any) -> None:
         received_ns = self._received.pop((finger, value.t_ns), None)
-        if received_ns is None:
-            return
-        self._stages["picture: received to taken in"].append(value.known_ns - received_ns)
-
-    def vest(self, value: Any) -> None:
-        self._stages["vest frame: deadline to handed over"].append(value.handed_ns - value.t_ns)
+        if received_ns is not None:
+            self._stages["picture: received to taken in"].append(value.known_ns - received_ns)
 
 
 def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:

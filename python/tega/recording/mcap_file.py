@@ -80,11 +80,8 @@ class BoundedQueue:
 
     def put(self, item: Item) -> bool:
         """Add an item; return at once (unless ``wait`` is set) whether there was room."""
-        limit = (
-            self._most_bytes
-            if isinstance(item.record, Picture | VideoPacket)
-            else self._most_bytes + RESERVE_BYTES
-        )
+        reserve = 0 if isinstance(item.record, Picture | VideoPacket) else RESERVE_BYTES
+        limit = self._most_bytes + reserve
         while True:
             with self._lock:
                 if self._closed:

@@ -32,8 +32,6 @@ class _IndexTrial(msgspec.Struct):
 
 
 class _SessionIndex(msgspec.Struct):
-    """Required fields of an index."""
-
     trials: list[_IndexTrial]
 
 
@@ -63,7 +61,8 @@ class SessionFolder:
         if path.exists() and not path.is_dir():
             raise ConfigError(f"session folder {path.name!r} is a file", "name a folder")
         self.path = path.absolute()  # of "." a message names the folder
-        if path.is_dir() and any(path.iterdir()) and not self._is_session():
+        known = (path / INDEX_NAME).exists() or any(path.glob("trial-*.mcap*"))
+        if path.is_dir() and any(path.iterdir()) and not known:
             if to_read:
                 raise no_recording(path)
             raise ConfigError(
@@ -138,9 +137,6 @@ class SessionFolder:
     def index(self) -> dict[str, Any]:
         """Return the index as it stands; ``RecordingError`` where it is damaged."""
         return _index(self.path)
-
-    def _is_session(self) -> bool:
-        return (self.path / INDEX_NAME).exists() or any(self.path.glob("trial-*.mcap*"))
 
     def _recover(self) -> list[Recovered]:
         done = []

@@ -29,10 +29,6 @@ Progress = Callable[[str, int, int], None]
 """Called with what is being done, how many units of it are done, and how many there are."""
 
 
-def _no_progress(_subject: str, _done: int, _total: int) -> None:
-    """Show nothing."""
-
-
 Within = tuple[int, float]
 """Where in a file the first part to read begins, and the first that is not read."""
 WHOLE: Final[Within] = (0, math.inf)
@@ -127,7 +123,7 @@ class McapReader:
         self.cut = ""
         self.part_begins = 0
         self._own = False
-        self.progress: Progress = _no_progress
+        self.progress: Progress = lambda _subject, _done, _total: None
 
     @property
     def complete(self) -> bool:

@@ -61,15 +61,8 @@ def open_recording(*paths: str | PathLike[str]) -> RecordedTopics:
             )
         zero_ns = zero or 0
         start_ns = table_ns(reader.metadata.get("tega", {}), "start_ns") or 0
-        files.append(
-            RecordedFile(
-                reader,
-                zero_ns,
-                start_ns,
-                zero_ns - min(known, default=0) if zero is not None else 0,
-                emg_source(reader),
-            )
-        )
+        shift_ns = zero_ns - min(known, default=0) if zero is not None else 0
+        files.append(RecordedFile(reader, zero_ns, start_ns, shift_ns, emg_source(reader)))
     files.sort(key=lambda file: file.zero_ns)
     return RecordedTopics(tuple(files), -NEVER_NS, NEVER_NS)
 

@@ -58,7 +58,9 @@ class RecordChannels:
         self._channels: dict[str, Any] = {}
         self.epoch_ns = 0
         self.context: Any = self._foxglove.Context()
-        self._open: Callable[..., Any] = open_channel or self._open_own
+        self._open: Callable[..., Any] = open_channel or (
+            lambda topic, make, **how: make(topic, context=self.context, **how)
+        )
 
     def write(self, record: Record, t_ns: int) -> None:
         """Encode and log a record, unless its channel has no subscriber; make a new channel for later ones.
@@ -96,9 +98,6 @@ class RecordChannels:
         if channel is None:
             channel = self._channels[topic] = self._open(topic, make, **how)
         return channel
-
-    def _open_own(self, topic: str, make: Any, **how: Any) -> Any:
-        return make(topic, context=self.context, **how)
 
     def _message(self, topic: str, record: Record, log_ns: int) -> None:
         schema = None

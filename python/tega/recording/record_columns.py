@@ -50,14 +50,9 @@ def time_column(field: str) -> str:
 def list_columns(
     field: str, n: int, *, layout: str = "", channels: Sequence[str] = (), taken: Collection[str] = ()
 ) -> Sequence[str]:
-    """Return the columns of a list of numbers.
+    """Return the columns of a list of ``n`` numbers; ``taken`` are the names of the other columns.
 
-    Args:
-        field: Field that holds the list: ``channels`` of EMG, ``intensities`` of motors, or any other.
-        n: Its numbers.
-        layout: Layout of the motors.
-        channels: Names of the EMG channels.
-        taken: Names of the other columns.
+    The ``field`` is ``channels`` of EMG, named ``channels``, ``intensities`` of a layout's motors, or any other.
 
     Example:
         >>> list_columns("channels", 2), list_columns("gains", 2), list_columns("intensities", 2)
@@ -163,8 +158,8 @@ def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> di
     cells: dict[str, Any] = values(record) if not isinstance(record, Joints) else {"t_ns": record.t_ns}
     if isinstance(record, Joints):
         row |= dict(zip(JOINT_NAMES, record.angles_rad, strict=False))
-    for name, column, is_time in _names(type(record)):
-        value: Any = cells.get(name)
+    for field, column, is_time in _columns_of(type(record)):
+        name, value = field.name, cells.get(field.name)
         if is_time:
             row[column] = np.nan if value is None else (value + shift_ns) / 1e9
         elif name == "more" and value:
@@ -187,43 +182,35 @@ def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> di
             row |= dict(zip(given, value, strict=True))
         else:
             row[column] = value
-    return {
-        name: value for name, value in row.items() if value is not None or name in _optional(type(record))
-    }
-
-
-def _cells_of(kind: type[Record]) -> list[MessageField]:
-    """Return the fields of a record that are columns: all but bytes."""
-    return [field for field in fields(kind) if field.wire != "bytes"]
+    optional = _optional(type(record))
+    return {name: value for name, value in row.items() if value is not None or name in optional}
 
 
 @cache
-def _names(kind: type[Record]) -> tuple[tuple[str, str, bool], ...]:
-    """Return of each field its name, its column, and whether it is a time."""
+def _columns_of(kind: type[Record]) -> tuple[tuple[MessageField, str, bool], ...]:
+    """Return the fields that are columns, all but bytes, each with its column and whether it is a time."""
     found = []
-    for field in _cells_of(kind):
+    for field in fields(kind):
         is_time = field.unit == "ns" and field.name.endswith("_ns")
-        column = time_column(field.name) if is_time else field.name
-        found.append((field.name, column, is_time))
+        if field.wire != "bytes":
+            found.append((field, time_column(field.name) if is_time else field.name, is_time))
     return tuple(found)
 
 
 @cache
 def _optional(kind: type[Record]) -> frozenset[str]:
-    return frozenset(
-        column for field, (_, column, _) in zip(_cells_of(kind), _names(kind), strict=True) if field.optional
-    )
+    return frozenset(column for field, column, _ in _columns_of(kind) if field.optional)
 
 
 def column_names(kind: type[Record]) -> list[str]:
     """Return the columns of a record type, one per field, as for a topic without messages."""
-    return [column for _, column, _ in _names(kind)]
+    return [column for _, column, _ in _columns_of(kind)]
 
 
 def units_of(kind: type[Record]) -> dict[str, str]:
     """Return the unit of each column of a record type that has one."""
-    named = zip(_cells_of(kind), _names(kind), strict=True)
-    return {column: "s" if is_time else field.unit for field, (_, column, is_time) in named if field.unit}
+    columns = _columns_of(kind)
+    return {column: "s" if is_time else field.unit for field, column, is_time in columns if field.unit}
 
 
 def arrays_of(rows: Iterable[Mapping[str, Any]], *, most_rows: int = 4096) -> dict[str, NDArray[Any]]:

@@ -172,7 +172,6 @@ class RecorderProcess:
 
     @run_realtime("beside")
     def _ship(self) -> None:
-        """Send the waiting records to the process, until all are sent."""
         if not self._say("begin", *self._begun):
             return
         while True:
@@ -212,7 +211,6 @@ class RecorderProcess:
         return items
 
     def _listen(self) -> None:
-        """Receive the process's messages until it ends."""
         while True:
             try:
                 kind, *content = receive_object(self._text)

@@ -9,6 +9,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -204,7 +205,7 @@ def _open_tables(
     if config.arm is not None:
         tables[ArmTurn] = RecordTable(folder, ArmTurn)
     for close in (vest.close, hand.close, *(table.close for table in tables.values())):
-        stack.callback(_closed if real else _called, close)
+        stack.callback(partial(_closed, close) if real else close)
     backlog = Backlog("tables", rank=run_realtime("beside")) if real else None
     if backlog is not None:
         stack.callback(backlog.close)
@@ -223,10 +224,6 @@ def _open_tables(
     bus.subscribe(HandCommand, command, name=_NAME, vital=not real, backlog=backlog)
     save_calibration(prepared.calibration, folder / "calibration.toml")
     return vest.info, hand.info
-
-
-def _called(close: Callable[[], None]) -> None:
-    close()
 
 
 def _closed(close: Callable[[], None]) -> None:

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 NEVER_NS: Final = 2**63 - 1
 """Time after every other, nanoseconds."""
-"""Time after every other, nanoseconds."""
 # Many small arrays leave a heap that stays as large as they were.
 _MOST_BLOCKS: Final = 1024
 _OF_SAMPLES: Final = ("t_s", "log_s", "file", "index")
@@ -77,12 +76,10 @@ class Topic(Sequence[Any]):
 
     @cached_property
     def _places(self) -> list[NDArray[Any]]:
-        """Places of the messages, file by file."""
         found = []
         for file in self._files:
             zero_ns = file.zero_ns - file.shift_ns
-            limits = (min(max(t_ns + zero_ns, 0), NEVER_NS) for t_ns in (self._from_ns, self._to_ns))
-            from_ns, to_ns = limits
+            from_ns, to_ns = (min(max(t + zero_ns, 0), NEVER_NS) for t in (self._from_ns, self._to_ns))
             found.append(file.reader.places(self.name, from_ns=from_ns, to_ns=to_ns))
         return found
 

@@ -25,19 +25,8 @@ from tega.runtime.files.whole_file import new_file
 _LEADING = frozenset(
     f"tega.{name}"
     for name in (
-        "Contact",
-        "EmgSamples",
-        "AdaptationSwitch",
-        "Levels",
-        "HandExchange",
-        "Skip",
-        "Haptics",
-        "TriedMotor",
-        "ProgramFrame",
-        "Imposed",
-        "ReflexGrip",
-        "HandLook",
-        "ArmTurn",
+        *("Contact", "EmgSamples", "AdaptationSwitch", "Levels", "HandExchange", "Skip", "Haptics"),
+        *("TriedMotor", "ProgramFrame", "Imposed", "ReflexGrip", "HandLook", "ArmTurn"),
     )
 )
 

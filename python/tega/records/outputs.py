@@ -123,14 +123,7 @@ class ReflexGrip(Record, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/hand/reflex"
     table: ClassVar[tuple[str, ...]] = (
-        "t_s",
-        "own",
-        "added",
-        "authority",
-        "allowed",
-        "measured",
-        "wish",
-        "cause",
+        *("t_s", "own", "added", "authority", "allowed", "measured", "wish", "cause"),
     )
 
     t_ns: Ns

@@ -127,21 +127,8 @@ class Contact(Record, frozen=True, kw_only=True):
     version: ClassVar[int] = 3
     unwritten: ClassVar[tuple[str, ...]] = ("finger",)
     table: ClassVar[tuple[str, ...]] = (
-        "t_s",
-        "finger",
-        "cci",
-        "eda",
-        "cci_norm",
-        "eda_norm",
-        "peak",
-        "in_contact",
-        "front",
-        "back",
-        "area_mm2",
-        "depth_mm",
-        "force_n",
-        "strength",
-        "broad",
+        *("t_s", "finger", "cci", "eda", "cci_norm", "eda_norm", "peak", "in_contact", "front", "back"),
+        *("area_mm2", "depth_mm", "force_n", "strength", "broad"),
     )
 
     finger: str

@@ -189,9 +189,8 @@ def _declared(entry: EntryPoint, found: dict[str, Feature]) -> Feature:
         if isinstance(error, ImportError):
             missing = (error.name or module).partition(".")[0]
             lacks = isinstance(error, ModuleNotFoundError) and missing != module
-            correct = (
-                f"pip install {missing if lacks else f'--force-reinstall {package}'}, or remove {package}"
-            )
+            what = missing if lacks else f"--force-reinstall {package}"
+            correct = f"pip install {what}, or remove {package}"
         raise ConfigError(f"{type(error).__name__}: {error}", correct) from error
     if not isinstance(feature, Feature):
         problem = f"{entry.value} is a {type(feature).__name__}, not a tega.runtime.features.Feature"

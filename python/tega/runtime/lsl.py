@@ -71,15 +71,8 @@ class ClockCorrection:
     """Seconds to add to a sender's stamps for this machine's clock of the library.
 
     The correction is asked for again every second. One that leaps is used once it has stayed for five seconds: a single
-    message that was held up on its way moves no sample.
-
-    Args:
-        name: Name of the stream, for the log.
-        first_s: The correction that was measured when the stream was opened.
-        now_s: When that was, seconds of the monotonic clock.
-
-    Attributes:
-        n_outliers: How many answers were outliers.
+    message that was held up on its way moves no sample. The stream ``name``, for the log, was opened at ``now_s`` of
+    the monotonic clock, seconds, with the correction ``first_s``.
 
     Example:
         >>> clock = ClockCorrection("Myo", 0.0, 0.0)

@@ -197,10 +197,8 @@ def _is_realtime(policy: int) -> bool:
 def _is_ordinary(tid: int) -> bool:
     if sys.platform != "linux":
         return True
-    try:
-        return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
-    except OSError:  # it has ended
-        return False
+    how = _how(tid)
+    return how is not None and how[0] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
 
 
 def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:

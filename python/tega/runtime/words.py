@@ -14,15 +14,10 @@ _MOST: Final = 1e12
 
 
 def number_text(value: float, digits: int = 4, *, decimals: int | None = None) -> str:
-    """Return a number as text.
+    """Return a number as text: without an exponent from 1e-9 to 1e12 in size, ``0`` where it rounds to zero.
 
-    Args:
-        value: The number, in any unit.
-        digits: Significant digits of the fractional part; whole numbers keep all of theirs.
-        decimals: If given, the fixed number of decimal places instead.
-
-    Returns:
-        The number without an exponent from 1e-9 to 1e12 in size, and ``0`` for a value that rounds to zero.
+    ``digits`` are significant ones of the fractional part, as whole numbers keep all of theirs; if given,
+    ``decimals`` is the fixed number of decimal places instead.
 
     Example:
         >>> number_text(1e4), number_text(-0.04, decimals=1), number_text(0.000059999999999999995)
@@ -46,13 +41,9 @@ def number_text(value: float, digits: int = 4, *, decimals: int | None = None) -
 def nearest_hint(
     name: str, known: Iterable[str], otherwise: str = "choose from", *, cutoff: float = 0.6
 ) -> str:
-    """Return a hint for an unknown name.
+    """Return a hint for an unknown name: the nearest of those known, else ``otherwise`` and the list of them.
 
-    Args:
-        name: The unknown name.
-        known: The names to choose from.
-        otherwise: Words before the list of all names, if none is near.
-        cutoff: Least similarity of a near name, 0 to 1.
+    ``cutoff`` is the least similarity of a near name, 0 to 1.
 
     Example:
         >>> nearest_hint("botle", ["bottle", "bag"]), nearest_hint("cup", ["bottle", "bag"])

@@ -130,8 +130,6 @@ def play_file(
 
 @reports_damage
 def _read(path: Path, playhead: Playhead, controls: Controls) -> PlayedRun:
-    """Read a recording."""
-
     def check(_name: str, _done: int, _total: int) -> None:
         if controls.stop():
             raise KeyboardInterrupt

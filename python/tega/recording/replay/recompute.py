@@ -201,7 +201,6 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
 
 
 def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:
-    """Return the frames of a link in an exchange."""
     if one.action == "release":
         link.release(one.t_ns)
         return []

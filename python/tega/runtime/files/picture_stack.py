@@ -135,11 +135,8 @@ class PictureStack:
                 data = file.read(min(self.n_pictures, _MOST_TIMES) * one.dtype.itemsize)
             times = np.frombuffer(data, one.dtype)
             times_s = (times - times[0]).astype(np.float64) * unit if len(times) == self.n_pictures else times
-            if (
-                not np.isfinite(times_s).all()
-                or len(times_s) < self.n_pictures
-                or (np.diff(times_s) <= 0).any()
-            ):
+            complete = np.isfinite(times_s).all() and len(times_s) >= self.n_pictures
+            if not complete or (np.diff(times_s) <= 0).any():
                 raise RecordingError(
                     f"{self._path.name}: the times in {one.name.removesuffix('.npy')!r} do not rise",
                     "leave them out, or mend them",
@@ -149,7 +146,6 @@ class PictureStack:
 
 
 def _chosen(members: list[_Member], variable: str, path: Path) -> _Member:
-    """Return the array that holds the pictures."""
     named = [one for one in members if one.name.removesuffix(".npy") == variable]
     fits = named if variable else [one for one in members if len(one.shape) >= 3]
     if len(fits) != 1:
@@ -170,13 +166,8 @@ def _chosen(members: list[_Member], variable: str, path: Path) -> _Member:
     else:
         hint = _REMEDY
     n_pixels = int(np.prod(shape[1:3], dtype=object)) if len(shape) > 2 else 0
-    if (
-        not is_stack
-        or one.dtype != np.uint8
-        or one.by_columns
-        or not 0 < n_pixels <= _MOST_PIXELS
-        or shape[0] < 1
-    ):
+    is_stack = is_stack and one.dtype == np.uint8 and not one.by_columns
+    if not is_stack or not 0 < n_pixels <= _MOST_PIXELS or shape[0] < 1:
         raise RecordingError(
             f"{path.name}: holds {one.dtype} {shape}, expected uint8 (n, height, width, 3)", hint
         )

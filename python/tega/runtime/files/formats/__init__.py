@@ -122,11 +122,8 @@ def format_of(path: Path) -> Format:
     """Return a file's format, by its first bytes before its name; others are refused with a way out."""
     head, suffix = head_of(path, 32), path.suffix.lower()
     for known in FORMATS:
-        if (
-            known.magic
-            and head.startswith(known.magic)
-            and not (known.name == "EDF" and suffix not in known.suffixes)
-        ):
+        other_edf = known.name == "EDF" and suffix not in known.suffixes
+        if known.magic and head.startswith(known.magic) and not other_edf:
             return _checked(known, path, suffix)
     other = next((ending for magic, ending in _OTHER_MAGIC.items() if head.startswith(magic)), suffix)
     if head.startswith(b"PK\x03\x04"):

@@ -59,12 +59,8 @@ def _open(path: Path, reading: Reading, *, transposed: bool) -> Table:
             return _records(path, *next(iter(records.items())))
         picked = pick(datasets, reading.variable, path.name)
         dataset = picked.array
-        if (
-            dataset.ndim == 2
-            and dataset.dtype.kind in "iuf"
-            and not transposed
-            and _is_upright(dataset, reading)
-        ):
+        numbers = dataset.ndim == 2 and dataset.dtype.kind in "iuf"
+        if numbers and not transposed and _is_upright(dataset, reading):
             head = np.asarray(dataset[:MOST_JUDGED], np.float64)
             table = Table(path.name, name, judged_columns([], head), _by_rows(h5py, path, picked.name))
             n_rows = len(dataset)
@@ -99,12 +95,9 @@ def _datasets(h5py: Any, file: Any) -> dict[str, Any]:
             item = group[key]
             if isinstance(item, h5py.Group):
                 waiting.append((f"{path}{key}/", item))
-            elif (
-                isinstance(item, h5py.Dataset)
-                and not item.is_virtual
-                and item.external is None
-                and item.shape is not None
-            ):
+                continue
+            outside = not isinstance(item, h5py.Dataset) or item.is_virtual or item.external is not None
+            if not outside and item.shape is not None:
                 found[f"{path}{key}"] = item
     return found
 
@@ -136,7 +129,6 @@ def _by_rows(h5py: Any, path: Path, name: str) -> Blocks:
 
 
 def _records(path: Path, name: str, dataset: Any) -> Table:
-    """Return a table from a dataset with named fields."""
     fields = [f for f in dataset.dtype.names if dataset.dtype[f].kind in "iuf" and not dataset.dtype[f].shape]
     if not fields or dataset.ndim != 1 or len(dataset) * len(fields) * 8 > MOST_MIB * 2**20:
         raise RecordingError(
@@ -169,10 +161,8 @@ def _scalars(io: Any, path: Path) -> dict[str, Any]:
     try:
         names = [name for name, shape, _ in io.whosmat(path) if int(np.prod(shape)) == 1]
         return _flat(io.loadmat(path, variable_names=names)) if names else {}
-    except (
-        TypeError,
-        ValueError,
-    ):  # SciPy 1.17 lists nothing where an object of MATLAB lies beside the arrays
+    except (TypeError, ValueError):
+        # SciPy 1.17 lists nothing where an object of MATLAB lies beside the arrays.
         return {}
 
 

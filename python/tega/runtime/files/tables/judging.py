@@ -90,11 +90,9 @@ class Name(NamedTuple):
 
 
 def judged(raw: str, unit: str = "") -> Name:
-    """Judge a column's name as it stands in a file.
+    """Judge a column's name as it stands in a file, perhaps with its unit in brackets, after a comma or underscore.
 
-    Args:
-        raw: The name, perhaps with its unit in brackets, after a comma or an underscore.
-        unit: The unit, where the file has it elsewhere.
+    ``unit`` is given where the file has it elsewhere.
 
     Example:
         >>> judged("Zeit [s]").role, judged("Package Num").role, judged("EMG_1 (uV)").role, judged("FCU").role
@@ -139,10 +137,7 @@ def _role(text: str, unit: str) -> Role:
 
 
 def course_of(values: NDArray[np.float64]) -> Course:
-    """Return the course of a column's first values.
-
-    Args:
-        values: float64 (n,), NaN for a cell without a number.
+    """Return the course of a column's first values, float64 (n,), NaN for a cell without a number.
 
     Example:
         >>> course_of(np.arange(100) * 0.004), course_of(np.arange(600) % 256.0), course_of(np.zeros(50))

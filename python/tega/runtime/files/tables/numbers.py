@@ -94,9 +94,7 @@ class RowParser:
         )  # fmt: skip
 
     def _row(self, number: int, raw: str) -> list[float] | None:
-        line = (
-            uncommented(raw).strip("\r\n ") if self._dialect.delimiter == "\t" else uncommented(raw).strip()
-        )
+        line = uncommented(raw).strip("\r\n " if self._dialect.delimiter == "\t" else None)
         if not line.strip():
             return None
         cells = self._dialect.split(line)
