@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
-from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import McapReader, table_ns
-from tega.recording.origin import LEAD_IN, new_session, note_copy
+from tega.recording.origin import LEAD_IN, new_session, no_session, note_copy
 from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega.ui.cli.export_format import ExportFormat
 from tega_ros2.convert import Converter

@@ -10,7 +10,7 @@ import os
 from contextlib import suppress
 
 from tega.runtime.child_process import program_pipes, receive_object
-from tega.runtime.every import every
+from tega.runtime.clock import every
 from tega_scene.filming import Filming
 
 _REPORTED_S = 0.25

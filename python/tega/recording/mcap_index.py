@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError, TegaError
-from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import (
     MOST_RECORD,
     McapReader,
@@ -29,6 +28,7 @@ from tega.recording.mcap_reader import (
     open_recording,
     read_ahead,
 )
+from tega.recording.origin import no_session
 from tega.runtime.files.foreign_file import MIB, reports_damage
 from tega.runtime.lifecycle import require
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 from tega.errors import RecordingError
-from tega.recording.foreign import no_session
 from tega.recording.mcap_schemas import decoder
+from tega.recording.origin import no_session
 from tega.runtime.files.foreign_file import MIB, check_file
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2

@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
-from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
 from tega.recording.mcap_reader import MOST_RECORD, Message, open_recording, read_picture
-from tega.recording.origin import Tables, new_session, note_copy, origin, span
+from tega.recording.origin import Tables, new_session, no_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 from tega.runtime.lifecycle import require

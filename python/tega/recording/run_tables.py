@@ -59,24 +59,6 @@ _LOG = logging.getLogger(__name__)
 _NAME = "disk: tables are no longer written"
 
 
-class RecordTable:
-    """Writes records of one kind into their table, with header and rows from the record's fields.
-
-    ``names`` are the columns of a list field with one number per part of a device, by the field.
-    """
-
-    def __init__(self, folder: Path, kind: type[Record], **names: Iterable[str]) -> None:
-        self._file = CsvWriter(folder / TABLES[kind], columns(kind, **names), most_lines=_MOST_LINES)
-
-    def take(self, record: Record) -> None:
-        """Add a record."""
-        self._file.write(*rows(record))
-
-    def close(self) -> None:
-        """Finish the file."""
-        self._file.close()
-
-
 class _RunSummary(msgspec.Struct):
     """Marks a folder as an earlier run's, or as a demo's trials."""
 
@@ -195,15 +177,14 @@ def _open_tables(
     hand = CanRecorder(TableRecorderOptions(file=folder / "can.csv"))
     vest.open()
     hand.open()
-    tables: dict[type[Record], RecordTable] = {
-        Contact: RecordTable(folder, Contact),
-        Event: RecordTable(folder, Event),
-        Intent: RecordTable(
-            folder, Intent, channels=prepared.muscles.maxima.channels if prepared.muscles else ()
-        ),
+    # Columns of a list field with one number per part of a device.
+    channels = prepared.muscles.maxima.channels if prepared.muscles else ()
+    names: dict[type[Record], dict[str, Iterable[str]]] = {Intent: {"channels": channels}}
+    tables = {
+        kind: CsvWriter(folder / name, columns(kind, **names.get(kind, {})), most_lines=_MOST_LINES)
+        for kind, name in TABLES.items()
+        if kind is not ArmTurn or config.arm is not None
     }
-    if config.arm is not None:
-        tables[ArmTurn] = RecordTable(folder, ArmTurn)
     for close in (vest.close, hand.close, *(table.close for table in tables.values())):
         stack.callback(partial(_closed, close) if real else close)
     backlog = Backlog("tables", rank=run_realtime("beside")) if real else None
@@ -218,8 +199,11 @@ def _open_tables(
         frames: Any = requested.frames
         hand.write(requested.t_ns, frames)
 
+    def add(table: CsvWriter, record: Record) -> None:
+        table.write(*rows(record))
+
     for kind, table in tables.items():
-        bus.subscribe(kind, table.take, name=_NAME, vital=not real, backlog=backlog)
+        bus.subscribe(kind, partial(add, table), name=_NAME, vital=not real, backlog=backlog)
     bus.subscribe(VestFrame, show, name=_NAME, vital=not real, backlog=backlog)
     bus.subscribe(HandCommand, command, name=_NAME, vital=not real, backlog=backlog)
     save_calibration(prepared.calibration, folder / "calibration.toml")

@@ -31,7 +31,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, Literal
 
-from tega.runtime.every import every
+from tega.runtime.clock import every
 
 Rank = Literal["hand", "act", "measure", "beside", "picture"]
 

@@ -122,8 +122,7 @@ def annotate(
     recording's name is used. To code events by keys, use play --view --rater ID. With --json: a list of events with
     their rater.
     """
-    from tega.recording.annotate import export_annotations, import_annotations
-    from tega.recording.annotations import read_annotations
+    from tega.recording.annotations import export_annotations, import_annotations, read_annotations
 
     if (taken is None) != (rater is None):
         raise click.UsageError("--import FILE and --rater ID belong together")

@@ -58,8 +58,8 @@ def replay_session(
     """
     import msgspec
 
+    from tega.recording.inspection import absent_in
     from tega.recording.mcap_folder import session_files
-    from tega.recording.origin import absent_in
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
     from tega.ui.cli.findings import Findings
