@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import ipaddress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 
+from tega.config import SessionConfig
+from tega.config.guests import TableContext
 from tega.config.sections import TrackerConfig
 from tega.errors import ConfigError
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.config.guests import TableContext
 
 KEYS_COMMAND = "tega-teleop net keys keys --operator NAME --robot NAME"
 _DEFAULT_PORT = 7447

@@ -9,7 +9,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NamedTuple, Self
+from typing import BinaryIO, NamedTuple, Self
 
 from tega.errors import RecordingError
 from tega.recording.disk import open_disk
@@ -19,9 +19,6 @@ from tega.records.base import VideoPacket
 from tega.records.bus import report_drops
 from tega.runtime.files.whole_file import lock_file
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from tega.records import Record
 
 # Small records still find room when pictures have filled the queue: without them nothing could be replayed.
 RESERVE_BYTES = 16 * 1024 * 1024

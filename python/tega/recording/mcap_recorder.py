@@ -7,17 +7,14 @@ import shutil
 import threading
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
+from tega.config import RecordingSection
 from tega.errors import RecordingError
 from tega.recording.mcap_file import BoundedQueue, Item, McapFile
+from tega.recording.mcap_folder import SessionFolder
 from tega.records import RECORDS, Record, RecorderStatus
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.config import RecordingSection
-    from tega.recording.mcap_folder import SessionFolder
-
 
 _LOG = logging.getLogger(__name__)
 

@@ -12,16 +12,13 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.recording.mcap_reader import Message
+from tega.recording.mcap_reader import Message
 
 PICTURES: Final = frozenset({"foxglove.RawImage", "foxglove.CompressedImage"})
 """Schemas of images."""

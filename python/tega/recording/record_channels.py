@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,15 +12,11 @@ import numpy as np
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
 from tega.recording.pictures import cell_sums
-from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
+from tega.records import Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
 from tega.records.base import VideoPacket
 from tega.records.schema import schema_name
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import give_way
-
-if TYPE_CHECKING:
-    from tega.records import Record
-
 
 _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
 

@@ -6,31 +6,26 @@ The names are the same in an export, in Python and in a run's own tables.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo
 from tega.errors import TegaError
 from tega.hand import JOINT_NAMES
 from tega.haptics.motor_layout import find_layout
+from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.mcap_schemas import PACKAGE
 from tega.records import HandExchange, Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
 from tega.records.base import VideoPacket
 from tega.records.schema import MessageField, fields, own_schema, read, schema_name, values
 from tega.records.types import record_types
 from tega.runtime.files.foreign_file import parse_json
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from tega.recording.mcap_reader import McapReader, Message
 
 Columns = dict[str, list[Any]]
 

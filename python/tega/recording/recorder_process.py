@@ -16,18 +16,15 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from tega.config import RecordingSection
 from tega.errors import RecordingError
 from tega.recording.mcap_file import BoundedQueue, Item
+from tega.recording.mcap_folder import SessionFolder
+from tega.records import Record
 from tega.runtime.child_process import end_child, receive_object, send_object, start_child, widen_pipe
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.config import RecordingSection
-    from tega.recording.mcap_folder import SessionFolder
-    from tega.records import Record
-
 
 _LOG = logging.getLogger(__name__)
 

@@ -11,35 +11,32 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import msgspec
 import numpy as np
 
+from tega.config import SessionConfig
 from tega.config.calibration import save_calibration
+from tega.devices.base import DeviceInfo
 from tega.devices.hand.can_recorder import CanRecorder
 from tega.devices.table_recorder import TableRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder
 from tega.errors import ConfigError, RecordingError
 from tega.haptics import vest as haptics
+from tega.loop.inbox.prepared import Prepared
+from tega.loop.loop_report import LoopReport
 from tega.loop.parts import Part, PartContext
+from tega.loop.sinks import Sinks
 from tega.loop.summary import SUMMARY_FORMAT
 from tega.records import ArmTurn, Contact, Event, HandCommand, Intent, Record, VestFrame
-from tega.records.bus import Backlog
+from tega.records.bus import Backlog, Bus
 from tega.records.display import Notice
 from tega.records.table import columns, rows
 from tega.runtime.files.csv_tables import CsvWriter
 from tega.runtime.files.foreign_file import parse_json, read_words
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.devices.base import DeviceInfo
-    from tega.loop.inbox.prepared import Prepared
-    from tega.loop.loop_report import LoopReport
-    from tega.loop.sinks import Sinks
-    from tega.records.bus import Bus
 
 TABLES: Final[dict[type[Record], str]] = {
     Contact: "contacts.csv",

@@ -9,16 +9,20 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.config import SessionConfig
 from tega.config.attached import attached_files
-from tega.config.calibration.store import calibration_text
+from tega.config.calibration.store import Calibration, calibration_text
 from tega.config.choose import mapping_choice, metric_choice
 from tega.config.guests import guest_files, guest_packages
 from tega.config.text import config_text
+from tega.loop.loop_report import LoopReport
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
@@ -26,20 +30,10 @@ from tega.recording.mcap_schemas import VERSIONS, unit_table
 from tega.recording.origin import versions
 from tega.recording.recorder_process import RecorderProcess
 from tega.records import End, HandExchange, LogLine, Record
+from tega.records.bus import Bus
 from tega.records.types import record_types
+from tega.runtime.device_items import DeviceInfo
 from tega.runtime.features import author_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from tega.config import SessionConfig
-    from tega.config.calibration.store import Calibration
-    from tega.loop.loop_report import LoopReport
-    from tega.records.bus import Bus
-    from tega.runtime.device_items import DeviceInfo
-
 
 FORMAT = "tega-recording"
 VERSION = "3"

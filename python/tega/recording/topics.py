@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, overload
+from typing import Any, Final, NamedTuple, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.recording.export import message_columns
 from tega.recording.mcap_index import IndexedReader
-from tega.recording.mcap_reader import read_picture
+from tega.recording.mcap_reader import Message, read_picture
 from tega.recording.record_columns import (
     arrays_of,
     channel_columns,
@@ -25,11 +26,6 @@ from tega.recording.record_columns import (
 )
 from tega.records import EmgSamples, Record
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.recording.mcap_reader import Message
 
 NEVER_NS: Final = 2**63 - 1
 """Time after every other, nanoseconds."""
