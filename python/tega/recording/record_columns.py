@@ -145,7 +145,7 @@ def _axes(value: Any, names: str) -> tuple[float, ...]:
 
 
 def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> dict[str, Any]:
-    """Return a record as a row, its columns named as :mod:`tega.recording.column_names` says.
+    """Return a record as a row, its columns named as this module says.
 
     ``shift_ns`` is added to its times; ``channels`` are the names of the EMG channels.
     """
