@@ -17,16 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import ConfigError, RecordingError
-from tega.recording.copies import note_copy
 from tega.recording.mcap_folder import recorded_task
 from tega.recording.mcap_reader import Progress
-from tega.recording.origin import origins, span
-from tega.runtime.files.foreign_file import reports_damage
-from tega.runtime.files.plain_name import plain_name
+from tega.recording.origin import note_copy, origins, span
+from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega.runtime.lifecycle import require
-from tega_lerobot.episode import Episode, read_episode
-from tega_lerobot.scene import check_scene, own_scenes, scene_frames
-from tega_lerobot.stats import figures
+from tega_lerobot.episode import Episode, check_scene, own_scenes, read_episode, scene_frames
 from tega_lerobot.video import (
     CODEC,
     FILES_PER_CHUNK,
@@ -36,6 +32,7 @@ from tega_lerobot.video import (
     VIDEOS,
     EpisodeCamera,
     VideoPlace,
+    figures,
 )
 
 FORMAT = "v3.0"
@@ -136,11 +133,8 @@ class _Dataset:
                 key = f"observation.images.{finger}"
                 self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
         elif features != self._features:
-            other = [
-                name
-                for name in {**features, **self._features}
-                if features.get(name) != self._features.get(name)
-            ]
+            names = {**features, **self._features}
+            other = [name for name in names if features.get(name) != self._features.get(name)]
             raise RecordingError(
                 f"{episode.path.name}: differs from the first recording in {', '.join(other)}",
                 "export recordings of one setup together",
@@ -297,7 +291,6 @@ class _Dataset:
 
 
 def _source(episode: Episode, number: int) -> dict[str, Any]:
-    """Return the source of an episode."""
     head = episode.tables.get("tega", {})
     return {
         "episode_index": number,

@@ -1,22 +1,25 @@
-"""Resample a recording at a fixed rate: each frame has the newest earlier values, and nothing from later."""
+"""Resample a recording at a fixed rate: each frame has the newest earlier values, and nothing from later.
+
+A scene camera's video is laid on the frames by its time code: each shows the newest picture by its time.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.recording.compute_ahead import compute_ahead
+from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader, Message, Progress, read_picture
 from tega.recording.origin import span
-from tega.recording.pictures import PICTURES
+from tega.recording.pictures import PICTURES, compute_ahead
 from tega.records import Contact, HandCommand
 from tega.records.schema import read
-from tega.runtime.files.foreign_file import reports_damage
+from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega_lerobot.streams import (
     ARM_MEASURED,
     ARM_TARGET,
@@ -28,11 +31,17 @@ from tega_lerobot.streams import (
     columns_of,
     touch_numbers,
 )
+from tega_scene.own_film import filmed_cameras
+from tega_scene.pictures import read_pictures, times_path
+from tega_scene.record import export_camera
 
 _S = 1_000_000_000
 # One wrong time would ask for memory for all the frames up to it.
 _MOST_S = 24 * 3600
 _MARKERS = {"/run/marker", "/markers"}
+
+_BEFORE_S: Final = 1.0
+"""A picture older than this at the first frame is none of the episode; likewise at the last."""
 
 
 class EpisodeMarker(NamedTuple):
@@ -205,3 +214,56 @@ def _keep(stream: Stream, message: Message, t_ns: int) -> None:
             stream.add(t_ns, (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
         case _:
             pass
+
+
+def check_scene(video: Path) -> tuple[int, int]:
+    """Return height and width of a video's pictures.
+
+    One without a time code raises :class:`RecordingError`, since its times are unknown.
+    """
+    if not times_path(video).is_file():
+        raise RecordingError(
+            f"{video.name}: has no time code {times_path(video).name}",
+            "write both with tega-teleop scene export",
+        )
+    first = next(read_pictures(video), None)
+    if first is None:
+        raise RecordingError(f"{video.name}: has no pictures", "export it again")
+    height, width = first[1].shape[:2]
+    return height, width
+
+
+def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
+    """Write the films of a recording's own cameras as videos with time codes, and return them by name."""
+    if "foxglove.CompressedVideo" not in open_indexed(recording).topics.values():
+        return {}  # by the index at its end; the file is passed over only where it has films
+    names = filmed_cameras(McapReader(recording))
+    for name in names:
+        plain_name(name, subject="camera", source=recording.name)
+        export_camera(recording, name, beside / f"{name}.mp4")
+    return {name: beside / f"{name}.mp4" for name in names}
+
+
+def scene_frames(video: Path, episode: Episode) -> Iterator[tuple[NDArray[np.uint8], int]]:
+    """Return pictures, uint8 (H, W, 3) BGR, and how many frames of an episode in a row show each.
+
+    The video has its time code and must be of the same machine, and cover the episode.
+    """
+    begin_s = (int(episode.tables["tega"].get("start_ns", "0")) + episode.start_ns) / 1e9
+    at_s = begin_s + np.arange(episode.n_frames) / episode.fps
+    held, held_s, k = None, -np.inf, 0
+    for t_s, image in read_pictures(video, begin_s=begin_s - _BEFORE_S, end_s=float(at_s[-1])):
+        if held is None and t_s > begin_s:
+            break
+        n = int(np.searchsorted(at_s, t_s)) - k
+        if held is not None and n > 0:
+            yield held, n
+            k += n
+        held, held_s = image, t_s
+    if held is None or at_s[-1] - held_s > _BEFORE_S:
+        raise RecordingError(
+            f"{video.name}: does not cover {episode.path.name}, which goes from {begin_s:.3f} to {at_s[-1]:.3f} s of "
+            "the machine's clock",
+            "name the video that was recorded beside it, on the same machine",
+        )
+    yield held, episode.n_frames - k

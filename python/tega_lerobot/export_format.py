@@ -15,7 +15,6 @@ from tega_lerobot.dataset import export_lerobot
 def _export(
     recordings: Sequence[Path], out: Path, *, fps: int, task: str | None, scenes: Sequence[str]
 ) -> list[Path]:
-    """Write one data set."""
     named = dict(one.partition("=")[::2] for one in scenes)
     if not all(named.values()) or len(named) < len(scenes):
         raise click.BadParameter("name each camera once, as NAME=VIDEO.mp4", param_hint="--scene")

@@ -16,16 +16,7 @@ from tega.errors import ConfigError, DeviceUnavailableError
 from tega.hand import JOINT_NAMES
 from tega.haptics.motor_layout import find_layout
 from tega.loop.program import ProgramSession
-from tega.records import (
-    ArmMeasured,
-    ArmTarget,
-    Contact,
-    Intent,
-    Joints,
-    Picture,
-    Record,
-    VestFrame,
-)
+from tega.records import ArmMeasured, ArmTarget, Contact, Intent, Joints, Picture, Record, VestFrame
 from tega.records.arm import PoseNumbers
 from tega.runtime.opencv import load_cv2
 from tega_lerobot.streams import (

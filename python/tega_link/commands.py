@@ -12,9 +12,8 @@ from tega.arm.pose import StampedPose
 from tega.loop.inbox.histogram import Histogram
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent
-from tega_link.clock import Offset
+from tega_link.clock import Offset, StampGate, refused_by
 from tega_link.ends import FarTracker
-from tega_link.gate import StampGate, refused_by
 from tega_link.messages import ArmMessage, HandMessage
 
 _Command = TypeVar("_Command", HandMessage, ArmMessage)
@@ -95,7 +94,6 @@ class Commands:
         return command
 
     def _pass_on(self, command: HandMessage, block_ns: int, now_ns: int) -> None:
-        """Give a new block of EMG to the loop."""
         start_ns, requested = self._start_ns, command.intent
         if start_ns is None or requested is None or not self._has_hand:
             return

@@ -21,7 +21,6 @@ from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent
 from tega.runtime.lifecycle import Elsewhere
 from tega.wire import CanFrame
-from tega_link.pictures import unpacked
 
 _STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _JOINTS = 16
@@ -55,6 +54,19 @@ class FarFinger(Elsewhere):
             return None
         picture = unpacked(jpeg)
         return None if picture is None else TactileFrame(t_ns, number, picture, "over the link")
+
+
+def unpacked(packed: bytes) -> NDArray[np.uint8] | None:
+    """Return a picture, uint8 (H, W, 3), blue, green, red; ``None`` without OpenCV, or where it is none."""
+    try:
+        import cv2
+    except ImportError:
+        return None
+    try:
+        picture: Any = cv2.imdecode(np.frombuffer(packed, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # there is nothing in it
+        return None
+    return None if picture is None else np.asarray(picture, np.uint8)
 
 
 class FarMuscles(Elsewhere):

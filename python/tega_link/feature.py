@@ -11,16 +11,12 @@ FEATURE = Feature(
     part="tega_link.part:open_part",
     verbs={
         "robot": Verb(
-            "tega_link.cli.station:robot",
-            "Run the robot's half of a session on two machines.",
-            "Two machines",
+            "tega_link.cli:robot", "Run the robot's half of a session on two machines.", "Two machines"
         ),
         "operator": Verb(
-            "tega_link.cli.station:operator",
-            "Run the operator's half of a session on two machines.",
-            "Two machines",
+            "tega_link.cli:operator", "Run the operator's half of a session on two machines.", "Two machines"
         ),
-        "net": Verb("tega_link.cli.net:net", "Make the keys that two stations share."),
+        "net": Verb("tega_link.cli:net", "Make the keys that two stations share."),
     },
     extra="net",
 )

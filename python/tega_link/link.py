@@ -220,11 +220,7 @@ def zenoh_settings(net: NetSection) -> dict[str, Any]:
         "connect/endpoints": [endpoint] if operator else [],
         "connect/exit_on_failure": False,
         "connect/timeout_ms": -1,
-        "connect/retry": {
-            "period_init_ms": first_ms,
-            "period_max_ms": most_ms,
-            "period_increase_factor": 2,
-        },
+        "connect/retry": {"period_init_ms": first_ms, "period_max_ms": most_ms, "period_increase_factor": 2},
         "transport/link/tx/lease": round(net.lease_ms),
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/real_time": _QUEUE,
@@ -255,15 +251,8 @@ def zenoh_settings(net: NetSection) -> dict[str, Any]:
 
 
 _ALL = [
-    "put",
-    "delete",
-    "declare_subscriber",
-    "query",
-    "reply",
-    "declare_queryable",
-    "liveliness_token",
-    "liveliness_query",
-    "declare_liveliness_subscriber",
+    *("put", "delete", "declare_subscriber", "query", "reply", "declare_queryable"),
+    *("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
 ]
 
 

@@ -19,12 +19,12 @@ from tega.loop.sinks import Sinks
 from tega.loop.snapshot import LoopView
 from tega.records import EmgSamples, Intent
 from tega.records.bus import Bus
-from tega_link.gate import StampGate
+from tega_link.behind import SampleSender
+from tega_link.clock import StampGate
 from tega_link.intent import ForearmReader, IntentSender
-from tega_link.lead_request import Lead
+from tega_link.leader import Lead
 from tega_link.link import Channel
 from tega_link.messages import Change, Join, State, Welcome, decode
-from tega_link.samples import SampleSender
 from tega_link.station import Station
 from tega_link.touch import FarTouch, with_touch
 
@@ -192,7 +192,6 @@ class OperatorStation(Station):
         return f"{text}, {self._clock.words}"
 
     def _summary(self) -> dict[str, Any]:
-        """Return the counts of the link."""
         return self._link_summary() | {
             "robot": self.net.robot,
             "joined": self._lead.n,

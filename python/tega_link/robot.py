@@ -26,13 +26,12 @@ from tega.loop.parts import RunStart
 from tega.records import Contact, Picture, RunState
 from tega.records.bus import Bus
 from tega.runtime.device_items import EmgChunk
+from tega_link.behind import PictureSender, SampleReceiver
 from tega_link.commands import Commands
 from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
 from tega_link.leader import Leadership, Reception
 from tega_link.link import Channel
 from tega_link.messages import Change, Feature, State, Welcome, encode
-from tega_link.pictures import PictureSender
-from tega_link.samples import SampleReceiver
 from tega_link.station import Station
 
 _STATE_NS = 100_000_000
@@ -201,7 +200,6 @@ class RobotStation(Station):
         return text
 
     def _summary(self) -> dict[str, Any]:
-        """Return the counts of the link."""
         commands = self._commands
         with self._lock:
             commands.keep_counts()

@@ -4,32 +4,19 @@ from __future__ import annotations
 
 import ipaddress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 
+from tega.config import SessionConfig
+from tega.config.guests import TableContext
+from tega.config.sections import TrackerConfig
 from tega.errors import ConfigError
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.config.guests import TableContext
 
 KEYS_COMMAND = "tega-teleop net keys keys --operator NAME --robot NAME"
 _DEFAULT_PORT = 7447
 _Ms = Annotated[float, msgspec.Meta(ge=10, le=10_000)]
 _Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
-
-
-class NetTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Tracker that sees the operator's forearm.
-
-    Attributes:
-        driver: Name of a tracker's driver.
-        options: The driver's own settings.
-    """
-
-    driver: str
-    options: Any = msgspec.field(default_factory=dict)
 
 
 class NetSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -69,7 +56,7 @@ class NetSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     wait_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 10.0
     images_hz: Annotated[float, msgspec.Meta(ge=0, le=60)] = 10.0
     jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=100)] = 80
-    tracker: NetTracker | None = None
+    tracker: TrackerConfig | None = None
 
     @property
     def own_name(self) -> str:

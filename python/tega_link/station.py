@@ -112,9 +112,8 @@ class Station(Part, Opened):
             next_s = max(next_s + self.tick_s, time.monotonic() - self.tick_s)
             try:
                 self._turn(time.monotonic_ns())
-            except (
-                Exception
-            ) as error:  # told as long as the run lasts; nothing more is sent, so the other side holds
+            except Exception as error:
+                # Told as long as the run lasts; nothing more is sent, so the other side holds.
                 self._error = f"link: no longer served: {error}"
                 self._notify(self._error)
                 return

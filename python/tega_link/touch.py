@@ -21,12 +21,10 @@ from tega.loop.inbox.stream import LiveStream
 from tega.loop.latency import LatencyTrace
 from tega.records import Contact
 from tega.records.bus import Bus
-from tega.runtime.wake import Bell
-from tega_link.clock import Offset
-from tega_link.ends import FarFinger
-from tega_link.gate import StampGate, refused_by
+from tega.runtime.threads import Bell
+from tega_link.clock import Offset, StampGate, refused_by
+from tega_link.ends import FarFinger, unpacked
 from tega_link.messages import Feature, Image, Welcome, decode
-from tega_link.pictures import unpacked
 
 
 def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:

@@ -7,7 +7,7 @@ from tega.runtime.features import Feature
 FEATURE = Feature(
     summary="Markers and streams by the Lab Streaming Layer.",
     settings={"markers": "tega_markers.settings:MarkersSection"},
-    part="tega_markers.part:open_part",
+    part="tega_markers.run:open_part",
     in_play=True,
     extra="lsl",
 )

@@ -1,14 +1,17 @@
-"""Send the numbers of a run as streams of the Lab Streaming Layer: EMG, closure, touch, vest and poses.
+"""Listen to another program's markers, and send the numbers of a run as streams, by the Lab Streaming Layer.
 
-Channels, their names and their units are those of the records (:mod:`tega.records`), without times and texts. A number
-that is not there, such as the force of a metric that measures none, is NaN.
+Times of markers become those of this machine's clock. Streams are EMG, closure, touch, vest and poses; channels, their
+names and their units are those of the records (:mod:`tega.records`), without times and texts. A number that is not
+there, such as the force of a metric that measures none, is NaN.
 """
 
 from __future__ import annotations
 
 import math
+import threading
+import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from tega.records import (
     ArmMeasured,
@@ -23,7 +26,8 @@ from tega.records import (
 )
 from tega.records.bus import Backlog, Bus
 from tega.records.schema import MessageField, fields
-from tega.runtime.lsl import load_lsl, to_monotonic_s
+from tega.runtime.evidence import is_other_clock
+from tega.runtime.lsl import find_streams, hosts_of, load_lsl, to_monotonic_s
 from tega_markers.settings import LslStreamName
 
 _KINDS: Final[Mapping[LslStreamName, tuple[type[Record], ...]]] = {
@@ -35,6 +39,16 @@ _KINDS: Final[Mapping[LslStreamName, tuple[type[Record], ...]]] = {
 }
 _TYPES: Final[Mapping[LslStreamName, str]] = {"emg": "EMG", "poses": "MoCap"}
 _NUMBERS: Final = frozenset({"double", "float", "int32", "int64", "uint32", "bool"})
+
+_POLL_S = 0.5
+_WAIT_S = 0.2
+_CONNECT_S = 5.0
+_BUFFER_S = 60
+# A moment may be marked a little before it comes, such as the next picture's, and up to a minute after it was.
+_AHEAD_S = 1.0
+_AWAY_S = 60.0
+# A stream that is gone is no second one of its name after so long.
+_FORGET_S = 2.0
 
 
 class LslStreams:
@@ -105,7 +119,6 @@ class LslStreams:
 
 
 def _labels(record: Record) -> list[tuple[str, str]]:
-    """Return name and unit of every channel."""
     if isinstance(record, EmgSamples):
         unit = next(field.unit for field in fields(EmgSamples) if field.array)
         return [(f"ch{k + 1}", unit) for k in range(record.n_channels)]
@@ -128,3 +141,109 @@ def _channels(record: Record) -> list[tuple[MessageField, list[float]]]:
         numbers = value if field.repeated else (value,)
         found.append((field, [math.nan if one is None else float(one) for one in numbers]))
     return found
+
+
+class ReceivedMarker(NamedTuple):
+    """A marker that came.
+
+    ``at_ns`` is when it was set, on this machine's monotonic clock; when it came (``received_ns``), where its
+    stamp is of another clock. Numbers are written out in ``text``. ``stamp_s`` is by the sender's clock as it
+    came; ``correction_s`` was added to it to get this machine's LSL clock.
+    """
+
+    at_ns: int
+    received_ns: int
+    text: str
+    stamp_s: float
+    correction_s: float
+
+
+class LslMarkersIn:
+    """Listens in a thread of its own; a stream that is not there, or goes away, is looked for all the time.
+
+    Two streams of one name are refused: one of them may be what an experiment that crashed has left behind.
+    ``receive`` is called with each marker, in that thread.
+
+    Attributes:
+        problem: One sentence; ``""`` while exactly one stream is there and its stamps are plausible.
+        n_unstamped: Markers so far with stamps of another clock.
+        correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
+    """
+
+    def __init__(self, name: str, receive: Callable[[ReceivedMarker], None]) -> None:
+        self._name = name
+        self._receive = receive
+        self._lsl = load_lsl("markers.lsl_in")
+        self._over = threading.Event()
+        self.problem = f"markers: no stream called {name!r} on the network yet"
+        self.n_received = self.n_unstamped = 0
+        self.correction_s: float | None = None
+        self._other_clock = ""
+        self._thread = threading.Thread(target=self._work, name="tega-markers", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Take in what has come, and stop listening."""
+        self._over.set()
+        self._thread.join(_CONNECT_S)
+
+    def _work(self) -> None:
+        lsl = self._lsl
+        while not self._over.is_set():
+            found = find_streams(lsl, "name", self._name, _POLL_S)
+            if len(found) > 1:
+                self.problem = self._several(found)
+            if len(found) != 1:
+                continue
+            try:
+                self._listen(found[0])
+            except (lsl.util.LostError, RuntimeError, TimeoutError) as error:
+                self.problem = f"markers: stream {self._name!r} was lost: {error}; it is looked for"
+
+    def _several(self, found: list[Any]) -> str:
+        return (
+            f"markers: {len(found)} streams are called {self._name!r}, from {hosts_of(found)}: "
+            "end the one that is not meant"
+        )
+
+    def _listen(self, stream: Any) -> None:
+        inlet = self._lsl.StreamInlet(stream, max_buflen=_BUFFER_S, recover=False)
+        others = self._lsl.ContinuousResolver("name", self._name, forget_after=_FORGET_S)
+        try:
+            inlet.open_stream(timeout=_CONNECT_S)
+            inlet.time_correction(timeout=_CONNECT_S)
+            self._other_clock = ""
+            while not self._over.is_set():
+                there = list({one.uid(): one for one in [stream, *others.results()]}.values())
+                self.problem = self._several(there) if len(there) > 1 else self._other_clock
+                self._pull(inlet, _WAIT_S)
+            # What was set while the clocks were still compared, or came since the last look, belongs to the run.
+            while self._pull(inlet, 0.0):
+                pass
+        finally:
+            inlet.close_stream()
+
+    def _pull(self, inlet: Any, wait_s: float) -> bool:
+        """Process the next marker, once there is one; return whether there was."""
+        values, stamp_s = inlet.pull_sample(timeout=wait_s)
+        if values is not None:
+            self._take(" ".join(map(str, values)), float(stamp_s), float(inlet.time_correction()))
+        return values is not None
+
+    def _take(self, text: str, stamp_s: float, correction_s: float) -> None:
+        self.correction_s = correction_s
+        self.n_received += 1
+        received_ns = time.monotonic_ns()
+        at_s = stamp_s + correction_s + to_monotonic_s(self._lsl)
+        age_s = received_ns * 1e-9 - at_s
+        self._other_clock = ""
+        if math.isnan(at_s) or is_other_clock(age_s, ahead_s=_AHEAD_S, away_s=_AWAY_S):
+            self.n_unstamped += 1
+            self._other_clock = (
+                f"markers: {self._name!r} stamps {text[:40]!r} with {stamp_s:.3f} s, which is of another clock: "
+                "the marker is recorded with its arrival; stamp with lsl_local_clock(), or leave the stamp out"
+            )
+            at_ns = received_ns
+        else:
+            at_ns = round(at_s * 1e9)
+        self._receive(ReceivedMarker(at_ns, received_ns, text, stamp_s, correction_s))

@@ -1,16 +1,17 @@
-"""Send the markers of one run to other programs, and record theirs."""
+"""Join a run: send its markers to other programs, and record theirs."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable, Mapping
 from typing import Any
 
+from tega.loop.parts import Part, PartContext, RunStart
 from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
 from tega.records.bus import Backlog, Bus
 from tega.runtime.lsl import load_lsl, to_monotonic_s
-from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
-from tega_markers.lsl_streams import LslStreams
+from tega_markers.lsl_streams import LslMarkersIn, LslStreams, ReceivedMarker
 from tega_markers.settings import MarkersSection
 
 # What was pushed last is on its way when the stream is taken away.
@@ -205,3 +206,38 @@ class RunMarkers:
             correction_s=received.correction_s,
         )
         self._bus.publish(marker)
+
+
+class MarkersPart(Part):
+    """Streams of markers of a run."""
+
+    def __init__(self, markers: RunMarkers) -> None:
+        self._markers = markers
+
+    def alerts(self) -> Mapping[str, Callable[[], str]]:
+        """Return the alert of the streams."""
+        return {"markers": self._markers.problem}
+
+    def begin(self, run: RunStart) -> None:
+        """Send that session and trial begin."""
+        muscles = run.prepared.muscles
+        self._markers.begin(
+            run.start_ns,
+            trial=run.trial,
+            real=run.real,
+            emg_hz=None if muscles is None else muscles.source.info.rate_hz,
+        )
+
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Add the counts, those of the last markers included."""
+        summary["markers"] = self._markers.summary()
+
+
+def open_part(context: PartContext) -> MarkersPart | None:
+    """Open the streams of markers; ``None`` where the settings name none."""
+    settings = context.config.guests.get("markers")
+    if settings is None or settings == MarkersSection():
+        return None
+    markers = RunMarkers(settings, context.bus)
+    context.stack.callback(markers.close)
+    return MarkersPart(markers)

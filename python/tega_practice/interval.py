@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 
 from tega.errors import InvalidValueError
-from tega.runtime.scientific import scipy_stats
+from tega.runtime.lifecycle import scipy_stats
 
 
 class Interval(msgspec.Struct, frozen=True, kw_only=True):

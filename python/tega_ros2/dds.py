@@ -214,5 +214,4 @@ class DdsNode:
 
 
 def _load(module: str) -> Any:
-    """Import a module of cyclonedds."""
     return require(f"cyclonedds.{module}", driver="ros2", extra="ros2")

@@ -19,16 +19,9 @@ VIDEO: Final = "foxglove_msgs/msg/CompressedVideo"
 _VIDEO_TEXT: Final = "builtin_interfaces/msg/Time timestamp\nstring frame_id\nuint8[] data\nstring format\n"
 _HEADER: Final = "std_msgs/msg/Header header"
 SCALARS: Final = {
-    1: "float64",
-    2: "float32",
-    3: "int64",
-    4: "uint64",
-    5: "int32",
-    8: "bool",
-    9: "string",
-    12: "uint8[]",
+    1: "float64", 2: "float32", 3: "int64", 4: "uint64", 5: "int32", 8: "bool", 9: "string", 12: "uint8[]",
     13: "uint32",
-}
+}  # fmt: skip
 """ROS 2's type for each number of protobuf's ``FieldDescriptorProto.Type``."""
 
 # Names that ROS 2 allows; see "Field names" and "Naming of messages" of its interface definition.

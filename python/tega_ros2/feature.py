@@ -10,7 +10,7 @@ FEATURE = Feature(
     check="tega_ros2.settings:check_table",
     part="tega_ros2.part:open_part",
     verbs={"hand urdf": Verb("tega_ros2.cli:urdf", "Describe the hand with its fingertips as a URDF.")},
-    formats={"ros2": "tega_ros2.bag:FORMAT"},
-    streams={"ros2": "tega_ros2.stream:Ros2Stream"},
+    formats={"ros2": "tega_ros2.outputs:FORMAT"},
+    streams={"ros2": "tega_ros2.outputs:Ros2Stream"},
     extra="ros2",
 )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import msgspec
 
+from tega.config.guests import TableContext
 from tega_websocket.settings import check_claims
-
-if TYPE_CHECKING:
-    from tega.config.guests import TableContext
 
 # A name of ROS 2: tokens of letters, digits and _, none beginning with a digit; "" for none.
 _Topic = Annotated[str, msgspec.Meta(pattern=r"^((/[A-Za-z_][A-Za-z0-9_]*)+)?$", max_length=200)]

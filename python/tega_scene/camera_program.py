@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 
-from tega.runtime.every import every
-from tega.runtime.object_pipe import program_pipes, receive_object
+from tega.runtime.child_process import program_pipes, receive_object
+from tega.runtime.clock import every
 from tega_scene.filming import Filming
 
 _REPORTED_S = 0.25

@@ -17,8 +17,7 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError
 from tega.records.display import DisplayPicture
-from tega.runtime.child_process import end_child, start_child
-from tega.runtime.object_pipe import receive_object, send_object
+from tega.runtime.child_process import end_child, receive_object, send_object, start_child
 from tega.runtime.reopening import Reopening
 from tega.runtime.threads import run_realtime
 from tega_scene.filming import CameraTally

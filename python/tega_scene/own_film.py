@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import plain_name
 from tega_scene.layout import TagLayout, load_layout
 from tega_scene.lens import Lens, load_lens
 from tega_scene.record import export_camera

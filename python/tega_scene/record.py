@@ -21,8 +21,7 @@ import msgspec
 from tega.errors import RecordingError
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader, table_ns
-from tega.runtime.files.foreign_file import reports_damage
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.lifecycle import require
 from tega_scene.decode import stands_alone

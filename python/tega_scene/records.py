@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from tega.records.video import VideoPacket
+from tega.records.base import VideoPacket
 
 
 class SceneVideo(VideoPacket, frozen=True, kw_only=True):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import msgspec
 
 from tega.errors import ConfigError, InvalidValueError
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import plain_name
 
 VideoFormat = Literal["h264", "av1"]
 

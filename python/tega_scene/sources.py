@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tega.devices.fingertip.video_nodes import MOST_SPOILED, camera_place, keep_own_size, read_picture
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.runtime.files.picture_names import sorted_names
+from tega.runtime.files.picture_stack import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega_scene.calibrate import LensCalibration
 from tega_scene.lens import Lens

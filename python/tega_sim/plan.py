@@ -10,7 +10,7 @@ import msgspec
 from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 from tega_sim.conditions import ARMS, CONDITIONS, Condition
 from tega_sim.operator.vision import ViewName
 from tega_sim.score import TrialEvent

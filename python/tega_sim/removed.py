@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tega.runtime.removed import Removed, without_removed
+from tega.runtime.words import Removed, without_removed
 
 _NEW: Final = "plan anew without it; the version that wrote the file reads it"
 

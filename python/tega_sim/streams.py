@@ -13,7 +13,7 @@ from tega.config import FINGERS
 from tega.haptics import MotorLevels
 from tega.records import BesideContact, BesideIntent, Contact, Intent, NamedValue
 from tega.records.table import columns, numbers
-from tega.runtime.files.csv_writer import CsvWriter
+from tega.runtime.files.csv_tables import CsvWriter
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.figures import Firmest, SessionCourse, TouchPicture
 from tega.ui.view.state import TouchImage

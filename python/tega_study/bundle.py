@@ -21,11 +21,9 @@ from typing import BinaryIO, Final, Literal, NamedTuple
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
-from tega.recording.versions import versions
-from tega.runtime.files.foreign_file import MIB, check_file, parse_json, reports_damage
-from tega.runtime.files.lock import LOCK_SUFFIX
-from tega.runtime.files.plain_name import path_below
-from tega.runtime.files.whole_file import new_file
+from tega.recording.origin import versions
+from tega.runtime.files.foreign_file import MIB, check_file, parse_json, path_below, reports_damage
+from tega.runtime.files.whole_file import LOCK_SUFFIX, new_file
 from tega_study.bids_names import bids_names
 from tega_study.journal import events_path, read_events
 from tega_study.lead.status_file import board_path

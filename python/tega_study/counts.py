@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tega.runtime.scientific import scipy_stats, statsmodels
+from tega.runtime.lifecycle import scipy_stats, statsmodels
 from tega_study.people import Ratio, ratio_by_t
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.whole_file import write_whole
-from tega.runtime.scientific import scipy_stats
+from tega.runtime.lifecycle import scipy_stats
 
 GRID_HZ = 10.0
 """Rate at which courses are compared: a pose lasts at least a tenth of a second, so more would add no information."""

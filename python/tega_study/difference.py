@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from tega.runtime.scientific import scipy_stats
+from tega.runtime.lifecycle import scipy_stats
 from tega_study.trials import Trial
 
 METRICS = ("duration_s", "slips", "deformations", "success")

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
+from tega.runtime.files.foreign_file import plain_name
 from tega.runtime.files.json_lines import JsonLines, read_json_lines
-from tega.runtime.files.plain_name import plain_name
 
 Kind = Literal[
     "session_start",

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.errors import DeviceUnavailableError
-from tega.runtime.lifecycle import Opened
-from tega.runtime.sound_card import load_sounddevice
+from tega.runtime.lifecycle import Opened, load_sounddevice
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,11 +14,10 @@ import msgspec
 
 from tega.config.errors import wrong_value
 from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
-from tega.runtime.files.plain_name import path_below
+from tega.runtime.files.foreign_file import parse_toml, path_below, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.files.whole_file import write_whole
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 from tega_study.plan import read_plan
 
 OBJECTS: Final = "objects.toml"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import plain_name
 from tega_study.journal import JournalEvent, events_path, read_events
 
 WHOLE, PART = "", "not the whole trial"

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tega.runtime.scientific import scipy_stats
+from tega.runtime.lifecycle import scipy_stats
 from tega_study.rank import CONFIDENCE, rank_sum_counts
 
 FLIPS_UP_TO = 24

@@ -18,8 +18,7 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import parse_toml, plain_name, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.files.whole_file import write_whole
 from tega.stages.events.outcomes import LIFT_WINDOW_S, StableReading

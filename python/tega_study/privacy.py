@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.recording.copies import NOTES
+from tega.recording.origin import NOTES
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import open_to_append, write_whole
 from tega_study.journal import Journal, JournalEvent, events_path, read_events

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import ShapeError
-from tega.runtime.scientific import scipy_stats
+from tega.runtime.lifecycle import scipy_stats
 
 CONFIDENCE = 0.95
 """Level of every interval of a report."""

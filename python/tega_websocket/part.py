@@ -22,15 +22,7 @@ from tega.records.types import record_types
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import run_realtime
 from tega_websocket.commands import Commands
-from tega_websocket.messages import (
-    PROTOCOL,
-    Command,
-    Mark,
-    Release,
-    encode,
-    encode_record,
-    field_units,
-)
+from tega_websocket.messages import PROTOCOL, Command, Mark, Release, encode, encode_record, field_units
 from tega_websocket.server import Served, Server
 from tega_websocket.settings import WebSocketTable, read_token
 
@@ -49,11 +41,7 @@ class WebSocketPart(Part):
         self._token = secrets.token_urlsafe(16) if table.token_file is None else read_token(table.token_file)
         served = Served(self._welcome, self._state, self._command, self._commands.release)
         self._server = Server(
-            self._token,
-            served,
-            origins=table.origins,
-            remote=not table.on_this_machine,
-            buffer=table.buffer,
+            self._token, served, origins=table.origins, remote=not table.on_this_machine, buffer=table.buffer
         )
         self._start_ns: int | None = None
         self._view: LoopView | None = None

@@ -229,8 +229,6 @@ class Server:
 
 
 class _Ready:
-    """Result of opening the server in its thread."""
-
     def __init__(self) -> None:
         self.event = threading.Event()
         self.error: OSError | None = None

@@ -5,15 +5,13 @@ from __future__ import annotations
 import ipaddress
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import msgspec
 
+from tega.config import SessionConfig
+from tega.config.guests import TableContext
 from tega.errors import ConfigError
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.config.guests import TableContext
 
 SHORTEST_TOKEN: Final = 16
 """Characters of a token at least."""

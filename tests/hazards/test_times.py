@@ -50,8 +50,7 @@ from tega.wire import (
     allegro_report_frame,
     allegro_set_period,
 )
-from tega_link.clock import Offset
-from tega_link.gate import StampGate
+from tega_link.clock import Offset, StampGate
 from tega_link.messages import Stamped
 from tega_link.settings import NetSection
 

@@ -35,8 +35,8 @@ from tega.devices.hand.can_log import HandLog, find_hand, read_can_log
 from tega.devices.tracker.sources import read_poses
 from tega.hand.poses import load_poses
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
-from tega.recording.folder import prepare_folder
 from tega.recording.mcap_folder import SessionFolder
+from tega.recording.run_tables import prepare_folder
 from tega.runtime.files.annotations import CodedEvent
 from tega.runtime.files.boris import read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf

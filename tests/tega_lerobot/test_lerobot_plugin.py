@@ -19,7 +19,7 @@ import tomlkit
 
 from tega.errors import ConfigError, InvalidValueError
 from tega.recording.opened import open_recording
-from tega.runtime.every import every
+from tega.runtime.clock import every
 from tega_emulators.lab import EmulatedLab, emulated_lab
 
 pytest.importorskip("lerobot.robots", reason="needs the package lerobot")

@@ -17,7 +17,7 @@ pytest.importorskip("cryptography", reason="needs the extra net")
 
 from tega.errors import ConfigError
 from tega_emulators.stations import free_port
-from tega_link.cli.net import net as net_verb
+from tega_link.cli import net as net_verb
 from tega_link.keys import check_expiry, expiry, make_keys
 from tega_link.link import Channel, Link, zenoh_settings
 from tega_link.settings import Endpoint, NetSection

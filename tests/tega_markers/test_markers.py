@@ -23,7 +23,7 @@ from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader, Message
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
+from tega_markers.lsl_streams import LslMarkersIn, ReceivedMarker
 
 pytestmark = pytest.mark.slow
 

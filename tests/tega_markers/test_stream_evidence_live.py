@@ -22,7 +22,7 @@ from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.loop import run_session
 from tega.setup.doctor import examine
 from tega_emulators.process import Emulator
-from tega_markers.lsl_in import LslMarkersIn, ReceivedMarker
+from tega_markers.lsl_streams import LslMarkersIn, ReceivedMarker
 
 pytestmark = [
     pytest.mark.slow,

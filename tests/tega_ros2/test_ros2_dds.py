@@ -29,7 +29,7 @@ from tega.records.schema import own_schema, schema_name, values
 from tega_ros2.convert import Converter
 from tega_ros2.dds import DdsNode, dds_topic, domain_id, loopback_only
 from tega_ros2.definitions import Definitions
-from tega_ros2.targets import age_ns, arm_pose, hand_closure
+from tega_ros2.part import age_ns, arm_pose, hand_closure
 from tega_websocket.messages import MessageError
 
 SCALE = ClosureScale()

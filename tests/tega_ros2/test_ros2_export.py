@@ -34,8 +34,8 @@ from tega.errors import RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.records import RECORDS, Contact, Intent, Record
-from tega_ros2.bag import export_bag
 from tega_ros2.definitions import Definitions
+from tega_ros2.outputs import export_bag
 from together.property.test_records import recorded
 
 _each = st.tuples(*map(records_of, RECORDS))

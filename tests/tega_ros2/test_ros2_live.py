@@ -32,7 +32,7 @@ from tega.recording.replay import replay_file
 from tega.records import Contact, Intent, Joints, Picture
 from tega.records.bus import Bus
 from tega_emulators.lab import emulated_lab
-from tega_ros2.stream import Ros2Stream
+from tega_ros2.outputs import Ros2Stream
 
 HERE = Path(__file__).parent
 # A ROS 2 installation may bring an interpreter of its own.

@@ -18,7 +18,7 @@ from reference.command import call
 from reference.scripted import touching
 from tega.haptics import vest_frame
 from tega.loop.snapshot import LoopView
-from tega.recording.folder import prepare_folder
+from tega.recording.run_tables import prepare_folder
 from tega.records import Intent
 from tega.ui.cli.main import main
 from tega.ui.view.terminal import TerminalView, render

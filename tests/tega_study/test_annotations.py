@@ -18,8 +18,7 @@ from reference.command import call
 from reference.sessions import record
 from reference.written import boris_project as load_boris
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.recording.annotation_keys import AnnotationKeys
-from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
+from tega.recording.annotations import AnnotationFile, AnnotationKeys, annotations_path, read_annotations
 from tega.runtime.files.annotations import CodedEvent, known_code
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf

@@ -20,10 +20,10 @@ from reference.sessions import messages, record, reported, tree
 from reference.study_bench import ScriptedDesk
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.recording.encode import encode_session
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder, recorded_task
 from tega.recording.mcap_reader import McapReader, read_picture
+from tega.recording.remake import encode_session
 from tega.recording.replay import replay_file
 from tega_emulators.lab import emulated_lab
 from tega_emulators.process import Emulator

@@ -17,10 +17,9 @@ import pytest
 
 from reference.command import call
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
-from tega.recording.encode import encode_session
 from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader
-from tega.recording.merge import merge_sessions
+from tega.recording.remake import encode_session, merge_sessions
 from tega.recording.trim import trim_session
 from tega_study.bids_names import BIDS_NAME, bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle

@@ -14,15 +14,15 @@ from reference.sessions import record
 from reference.written import boris_project, mcap_trouble
 from tega.errors import DeviceUnavailableError
 from tega.recording.mcap_folder import SessionFolder, in_order, session_files
-from tega.runtime.files import lock as file_lock
-from tega.runtime.files.lock import lock_file
+from tega.runtime.files import whole_file as file_lock
+from tega.runtime.files.whole_file import lock_file
 from tega_study.journal import Journal, read_events
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import export_boris
 from tega_study.state import resume
 
 _HOLD = (
-    "import sys; from pathlib import Path; from tega.runtime.files import lock as file_lock\n"
+    "import sys; from pathlib import Path; from tega.runtime.files import whole_file as file_lock\n"
     "file_lock._KEEPS_READERS_OUT = sys.argv[2] == 'beside'\n"
     "path = Path(sys.argv[1]); file = path.open('ab')\n"
     "print(file_lock.lock_file(file, path), flush=True); sys.stdin.read()\n"

@@ -232,7 +232,7 @@ def test_a_table_of_a_feature_that_is_left_out_is_refused_with_the_error(install
 
 
 def test_a_feature_that_is_not_imported_is_named_by_recordings_and_settings(install: Install) -> None:
-    from tega.recording.absent import absent_features
+    from tega.recording.origin import absent_features
 
     install(head="import no_such_lib\n")
     (text,) = absent_features({"features": {"load": "tega-load"}})

@@ -24,7 +24,7 @@ from tega.loop import run_session
 from tega.loop.snapshot import LoopView
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
 from tega.records.bus import Bus
-from tega.records.vest import VestRecord
+from tega.records.outputs import VestRecord
 from tega.runtime.clock import PausableClock
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.state_html import status_html

@@ -17,10 +17,9 @@ from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, RecordingError, TegaError
 from tega.recording import mcap_reader
 from tega.recording.disk import SpooledFile
-from tega.recording.encode import encode_session
-from tega.recording.folder import OUTPUT_NAMES, prepare_folder
 from tega.recording.mcap_folder import SessionFolder, recorded_task, recover_file, session_files
-from tega.recording.merge import merge_sessions
+from tega.recording.remake import encode_session, merge_sessions
+from tega.recording.run_tables import OUTPUT_NAMES, prepare_folder
 from tega.recording.trim import trim_session
 from tega.runtime.clock import SystemClock
 from tega.runtime.files.foreign_file import MIB
@@ -154,7 +153,7 @@ def test_a_record_longer_than_any_ends_the_file(
 ) -> None:
     assert mcap_reader.MOST_RECORD == 256 * MIB
     monkeypatch.setattr("tega.recording.mcap_copy.MOST_RECORD", 1000)
-    monkeypatch.setattr("tega.recording.merge.MOST_RECORD", 1000)
+    monkeypatch.setattr("tega.recording.remake.MOST_RECORD", 1000)
     if verb == "recover":
         assert recover_file(lossless, tmp_path / "out.mcap").problem == "RecordLengthLimitExceeded"
         return

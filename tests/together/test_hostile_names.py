@@ -14,7 +14,7 @@ from tega.config.calibration.folder import CalibrationFolder, checked_person
 from tega.errors import UnsafeNameError
 from tega.recording.export import export_file
 from tega.recording.mcap_copy import McapCopy, McapRecords
-from tega.runtime.files.plain_name import path_below
+from tega.runtime.files.foreign_file import path_below
 from tega.ui.cli.main import main
 from tega_lerobot.dataset import export_lerobot
 from tega_study.observers import observer_path

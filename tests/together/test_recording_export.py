@@ -21,7 +21,7 @@ from tega.recording.export import export_file
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
 from tega.recording.mcap_reader import read_ahead
 from tega.runtime.call_beside import called_beside
-from tega.runtime.files.csv_writer import cell_text
+from tega.runtime.files.csv_tables import cell_text
 from tega.ui.cli.main import main
 
 

@@ -16,8 +16,8 @@ from tega.errors import ConfigError, RecordingError
 from tega.loop import run_session
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
-from tega.recording.merge import merge_sessions
 from tega.recording.origin import LEAD_IN
+from tega.recording.remake import merge_sessions
 from tega.recording.replay import replay_file
 from tega.recording.trim import trim_session
 from tega.ui.cli.main import main

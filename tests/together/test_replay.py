@@ -23,7 +23,7 @@ from tega.config.calibration.store import parse_calibration
 from tega.config.choose import preset_metric
 from tega.errors import CalibrationError
 from tega.haptics import intensity
-from tega.recording.folder import prepare_folder
+from tega.recording.run_tables import prepare_folder
 from tega.ui.cli.main import main
 from tega.ui.view import course as view_session
 

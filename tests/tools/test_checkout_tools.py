@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tega.errors import MissingToolError
-from tega.runtime.checkout_tools import needs_tools
+from tega.runtime.lifecycle import needs_tools
 from tega.ui.cli.options import with_origin
 
 PROJECT = Path(__file__).resolve().parents[2]

@@ -30,8 +30,8 @@ from tega.config.attached import config_text
 from tega.loop import run_session
 from tega.recording.disk import open_disk, rescue_tails
 from tega.recording.inspection import inspect_file
+from tega.recording.mcap_file import BoundedQueue, Item
 from tega.recording.mcap_folder import SessionFolder, session_files
-from tega.recording.mcap_queue import BoundedQueue, Item
 from tega.recording.mcap_recorder import McapRecorder
 from tega.recording.replay import replay_file
 from tega.records import Marker, Picture

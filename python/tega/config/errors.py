@@ -12,9 +12,7 @@ import msgspec
 
 from tega.errors import ConfigError
 from tega.runtime.features import broken_features, named
-from tega.runtime.nearest import nearest_hint
-from tega.runtime.number_text import number_text
-from tega.runtime.removed import Removed
+from tega.runtime.words import Removed, nearest_hint, number_text
 
 REMOVED: Final[Mapping[str, Removed]] = {
     "vest.feedback": Removed(

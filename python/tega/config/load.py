@@ -29,8 +29,7 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.runtime.device_items import Options
 from tega.runtime.files.foreign_file import parse_toml, read_words
-from tega.runtime.files.toml_hint import ESCAPES, swallowed_escape, toml_hint
-from tega.runtime.files.toml_text import toml_value
+from tega.runtime.files.toml_text import ESCAPES, swallowed_escape, toml_hint, toml_value
 from tega.stages.registry import stage_class
 
 

@@ -30,7 +30,7 @@ from tega.devices.base import (
     VestSink,
 )
 from tega.errors import ConfigError, DeviceUnavailableError
-from tega.runtime.plugins import find_plugin, load_plugin, plugin_package, plugins
+from tega.runtime.features import find_plugin, load_plugin, plugin_package, plugins
 
 GROUP = "tega.devices"
 

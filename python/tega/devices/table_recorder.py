@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
-from tega.runtime.files.csv_writer import CsvWriter
+from tega.runtime.files.csv_tables import CsvWriter
 from tega.runtime.lifecycle import Opened
 
 

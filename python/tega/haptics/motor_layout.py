@@ -153,7 +153,7 @@ def find_layout(name: str) -> MotorLayout:
     """
     if name in SHIPPED:
         return SHIPPED[name]
-    from tega.runtime.plugins import find_plugin, load_plugin
+    from tega.runtime.features import find_plugin, load_plugin
 
     try:
         entry = find_plugin("tega.layouts", "layout", name)

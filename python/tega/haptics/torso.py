@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tega.haptics.motor_layout import MotorLayout, find_layout
 from tega.records.base import DRAWINGS
-from tega.records.vest import VestRecord
+from tega.records.outputs import VestRecord
 
 WIDTH, HEIGHT = 120.0, 140.0
 """Size of a face in the drawing."""

@@ -40,7 +40,7 @@ from tega.devices.base import StampingVest
 from tega.loop.inbox.histogram import LEAST_SAMPLES, Histogram
 from tega.loop.joint_motion import JointMotion
 from tega.records.bus import Bus
-from tega.records.latency import INTENT_STAGES, MOTION_STAGES, TOUCH_STAGES, Latency
+from tega.records.run import INTENT_STAGES, MOTION_STAGES, TOUCH_STAGES, Latency
 
 __all__ = ["INTENT_STAGES", "MOTION_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace"]
 

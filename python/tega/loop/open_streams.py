@@ -24,7 +24,7 @@ from tega.loop.sinks import Sinks
 from tega.loop.touching import RecordedFingers, Touching
 from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.records.bus import Bus
-from tega.runtime.wake import Bell
+from tega.runtime.threads import Bell
 from tega.safety.settings import SafetySection
 from tega.stages.base import MeasuredPicture, Metric
 

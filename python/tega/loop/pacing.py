@@ -10,7 +10,7 @@ import msgspec
 from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError
 from tega.runtime.clock import Clock
-from tega.runtime.wake import Bell
+from tega.runtime.threads import Bell
 
 # A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
 CATCH_UP_NS = 100_000_000

@@ -21,7 +21,7 @@ from tega.records.bus import Bus
 from tega.records.types import record_types
 from tega.runtime.device_items import DeviceInfo
 from tega.runtime.features import call_member, having
-from tega.runtime.wake import Bell
+from tega.runtime.threads import Bell
 from tega.safety.guard import Guard
 
 __all__ = ["Part", "PartContext", "RunStart", "open_parts"]

@@ -31,8 +31,7 @@ from tega.loop.vest_output import VestOutput
 from tega.records import Alert, Event, RunState, Value
 from tega.records.bus import Bus
 from tega.runtime.clock import Clock, SystemClock
-from tega.runtime.threads import all_along, run_realtime
-from tega.runtime.wake import Bell
+from tega.runtime.threads import Bell, all_along, run_realtime
 from tega.safety.guard import Guard
 from tega.safety.states import Transition
 from tega.stages.base import Metric

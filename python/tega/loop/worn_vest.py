@@ -13,7 +13,7 @@ from tega.config import CalibrationConfig, VestConfig
 from tega.devices.base import BudgetedVest, RepeatingVest, VestSink
 from tega.devices.registry import driver_class
 from tega.errors import DeviceUnavailableError
-from tega.runtime.files.lock import LOCK_SUFFIX
+from tega.runtime.files.whole_file import LOCK_SUFFIX
 from tega.safety.dose_file import KeptDose
 
 NAMELESS: Final = "nameless-vest-dose.json"

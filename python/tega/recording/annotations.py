@@ -1,19 +1,25 @@
 """Keep the events that raters code of a recording, in a file beside it: one JSON object a line, never changed.
 
 ``trial-001.mcap`` has ``trial-001.annotations.jsonl``. An event is on the disk once it is added; an undo is a line that
-names the undone one, and the end of a state one that names its beginning.
+names the undone one, and the end of a state one that names its beginning. BORIS and ELAN exchange them.
 """
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Protocol
 
 import msgspec
 
-from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.annotations import CodedEvent
+from tega.errors import InvalidValueError, RecordingError, TegaError
+from tega.recording.inspection import inspect_file
+from tega.runtime.files.annotations import CodedEvent, check_times, known_code
+from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
+from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega.runtime.files.json_lines import JsonLines, read_json_lines
+from tega.runtime.files.whole_file import write_whole
 
 KEYS: Final = {"s": "slip", "d": "deformation", "x": "drop", "l": "lift_off"}
 """Behaviours by key."""
@@ -23,8 +29,6 @@ STATES: Final = frozenset({"deformation"})
 
 
 class _Line(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """A line of the file."""
-
     n: Annotated[int, msgspec.Meta(ge=1)]
     rater: Annotated[str, msgspec.Meta(max_length=200)]
     t_s: Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)] = 0.0
@@ -143,3 +147,110 @@ class AnnotationFile(JsonLines[_Line]):
     def _step(self, **fields: object) -> None:
         line = _Line(n=len(self.entries) + 1, rater=self._rater, **fields)  # type: ignore[arg-type]  # fields of a line
         self.append(line)
+
+
+class _Played(Protocol):
+    """Knows the moment of the recording that is played."""
+
+    @property
+    def at_s(self) -> float:
+        """Seconds from the beginning of the recording."""
+        ...
+
+
+class AnnotationKeys:
+    """Codes an event for each key, at the moment of the recording that ``played`` has then; from any thread.
+
+    Raises what :class:`~tega.recording.annotations.AnnotationFile` does.
+    """
+
+    def __init__(self, recording: Path, rater: str, played: _Played) -> None:
+        self._file = AnnotationFile(recording, rater)
+        self._played = played
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> Callable[[str], str]:
+        """Return the function that takes a key and returns its effect in words."""
+        return self.press
+
+    def __exit__(self, *_error: object) -> None:
+        """Close the file."""
+        with self._lock:
+            self._file.close()
+
+    def press(self, key: str) -> str:
+        """Code the behaviour of a key, or undo the last step (``u``); return the effect in words, ``""`` for none."""
+        t_s = self._played.at_s
+        with self._lock:
+            try:
+                if key == "u":
+                    return self._file.undo()
+                code = KEYS.get(key)
+                return "" if code is None else self._file.press(code, t_s, is_state=code in STATES)
+            except (TegaError, OSError, ValueError) as error:  # a full disk; or the file is closed already
+                return f"not kept: {error}"
+
+
+def import_annotations(recording: Path, path: Path, rater: str) -> int:
+    """Add a BORIS or ELAN file's events to a recording as those of a new rater; return their number.
+
+    ``path`` may be a BORIS project, a tabular or aggregated export, or an ELAN file. Of several observations
+    or raters in it the one named like the recording or like the rater counts. ``InvalidValueError`` if the
+    rater has coded the recording already; ``RecordingError`` also where an event is outside of it.
+    """
+    found = read_eaf(path, list(KEYS.values())) if path.suffix.lower() == ".eaf" else read_boris(path)
+    name = next((one for one in (f"{recording.stem}_{rater}", recording.stem, rater) if one in found), None)
+    if name is None and len(found) != 1:
+        names = ", ".join(sorted(found)[:5]) or "none"
+        raise RecordingError(
+            f"{path.name}: holds {len(found)} observations ({names}), none of them {recording.stem!r}",
+            "name the recording's observation like its file",
+        )
+    coded = found[name] if name is not None else next(iter(found.values()))
+    length_s = inspect_file(recording).duration_s
+    hint = f"times count from the beginning of {recording.name}"
+    events = check_times(coded, length_s=length_s, name=f"{path.name}: {name or recording.stem}", hint=hint)
+    if read_annotations(recording).get(rater):
+        raise InvalidValueError(f"{rater} has annotated {recording.name} already", "give another --rater")
+    with AnnotationFile(recording, rater) as file:
+        for event in events:
+            file.add(event._replace(code=known_code(event.code, KEYS.values()) or event.code.strip()))
+    return len(events)
+
+
+def export_annotations(recording: Path, path: Path, *, video: str = "") -> None:
+    """Write a recording's annotations as a new BORIS project, or as an ELAN file (``.eaf``).
+
+    ``video`` names a video of the recording beside it; ``""`` for none. An existing file is
+    ``InvalidValueError``.
+    """
+    if path.exists():
+        raise InvalidValueError(f"{path}: is there already", "name a new file")
+    length_s = inspect_file(recording).duration_s
+    raters = read_annotations(recording) or {"": []}
+    raters = {
+        rater: check_times(events, length_s=length_s, name=recording.name, hint="")
+        for rater, events in raters.items()
+    }
+    every = [event for events in raters.values() for event in events]
+    codes = list(dict.fromkeys([*KEYS.values(), *(event.code for event in every)]))
+    if path.suffix.lower() == ".eaf":
+        write_eaf(path, raters, codes=codes, media=video)
+        return
+    states = sorted(STATES | {event.code for event in every if event.duration_s})
+    key_of = {code: key for key, code in KEYS.items()}
+    write_whole(
+        path,
+        boris_project(
+            name=recording.stem,
+            description="events of a recording; times count from its beginning",
+            behaviours=[BorisBehaviour(c, key_of.get(c, ""), is_state=c in states) for c in codes],
+            subjects=sorted({event.subject for event in every if event.subject}),
+            observations={
+                f"{recording.stem}_{rater}" if rater else recording.stem: boris_observation(
+                    events, length_s=length_s, variables={}, media=video, states=states
+                )
+                for rater, events in raters.items()
+            },
+        ),
+    )

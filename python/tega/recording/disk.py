@@ -23,10 +23,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tega.errors import RecordingError, UnsafeNameError
-from tega.runtime.files.foreign_file import parse_json, read_words
-from tega.runtime.files.lock import lock_file
-from tega.runtime.files.plain_name import plain_name
-from tega.runtime.files.whole_file import write_whole
+from tega.runtime.files.foreign_file import parse_json, plain_name, read_words
+from tega.runtime.files.whole_file import lock_file, write_whole
 
 _TAIL = ".tail"
 _MEMORY = Path("/dev/shm")  # where Linux keeps files in memory

@@ -13,17 +13,15 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from tega.errors import ConfigError, RecordingError
-from tega.recording.column_names import channel_columns, emg_source, list_columns, time_column
-from tega.recording.copies import note_copy
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import WHOLE, McapReader, Message, Progress, Within
-from tega.recording.origin import LEAD_IN
+from tega.recording.origin import LEAD_IN, note_copy
 from tega.recording.pictures import paired
-from tega.records.hand import frames_text
+from tega.recording.record_columns import channel_columns, emg_source, list_columns, time_column
+from tega.records.outputs import frames_text
 from tega.runtime.call_beside import called_beside
-from tega.runtime.files.foreign_file import MIB, reports_damage
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import MIB, plain_name, reports_damage
 from tega.runtime.lifecycle import require
 
 # Pictures' cells, seven kilobytes each, wait with the messages that they are in: memory that the system clears anew.
@@ -115,11 +113,8 @@ def _write_tables(
             table = tables.get(topic)
             if table is None:
                 if not tables:
-                    epoch_ns, info = (
-                        int(reader.metadata.get("tega", {}).get("epoch_ns", "0")),
-                        emg_source(reader),
-                    )
-                    channels = () if info is None else info.channels
+                    epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
+                    channels = () if (info := emg_source(reader)) is None else info.channels
                 name = plain_name(topic.strip("/").replace("/", "."), subject="topic", source=path.name)
                 to = _GROWING[kind](folder / f"{name}.{kind}")
                 table = tables[topic] = _TopicTable(to, schema, epoch_ns, channels)
@@ -196,7 +191,7 @@ def _sample_columns(log_s: Sequence[float], values: Sequence[Any], channels: Seq
 
 
 def message_columns(values: Sequence[Any], channels: Sequence[str] = ()) -> dict[str, Sequence[Any]]:
-    """Return the columns of messages alike, named as :mod:`tega.recording.column_names` says.
+    """Return the columns of messages alike, named as :mod:`tega.recording.record_columns` says.
 
     The decoded messages all have the same fields present and lists of the same length.
     """
@@ -276,12 +271,9 @@ def _own(descriptor: Any) -> frozenset[str]:
 
 
 def _poses_text(poses: Any) -> str:
-    return "; ".join(_pose_text(pose) for pose in poses)
-
-
-def _pose_text(pose: Any) -> str:
-    """Return a pose as its time, place, turn and validity."""
-    return " ".join(map(str, (pose.t_ns, *pose.position, *pose.quaternion, int(pose.valid))))
+    """Return poses, each as its time, place, turn and validity."""
+    numbers = [(pose.t_ns, *pose.position, *pose.quaternion, int(pose.valid)) for pose in poses]
+    return "; ".join(" ".join(map(str, one)) for one in numbers)
 
 
 def _picture(message: Message, folder: Path, seq: int) -> None:

@@ -15,7 +15,7 @@ from typing import IO, Any, Final
 import msgspec
 import numpy as np
 
-from tega.runtime.files.csv_writer import cell_text
+from tega.runtime.files.csv_tables import cell_text
 from tega.runtime.lifecycle import require
 
 Columns = Mapping[str, Sequence[Any]]

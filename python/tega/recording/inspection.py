@@ -11,9 +11,8 @@ import numpy as np
 
 from tega.config.motor_onset import STAGE
 from tega.loop.inbox.histogram import LEAST_SAMPLES
-from tega.recording.absent import absent_features
 from tega.recording.mcap_reader import McapReader, Message
-from tega.recording.origin import origins, span
+from tega.recording.origin import absent_features, origins, span
 from tega.records import Latency as LatencyRecord
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import reports_damage
@@ -149,9 +148,7 @@ def inspect_file(path: Path) -> Inspection:
         sources=sources,
         absent=absent_features(reader.metadata),
         streams=[_facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(seen.topics.items())],
-        latency=_with_skin(
-            [_latency(stage, times) for stage, times in seen.stages.items() if any(times) and paced]
-        ),
+        latency=_with_skin([_latency(*one) for one in seen.stages.items() if any(one[1]) and paced]),
         markers=seen.markers,
         states=seen.states,
         log=seen.log,
@@ -170,7 +167,7 @@ class _Messages:
         self.log: list[Marked] = []
         self.ended = ""
         self.newest_ns = self.epoch_ns = 0
-        self._pictures = _Stages(self.stages)
+        self._received: dict[tuple[str, int], int] = {}
 
     def take(self, message: Message) -> None:
         value, t_ns = message.value, message.log_ns - self.epoch_ns
@@ -192,16 +189,20 @@ class _Messages:
         match message.schema:
             case "tega.Frame":
                 topic.numbers.append((value.seq, 1))
-                self._pictures.frame(message.topic.split("/")[2], value)
+                # Into the loop; a picture's way to the vest is in the run's own record of it.
+                self._received[message.topic.split("/")[2], value.t_ns] = value.received_ns
+                stages["picture: captured to received"].append(value.received_ns - value.t_ns)
             case "tega.Contact":
-                self._pictures.contact(message.topic.split("/")[2], value)
+                received_ns = self._received.pop((message.topic.split("/")[2], value.t_ns), None)
+                if received_ns is not None:
+                    stages["picture: received to taken in"].append(value.known_ns - received_ns)
             case "tega.EmgSamples":
                 topic.numbers.append((value.first_index, len(value.samples) // max(value.n_channels, 1)))
                 stages["EMG samples: captured to received"].append(value.received_ns - value.t_ns)
             case "tega.Levels":
                 stages["EMG block: captured to taken in"].append(value.taken_ns - value.t_ns)
             case "tega.VestFrame" if message.topic == "/vest/frame":
-                self._pictures.vest(value)
+                stages["vest frame: deadline to handed over"].append(value.handed_ns - value.t_ns)
             case _:
                 pass
 
@@ -232,27 +233,6 @@ class _Messages:
                 self.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
             case _:
                 pass
-
-
-class _Stages:
-    """Follows each picture into the loop; its way to the vest is in the run's own record of it."""
-
-    def __init__(self, stages: dict[str, list[int]]) -> None:
-        self._stages = stages
-        self._received: dict[tuple[str, int], int] = {}
-
-    def frame(self, finger: str, value: Any) -> None:
-        self._received[finger, value.t_ns] = value.received_ns
-        self._stages["picture: captured to received"].append(value.received_ns - value.t_ns)
-
-    def contact(self, finger: str, value: Any) -> None:
-        received_ns = self._received.pop((finger, value.t_ns), None)
-        if received_ns is None:
-            return
-        self._stages["picture: received to taken in"].append(value.known_ns - received_ns)
-
-    def vest(self, value: Any) -> None:
-        self._stages["vest frame: deadline to handed over"].append(value.handed_ns - value.t_ns)
 
 
 def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
@@ -303,3 +283,10 @@ def _latency(stage: str, times_ns: list[int]) -> StageLatency:
         return StageLatency(stage, len(times_ns), None, None, None, worst_ms)
     p50, p95, p99 = (float(v) / 1e6 for v in np.percentile(times_ns, (50, 95, 99)))
     return StageLatency(stage, len(times_ns), p50, p95, p99, worst_ms)
+
+
+def absent_in(path: Path) -> list[str]:
+    """Return the sentences of :func:`absent_features` for a file."""
+    reader = McapReader(path)
+    next(reader.messages(lambda _topic: False), None)  # the tables come before every message
+    return absent_features(reader.metadata)

@@ -16,8 +16,7 @@ from tega.recording.disk import take_tail
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_reader import open_recording
 from tega.runtime.files.foreign_file import parse_json, read_words
-from tega.runtime.files.lock import lock_file
-from tega.runtime.files.whole_file import new_file, write_whole
+from tega.runtime.files.whole_file import lock_file, new_file, write_whole
 
 INDEX_NAME = "session.json"
 INDEX_FORMAT = "tega-session"
@@ -33,8 +32,6 @@ class _IndexTrial(msgspec.Struct):
 
 
 class _SessionIndex(msgspec.Struct):
-    """Required fields of an index."""
-
     trials: list[_IndexTrial]
 
 
@@ -64,7 +61,8 @@ class SessionFolder:
         if path.exists() and not path.is_dir():
             raise ConfigError(f"session folder {path.name!r} is a file", "name a folder")
         self.path = path.absolute()  # of "." a message names the folder
-        if path.is_dir() and any(path.iterdir()) and not self._is_session():
+        known = (path / INDEX_NAME).exists() or any(path.glob("trial-*.mcap*"))
+        if path.is_dir() and any(path.iterdir()) and not known:
             if to_read:
                 raise no_recording(path)
             raise ConfigError(
@@ -139,9 +137,6 @@ class SessionFolder:
     def index(self) -> dict[str, Any]:
         """Return the index as it stands; ``RecordingError`` where it is damaged."""
         return _index(self.path)
-
-    def _is_session(self) -> bool:
-        return (self.path / INDEX_NAME).exists() or any(self.path.glob("trial-*.mcap*"))
 
     def _recover(self) -> list[Recovered]:
         done = []

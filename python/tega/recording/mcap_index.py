@@ -9,16 +9,17 @@ import math
 from array import array
 from bisect import bisect_left
 from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from itertools import accumulate
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError, TegaError
-from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import (
     MOST_RECORD,
     McapReader,
@@ -29,13 +30,9 @@ from tega.recording.mcap_reader import (
     open_recording,
     read_ahead,
 )
+from tega.recording.origin import no_session
 from tega.runtime.files.foreign_file import MIB, reports_damage
 from tega.runtime.lifecycle import require
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
-    from numpy.typing import NDArray
 
 PLACE = np.dtype([("log_ns", np.int64), ("part", np.int32), ("number", np.int32)])
 """Place of a message: its log time, nanoseconds since 1970, its part of the file, and its number in there by topic."""

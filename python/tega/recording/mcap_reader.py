@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 from tega.errors import RecordingError
-from tega.recording.foreign import no_session
 from tega.recording.mcap_schemas import decoder
+from tega.recording.origin import no_session
 from tega.runtime.files.foreign_file import MIB, check_file
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how many units of it are done, and how many there are."""
-
-
-def _no_progress(_subject: str, _done: int, _total: int) -> None:
-    """Show nothing."""
 
 
 Within = tuple[int, float]
@@ -127,7 +123,7 @@ class McapReader:
         self.cut = ""
         self.part_begins = 0
         self._own = False
-        self.progress: Progress = _no_progress
+        self.progress: Progress = lambda _subject, _done, _total: None
 
     @property
     def complete(self) -> bool:

@@ -7,18 +7,14 @@ import shutil
 import threading
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
+from tega.config import RecordingSection
 from tega.errors import RecordingError
-from tega.recording.mcap_file import McapFile
-from tega.recording.mcap_queue import BoundedQueue, Item
+from tega.recording.mcap_file import BoundedQueue, Item, McapFile
+from tega.recording.mcap_folder import SessionFolder
 from tega.records import RECORDS, Record, RecorderStatus
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.config import RecordingSection
-    from tega.recording.mcap_folder import SessionFolder
-
 
 _LOG = logging.getLogger(__name__)
 
@@ -130,7 +126,10 @@ class McapRecorder:
             self._close_file(summary)
         facts = self.facts()
         name = self.path.name if self.state == "complete" or self.path.exists() else self._part.name
-        self._folder_note(name, facts)
+        try:
+            self._folder.note(self.path.name, {**facts, "path": name})
+        except (OSError, RecordingError) as error:  # a full disk has no room for the index either
+            _LOG.warning("recording: the index could not be written: %s", error)
         return {"file": name, **facts}
 
     def leave(self) -> None:
@@ -161,12 +160,6 @@ class McapRecorder:
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join(_DRAIN_S)
-
-    def _folder_note(self, name: str, facts: Mapping[str, Any]) -> None:
-        try:
-            self._folder.note(self.path.name, {**facts, "path": name})
-        except (OSError, RecordingError) as error:  # a full disk has no room for the index either
-            _LOG.warning("recording: the index could not be written: %s", error)
 
     def _sync(self) -> None:
         """Bring the file to the disk now and then; a slow disk must not hold up the thread that writes."""
@@ -229,7 +222,6 @@ class McapRecorder:
         self._newest_ns = max(self._newest_ns, item.t_ns)
 
     def _status(self) -> None:
-        """Watch the disk, and record how the recording goes."""
         free = shutil.disk_usage(self._folder.path).free
         dropped = dict(self._queue.dropped)
         self._reported_dropped = sum(dropped.values())
@@ -254,7 +246,6 @@ class McapRecorder:
             _LOG.warning("recording: only %.0f MiB left on the disk", free / _MIB)
 
     def _close_file(self, summary: bytes) -> None:
-        """Finish the file properly, if the disk lets us."""
         dropped = {topic: str(n) for topic, n in self._queue.dropped.items()}
         try:
             if summary:

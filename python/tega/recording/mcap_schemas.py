@@ -16,7 +16,6 @@ from tega.records.types import record_types
 from tega.runtime.lifecycle import require
 
 PACKAGE = "tega"
-_EXTRA = "record"
 
 
 def _messages() -> dict[str, Part]:
@@ -37,18 +36,16 @@ VERSIONS: Mapping[str, int] = {
 }
 """Version of each record's message."""
 
-_FILE = "tega/recording.proto"
-
 
 def _protobuf(module: str) -> Any:
-    return require(f"google.protobuf.{module}", driver="recording", extra=_EXTRA)
+    return require(f"google.protobuf.{module}", driver="recording", extra="record")
 
 
 @cache
 def _file() -> Any:
     """Describe the messages as protoc would."""
     pb2 = _protobuf("descriptor_pb2")
-    file = pb2.FileDescriptorProto(name=_FILE, package=PACKAGE, syntax="proto3")
+    file = pb2.FileDescriptorProto(name="tega/recording.proto", package=PACKAGE, syntax="proto3")
     kinds = pb2.FieldDescriptorProto
     for name, kind in MESSAGES.items():
         message = file.message_type.add(name=name)
@@ -69,10 +66,9 @@ def _file() -> Any:
 @cache
 def schema_bytes() -> bytes:
     """Return the file descriptor set, the form in which an MCAP file carries a protobuf schema."""
-    described: bytes = (
-        _protobuf("descriptor_pb2").FileDescriptorSet(file=[_file()]).SerializeToString(deterministic=True)
-    )
-    return described
+    described = _protobuf("descriptor_pb2").FileDescriptorSet(file=[_file()])
+    data: bytes = described.SerializeToString(deterministic=True)
+    return data
 
 
 @cache

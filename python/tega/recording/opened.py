@@ -24,11 +24,11 @@ from typing import overload
 
 import tega.haptics  # noqa: F401  # draws vest frames
 from tega.errors import RecordingError
-from tega.recording.column_names import emg_source
 from tega.recording.mcap_folder import session_files
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import table_ns
 from tega.recording.pictures import PICTURES
+from tega.recording.record_columns import emg_source
 from tega.recording.topics import NEVER_NS, PictureTopic, RecordedFile, Topic
 
 __all__ = ["PictureTopic", "RecordedTopics", "Topic", "open_recording"]
@@ -61,15 +61,8 @@ def open_recording(*paths: str | PathLike[str]) -> RecordedTopics:
             )
         zero_ns = zero or 0
         start_ns = table_ns(reader.metadata.get("tega", {}), "start_ns") or 0
-        files.append(
-            RecordedFile(
-                reader,
-                zero_ns,
-                start_ns,
-                zero_ns - min(known, default=0) if zero is not None else 0,
-                emg_source(reader),
-            )
-        )
+        shift_ns = zero_ns - min(known, default=0) if zero is not None else 0
+        files.append(RecordedFile(reader, zero_ns, start_ns, shift_ns, emg_source(reader)))
     files.sort(key=lambda file: file.zero_ns)
     return RecordedTopics(tuple(files), -NEVER_NS, NEVER_NS)
 

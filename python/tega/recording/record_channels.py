@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from tega.hand import JOINT_NAMES
-from tega.recording.cells import cell_sums
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
-from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
+from tega.recording.pictures import cell_sums
+from tega.records import Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
+from tega.records.base import VideoPacket
 from tega.records.schema import schema_name
-from tega.records.video import VideoPacket
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import give_way
-
-if TYPE_CHECKING:
-    from tega.records import Record
-
 
 _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
 
@@ -58,7 +54,9 @@ class RecordChannels:
         self._channels: dict[str, Any] = {}
         self.epoch_ns = 0
         self.context: Any = self._foxglove.Context()
-        self._open: Callable[..., Any] = open_channel or self._open_own
+        self._open: Callable[..., Any] = open_channel or (
+            lambda topic, make, **how: make(topic, context=self.context, **how)
+        )
 
     def write(self, record: Record, t_ns: int) -> None:
         """Encode and log a record, unless its channel has no subscriber; make a new channel for later ones.
@@ -96,9 +94,6 @@ class RecordChannels:
         if channel is None:
             channel = self._channels[topic] = self._open(topic, make, **how)
         return channel
-
-    def _open_own(self, topic: str, make: Any, **how: Any) -> Any:
-        return make(topic, context=self.context, **how)
 
     def _message(self, topic: str, record: Record, log_ns: int) -> None:
         schema = None

@@ -1,31 +1,91 @@
-"""Turn the messages of a recording into records and into columns of numbers, by their record types."""
+"""Name the columns of a recording's tables, and turn its messages into records and columns, by their record types.
+
+The names are the same in an export, in Python and in a run's own tables.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.devices.base import DeviceInfo
+from tega.errors import TegaError
 from tega.hand import JOINT_NAMES
-from tega.recording.column_names import list_columns, time_column
+from tega.haptics.motor_layout import find_layout
+from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.mcap_schemas import PACKAGE
 from tega.records import HandExchange, Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
+from tega.records.base import VideoPacket
 from tega.records.schema import MessageField, fields, own_schema, read, schema_name, values
 from tega.records.types import record_types
-from tega.records.video import VideoPacket
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from tega.recording.mcap_reader import Message
+from tega.runtime.files.foreign_file import parse_json
 
 Columns = dict[str, list[Any]]
 
 _LOG_LEVELS: Final = {1: 10, 2: 20, 3: 30, 4: 40, 5: 50}
+
+
+def time_column(field: str) -> str:
+    """Return the column of a time in nanoseconds, which a table has in seconds.
+
+    Example:
+        >>> time_column("taken_ns")
+        'taken_s'
+    """
+    return f"{field.removesuffix('_ns')}_s"
+
+
+def list_columns(
+    field: str, n: int, *, layout: str = "", channels: Sequence[str] = (), taken: Collection[str] = ()
+) -> Sequence[str]:
+    """Return the columns of a list of ``n`` numbers; ``taken`` are the names of the other columns.
+
+    The ``field`` is ``channels`` of EMG, named ``channels``, ``intensities`` of a layout's motors, or any other.
+
+    Example:
+        >>> list_columns("channels", 2), list_columns("gains", 2), list_columns("intensities", 2)
+        (['ch1', 'ch2'], ('gains_1', 'gains_2'), ('m0', 'm1'))
+    """
+    if field == "channels":
+        return channel_columns(channels, n, taken)
+    return motor_columns(layout, n) if field == "intensities" else _numbered(field, n)
+
+
+def channel_columns(channels: Sequence[str], n: int, taken: Collection[str] = ()) -> list[str]:
+    """Return a column for each EMG channel: its name, or its number where names are missing, repeated or taken."""
+    names = list(channels) if len(channels) == n else [""] * n
+    good = [bool(name) and names.count(name) == 1 and name not in taken for name in names]
+    return [name if ok else f"ch{k}" for k, (name, ok) in enumerate(zip(names, good, strict=True), 1)]
+
+
+@cache
+def motor_columns(layout: str, n: int) -> tuple[str, ...]:
+    """Return the columns of a layout's motors, by their numbers at the device; of an unknown layout by their order."""
+    numbers = list(range(n))
+    with suppress(TegaError):
+        known = find_layout(layout).numbers.tolist()
+        numbers = known if len(known) == n else numbers
+    return tuple(f"m{number}" for number in numbers)
+
+
+@cache
+def _numbered(field: str, n: int) -> tuple[str, ...]:
+    return tuple(f"{field}_{k}" for k in range(1, n + 1))
+
+
+def emg_source(reader: McapReader) -> DeviceInfo | None:
+    """Return the EMG source's description in a recording; ``None`` if it is missing or damaged."""
+    sources: Mapping[str, str] = reader.metadata.get("sources", {})
+    with suppress(msgspec.MsgspecError):
+        return parse_json(sources.get("emg", ""), DeviceInfo)
+    return None
 
 
 def find_kind(topic: str, schema: str) -> tuple[type[Record], dict[str, str]] | None:
@@ -85,7 +145,7 @@ def _axes(value: Any, names: str) -> tuple[float, ...]:
 
 
 def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> dict[str, Any]:
-    """Return a record as a row, its columns named as :mod:`tega.recording.column_names` says.
+    """Return a record as a row, its columns named as this module says.
 
     ``shift_ns`` is added to its times; ``channels`` are the names of the EMG channels.
     """
@@ -93,8 +153,8 @@ def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> di
     cells: dict[str, Any] = values(record) if not isinstance(record, Joints) else {"t_ns": record.t_ns}
     if isinstance(record, Joints):
         row |= dict(zip(JOINT_NAMES, record.angles_rad, strict=False))
-    for name, column, is_time in _names(type(record)):
-        value: Any = cells.get(name)
+    for field, column, is_time in _columns_of(type(record)):
+        name, value = field.name, cells.get(field.name)
         if is_time:
             row[column] = np.nan if value is None else (value + shift_ns) / 1e9
         elif name == "more" and value:
@@ -117,43 +177,35 @@ def row_of(record: Record, *, shift_ns: int, channels: Sequence[str] = ()) -> di
             row |= dict(zip(given, value, strict=True))
         else:
             row[column] = value
-    return {
-        name: value for name, value in row.items() if value is not None or name in _optional(type(record))
-    }
-
-
-def _cells_of(kind: type[Record]) -> list[MessageField]:
-    """Return the fields of a record that are columns: all but bytes."""
-    return [field for field in fields(kind) if field.wire != "bytes"]
+    optional = _optional(type(record))
+    return {name: value for name, value in row.items() if value is not None or name in optional}
 
 
 @cache
-def _names(kind: type[Record]) -> tuple[tuple[str, str, bool], ...]:
-    """Return of each field its name, its column, and whether it is a time."""
+def _columns_of(kind: type[Record]) -> tuple[tuple[MessageField, str, bool], ...]:
+    """Return the fields that are columns, all but bytes, each with its column and whether it is a time."""
     found = []
-    for field in _cells_of(kind):
+    for field in fields(kind):
         is_time = field.unit == "ns" and field.name.endswith("_ns")
-        column = time_column(field.name) if is_time else field.name
-        found.append((field.name, column, is_time))
+        if field.wire != "bytes":
+            found.append((field, time_column(field.name) if is_time else field.name, is_time))
     return tuple(found)
 
 
 @cache
 def _optional(kind: type[Record]) -> frozenset[str]:
-    return frozenset(
-        column for field, (_, column, _) in zip(_cells_of(kind), _names(kind), strict=True) if field.optional
-    )
+    return frozenset(column for field, column, _ in _columns_of(kind) if field.optional)
 
 
 def column_names(kind: type[Record]) -> list[str]:
     """Return the columns of a record type, one per field, as for a topic without messages."""
-    return [column for _, column, _ in _names(kind)]
+    return [column for _, column, _ in _columns_of(kind)]
 
 
 def units_of(kind: type[Record]) -> dict[str, str]:
     """Return the unit of each column of a record type that has one."""
-    named = zip(_cells_of(kind), _names(kind), strict=True)
-    return {column: "s" if is_time else field.unit for field, (_, column, is_time) in named if field.unit}
+    columns = _columns_of(kind)
+    return {column: "s" if is_time else field.unit for field, column, is_time in columns if field.unit}
 
 
 def arrays_of(rows: Iterable[Mapping[str, Any]], *, most_rows: int = 4096) -> dict[str, NDArray[Any]]:

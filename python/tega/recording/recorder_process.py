@@ -16,19 +16,15 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from tega.config import RecordingSection
 from tega.errors import RecordingError
-from tega.recording.mcap_queue import BoundedQueue, Item
-from tega.runtime.child_process import end_child, start_child
-from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
+from tega.recording.mcap_file import BoundedQueue, Item
+from tega.recording.mcap_folder import SessionFolder
+from tega.records import Record
+from tega.runtime.child_process import end_child, receive_object, send_object, start_child, widen_pipe
 from tega.runtime.threads import run_realtime
-
-if TYPE_CHECKING:
-    from tega.config import RecordingSection
-    from tega.recording.mcap_folder import SessionFolder
-    from tega.records import Record
-
 
 _LOG = logging.getLogger(__name__)
 
@@ -173,7 +169,6 @@ class RecorderProcess:
 
     @run_realtime("beside")
     def _ship(self) -> None:
-        """Send the waiting records to the process, until all are sent."""
         if not self._say("begin", *self._begun):
             return
         while True:
@@ -213,7 +208,6 @@ class RecorderProcess:
         return items
 
     def _listen(self) -> None:
-        """Receive the process's messages until it ends."""
         while True:
             try:
                 kind, *content = receive_object(self._text)

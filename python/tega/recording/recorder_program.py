@@ -13,7 +13,7 @@ from typing import Any
 
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.runtime.object_pipe import AnswerPipe, program_pipes, receive_object
+from tega.runtime.child_process import AnswerPipe, program_pipes, receive_object
 from tega.runtime.threads import realtime, run_realtime
 
 # What has come through the pipe waits here, and what does not fit waits in the run, where it is dropped and counted.
@@ -25,8 +25,6 @@ _UNANSWERED = {"begin", "records"}
 
 
 class _LogAnswers(logging.Handler):
-    """Sends the lines of this program's log to the run."""
-
     def __init__(self, answers: AnswerPipe) -> None:
         super().__init__(logging.INFO)
         self._answers = answers
@@ -36,20 +34,15 @@ class _LogAnswers(logging.Handler):
 
 
 def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> Any:
-    """Execute a request of the run, and return its answer."""
     if verb == "records":
         records, dropped = content
         for record, t_ns in records:
             recorder.put(record, t_ns=t_ns)
         recorder.count_dropped(dropped)
         return None
-    if verb == "head":
-        return recorder.head(*content)
-    if verb == "begin":
-        return recorder.begin(*content)
-    if verb == "finish":
-        return recorder.finish(*content)
-    return recorder.abandon()
+    named = {"head": recorder.head, "begin": recorder.begin, "finish": recorder.finish}
+    called: Any = named.get(verb, recorder.abandon)
+    return called(*content)
 
 
 def _serve(requested: BufferedReader, answers: AnswerPipe) -> None:

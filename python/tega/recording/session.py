@@ -9,38 +9,30 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
+from tega.config import SessionConfig
 from tega.config.attached import attached_files, config_text
-from tega.config.calibration.store import calibration_text
+from tega.config.calibration.store import Calibration, calibration_text
 from tega.config.choose import mapping_choice, metric_choice
 from tega.config.guests import guest_files, guest_packages
+from tega.loop.loop_report import LoopReport
 from tega.loop.parts import Part, PartContext, RunStart
-from tega.recording.log_records import LogRecords
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
 from tega.recording.mcap_schemas import VERSIONS, unit_table
+from tega.recording.origin import versions
 from tega.recording.recorder_process import RecorderProcess
-from tega.recording.versions import versions
-from tega.records import End, HandExchange, Record
+from tega.records import End, HandExchange, LogLine, Record
+from tega.records.bus import Bus
 from tega.records.types import record_types
+from tega.runtime.device_items import DeviceInfo
 from tega.runtime.features import author_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from tega.config import SessionConfig
-    from tega.config.calibration.store import Calibration
-    from tega.loop.loop_report import LoopReport
-    from tega.records.bus import Bus
-    from tega.runtime.device_items import DeviceInfo
-
-__all__ = ["FORMAT", "Recording"]
 
 FORMAT = "tega-recording"
 VERSION = "3"
@@ -224,3 +216,21 @@ def open_part(context: PartContext) -> Recording | None:
     recording = Recording(context.config, folder, context.bus)
     context.stack.callback(recording.abandon)
     return recording
+
+
+class LogRecords(logging.Handler):
+    """Makes a record of each line of the log; ``start_ns`` is the monotonic clock at the session's start."""
+
+    def __init__(self, put: Callable[[LogLine], object]) -> None:
+        super().__init__(logging.INFO)
+        self._put = put
+        # A logger with this handler only would no longer warn people where nobody has set logging up.
+        self._last = None if logging.getLogger("tega").hasHandlers() else logging.lastResort
+        self.start_ns = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hand a line over."""
+        t_ns = time.monotonic_ns() - self.start_ns
+        if self._last is not None and record.levelno >= self._last.level:
+            self._last.handle(record)
+        self._put(LogLine(t_ns=t_ns, level=record.levelno, name=record.name, text=record.getMessage()))

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, overload
+from typing import Any, Final, NamedTuple, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
-from tega.recording.column_names import channel_columns
 from tega.recording.export import message_columns
 from tega.recording.mcap_index import IndexedReader
-from tega.recording.mcap_reader import read_picture
+from tega.recording.mcap_reader import Message, read_picture
 from tega.recording.record_columns import (
     arrays_of,
+    channel_columns,
     column_names,
     find_kind,
     machine_clock,
@@ -26,13 +27,7 @@ from tega.recording.record_columns import (
 from tega.records import EmgSamples, Record
 from tega.runtime.lifecycle import require
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.recording.mcap_reader import Message
-
 NEVER_NS: Final = 2**63 - 1
-"""Time after every other, nanoseconds."""
 """Time after every other, nanoseconds."""
 # Many small arrays leave a heap that stays as large as they were.
 _MOST_BLOCKS: Final = 1024
@@ -77,12 +72,10 @@ class Topic(Sequence[Any]):
 
     @cached_property
     def _places(self) -> list[NDArray[Any]]:
-        """Places of the messages, file by file."""
         found = []
         for file in self._files:
             zero_ns = file.zero_ns - file.shift_ns
-            limits = (min(max(t_ns + zero_ns, 0), NEVER_NS) for t_ns in (self._from_ns, self._to_ns))
-            from_ns, to_ns = limits
+            from_ns, to_ns = (min(max(t + zero_ns, 0), NEVER_NS) for t in (self._from_ns, self._to_ns))
             found.append(file.reader.places(self.name, from_ns=from_ns, to_ns=to_ns))
         return found
 

@@ -13,12 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
-from tega.recording.copies import note_copy
-from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, one_recording
 from tega.recording.mcap_reader import open_recording
-from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
+from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, no_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 
@@ -26,19 +24,8 @@ from tega.runtime.files.whole_file import new_file
 _LEADING = frozenset(
     f"tega.{name}"
     for name in (
-        "Contact",
-        "EmgSamples",
-        "AdaptationSwitch",
-        "Levels",
-        "HandExchange",
-        "Skip",
-        "Haptics",
-        "TriedMotor",
-        "ProgramFrame",
-        "Imposed",
-        "ReflexGrip",
-        "HandLook",
-        "ArmTurn",
+        *("Contact", "EmgSamples", "AdaptationSwitch", "Levels", "HandExchange", "Skip", "Haptics"),
+        *("TriedMotor", "ProgramFrame", "Imposed", "ReflexGrip", "HandLook", "ArmTurn"),
     )
 )
 

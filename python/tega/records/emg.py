@@ -74,6 +74,30 @@ class Intent(Record, frozen=True, kw_only=True):
         return self.taken_ns
 
 
+class BesideIntent(Record, frozen=True, kw_only=True):
+    """Intent that a second decoder finds in the same samples.
+
+    Attributes:
+        stage: Its name in the recording.
+        t_ns: When the newest sample was complete, since the start of the session.
+        channels: Level of each muscle, 0 to 5; 0 for one that cannot be believed.
+        level: Closure level of all of them together, 1 to 5.
+        closure: From 0 (open) to 1 (closed); ``None`` where the decoder knows levels only.
+        confidence: How sure the decoder is, 0 to 1; ``None`` where it does not say.
+    """
+
+    topic: ClassVar[str] = "/beside/{stage}/emg"
+    unwritten: ClassVar[tuple[str, ...]] = ("stage",)
+    table: ClassVar[tuple[str, ...]] = ("t_s", "stage", "channels", "level", "closure")
+
+    stage: str
+    t_ns: Ns
+    channels: tuple[Step, ...] = ()
+    level: Step = msgspec.field(default=1, name="fused")
+    closure: Share | None = None
+    confidence: Share | None = None
+
+
 class AdaptationSwitch(Record, frozen=True, kw_only=True):
     """Switch of the online adaptation of EMG, as it was read at the end of a block.
 

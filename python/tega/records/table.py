@@ -1,14 +1,17 @@
-"""Make rows of the CSV tables from the records that a table holds."""
+"""Make rows of the CSV tables from records, and HTML for notebooks, where names from anywhere are escaped."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from html import escape
 from typing import Any
 
 from tega.records.arm import PoseNumbers
 from tega.records.base import Record
-from tega.records.schema import fields
-from tega.runtime.files.csv_writer import cell_text, time_text
+from tega.records.schema import fields, units, values
+from tega.runtime.files.csv_tables import cell_text, time_text
+from tega.runtime.words import number_text
 
 # What a row is made of where a record has a row for each part, as a hand's command has for each CAN frame.
 _PARTS = {"frames": ("id", "data")}
@@ -64,3 +67,29 @@ def _placed(record: Record, name: str) -> Sequence[str]:
 def _frame(frame: Any) -> tuple[str, str]:
     """Return a CAN frame as its identifier and its bytes, ``R`` for one that asks."""
     return f"{frame.id:03X}", "R" if frame.remote else frame.data.hex().upper()
+
+
+def rows_html(title: str, rows: Iterable[tuple[str, object, str]]) -> str:
+    """Return a table with a title; each row has a name, a value and its unit."""
+    cells = "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th>"
+        f"<td>{escape(_displayed(value))} {'' if unit == '1' else escape(unit)}</td></tr>"
+        for name, value, unit in rows
+    )
+    return f"<table><caption>{escape(title)}</caption>{cells}</table>"
+
+
+def record_html(record: Record, title: str) -> str:
+    """Return a record as a table of the values that are known, without its times."""
+    named, known = units(type(record)), dict[str, Any](values(record))
+    more = known.pop("more", ())
+    rows = [
+        (name, value, named.get(name, ""))
+        for name, value in known.items()
+        if not name.endswith("_ns") and not (isinstance(value, float) and math.isnan(value))
+    ]
+    return rows_html(title, [*rows, *((one["name"], one["value"], one["unit"]) for one in more)])
+
+
+def _displayed(value: object) -> str:
+    return number_text(value) if isinstance(value, float) else str(value)

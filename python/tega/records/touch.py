@@ -1,4 +1,4 @@
-"""Define the records of touch: a fingertip camera's picture, the contact measured in it, and the events."""
+"""Define the records of touch: a fingertip camera's picture, the contacts measured in it, and the events."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tega.records.base import (
     SquarePixels,
     quantity,
 )
-from tega.records.html import record_html
+from tega.records.table import record_html
 
 _NAN = math.nan
 
@@ -127,21 +127,8 @@ class Contact(Record, frozen=True, kw_only=True):
     version: ClassVar[int] = 3
     unwritten: ClassVar[tuple[str, ...]] = ("finger",)
     table: ClassVar[tuple[str, ...]] = (
-        "t_s",
-        "finger",
-        "cci",
-        "eda",
-        "cci_norm",
-        "eda_norm",
-        "peak",
-        "in_contact",
-        "front",
-        "back",
-        "area_mm2",
-        "depth_mm",
-        "force_n",
-        "strength",
-        "broad",
+        *("t_s", "finger", "cci", "eda", "cci_norm", "eda_norm", "peak", "in_contact", "front", "back"),
+        *("area_mm2", "depth_mm", "force_n", "strength", "broad"),
     )
 
     finger: str
@@ -187,6 +174,36 @@ class Contact(Record, frozen=True, kw_only=True):
             return self
         more = tuple(one for one in self.more if one.name not in named)
         return msgspec.structs.replace(self, more=more, **named)
+
+
+class BesideContact(Record, frozen=True, kw_only=True):
+    """Contact that a second metric finds in a picture.
+
+    Attributes:
+        stage: Its name in the recording.
+        finger: Finger of the frame.
+        t_ns: When that was taken, since the start of the session.
+        in_contact: Whether anything touches.
+        eda: Effective deformation area.
+        cci: Contact concentration index.
+        peak: Largest grey value.
+        centroid_xy: Middle of the contact, column and row.
+        more: Values of the metric's own.
+    """
+
+    topic: ClassVar[str] = "/beside/{stage}/{finger}"
+    unwritten: ClassVar[tuple[str, ...]] = ("stage", "finger")
+    table: ClassVar[tuple[str, ...]] = ("t_s", "stage", "finger", "in_contact", "cci", "eda", "peak")
+
+    stage: str
+    finger: str
+    t_ns: Ns
+    in_contact: bool
+    eda: SquarePixels = 0
+    cci: GreyPerPixel = 0.0
+    peak: Grey = 0.0
+    centroid_xy: tuple[Pixels, Pixels] = (math.nan, math.nan)
+    more: tuple[NamedValue, ...] = ()
 
 
 CERTAIN: Final[float] = 0.5

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from tega.runtime.child_process import end_child, start_child
-from tega.runtime.object_pipe import program_pipes, receive_object, send_object
+from tega.runtime.child_process import end_child, program_pipes, receive_object, send_object, start_child
 
 Result = TypeVar("Result")
 

@@ -1,25 +1,93 @@
-"""Find the features that installed packages add to TEGA: entry-point group ``tega.features``.
+"""Find what installed packages add to TEGA: drivers, stages and layouts by entry points, and features.
 
-A feature is one declaration. Every target is ``"module:object"`` and is imported when it is first needed, so that a
-feature that is not used costs nothing. One with a mistake is left out, and named with the next step; the rest works.
+A feature, of the entry-point group ``tega.features``, is one declaration. Every target is ``"module:object"`` and is
+imported when it is first needed, so that a feature that is not used costs nothing. One with a mistake is left out, and
+named with the next step; the rest works.
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import EntryPoint
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from typing import Any
 
-from tega.errors import ConfigError, FeatureError, MissingExtraError, TegaError
+from tega.errors import ConfigError, DeviceUnavailableError, FeatureError, MissingExtraError, TegaError
 from tega.runtime.declaration import Feature, Verb, clash, mistake
-from tega.runtime.plugins import every_plugin, plugin_package
+from tega.runtime.words import nearest_hint
 
 __all__ = ["Broken", "Feature", "Verb", "broken_features", "features", "load_target"]
 
 GROUP = "tega.features"
+
+
+def plugins(group: str) -> Mapping[str, EntryPoint]:
+    """Return the entry points of a group by name; imports none of them. Of two with one name, TEGA's own counts."""
+    return {entry.name: entry for entry in reversed(every_plugin(group))}
+
+
+def every_plugin(group: str) -> tuple[EntryPoint, ...]:
+    """Return the entry points of a group, TEGA's own first, of these the core's, then by name; imports none of them."""
+    return _plugins(group, tuple(sys.path))
+
+
+@cache
+def _plugins(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """Read the metadata of every installed package, which takes 10 ms and more: once for each search path."""
+
+    def order(entry: EntryPoint) -> tuple[bool, bool, str, str]:
+        package = plugin_package(entry)
+        return package != "tega", not entry.value.startswith("tega."), entry.name, package
+
+    return tuple(sorted(entry_points(group=group), key=order))
+
+
+def find_plugin(group: str, subject: str, name: str) -> EntryPoint:
+    """Return the entry point of a name in a group, such as ``"tega.devices"``; the nearest name is the hint.
+
+    ``subject`` is the messages' term for a member: driver, metric, decoder, mapping or layout.
+    """
+    entries = plugins(group)
+    entry = entries.get(name)
+    if entry is None:
+        raise ConfigError(
+            f"no {subject} is called {name!r}", nearest_hint(name, sorted(entries), f"installed {subject}s:")
+        )
+    return entry
+
+
+def load_plugin(entry: EntryPoint, subject: str) -> Any:
+    """Import what an entry point names; ``DeviceUnavailableError`` where the module lacks it.
+
+    ``MissingExtraError`` where the module needs a package that is not installed.
+    """
+    try:
+        return entry.load()
+    except ImportError as error:
+        missing = error.name or "a package"
+        hint = f"install the extra of {plugin_package(entry)!r} that brings {missing!r}"
+        if plugin_package(entry) == "tega":
+            hint = "install it with: pip install 'tega[lab]'"
+        raise MissingExtraError(f"{subject} {entry.name!r} needs {missing!r}: {error}", hint) from error
+    except AttributeError as error:
+        raise DeviceUnavailableError(
+            f"{subject} {entry.name!r} is registered as {entry.value!r}, which does not exist",
+            f"reinstall {plugin_package(entry)!r}",
+        ) from error
+
+
+def plugin_package(entry: EntryPoint) -> str:
+    """Return the distribution that brings an entry point."""
+    return _name(entry.dist) if entry.dist is not None else "an unknown package"
+
+
+@cache
+def _name(package: Distribution) -> str:
+    """Read a package's name out of its metadata, which takes a millisecond: once for each package."""
+    return package.name
 
 
 def load_target(target: str, feature: Feature, kind: Any = Callable, words: str = "function or class") -> Any:
@@ -189,9 +257,8 @@ def _declared(entry: EntryPoint, found: dict[str, Feature]) -> Feature:
         if isinstance(error, ImportError):
             missing = (error.name or module).partition(".")[0]
             lacks = isinstance(error, ModuleNotFoundError) and missing != module
-            correct = (
-                f"pip install {missing if lacks else f'--force-reinstall {package}'}, or remove {package}"
-            )
+            what = missing if lacks else f"--force-reinstall {package}"
+            correct = f"pip install {what}, or remove {package}"
         raise ConfigError(f"{type(error).__name__}: {error}", correct) from error
     if not isinstance(feature, Feature):
         problem = f"{entry.value} is a {type(feature).__name__}, not a tega.runtime.features.Feature"

@@ -1,15 +1,24 @@
-"""Open and close a driver by a ``with`` block, and import the package that it needs."""
+"""Open and close a driver by a ``with`` block, and import optional packages, with a pip line where one is missing."""
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
-from tega.errors import MissingExtraError
+from tega.errors import DeviceUnavailableError, MissingExtraError, MissingToolError
 
 if TYPE_CHECKING:
     from tega.runtime.device_items import DeviceInfo
+
+# What is installed for each package that a checkout brings; what it needs itself stands before it.
+_FOLDERS: Final = {
+    "tega_emulators": ("emulators",),
+    "tega_campaigns": ("emulators", "campaigns"),
+    "tega_figures": ("emulators", "figures"),
+}
 
 
 class Opened:
@@ -66,4 +75,41 @@ def require(module: str, *, driver: str, extra: str) -> Any | ModuleType:
         raise MissingExtraError(
             f"{driver!r} needs the package {module!r}, which cannot be imported ({error})",
             f"install it with: pip install 'tega[{extra}]'" if extra else f"install {module}",
+        ) from error
+
+
+@contextmanager
+def needs_tools(subject: str) -> Iterator[None]:
+    """Raise ``MissingToolError`` where an import of ``tools/`` fails; its hint is a checkout's pip line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in _FOLDERS:
+            raise
+        places = " ".join(f"'./tools/{folder}'" for folder in _FOLDERS[package])
+        raise MissingToolError(
+            f"{subject} needs the package {package!r}, which is not part of the wheel",
+            f"install it from a checkout of TEGA: pip install {places}",
+        ) from error
+
+
+def scipy_stats() -> Any:
+    """Return ``scipy.stats``, or raise ``MissingExtraError``."""
+    return require("scipy.stats", driver="statistics", extra="study")
+
+
+def statsmodels(name: str) -> Any:
+    """Return a module of statsmodels, or raise ``MissingExtraError``."""
+    return require(f"statsmodels.{name}", driver="statistics", extra="study")
+
+
+def load_sounddevice() -> Any:
+    """Import sounddevice; ``DeviceUnavailableError`` where PortAudio, which it needs, is not installed."""
+    try:
+        return require("sounddevice", driver="sound", extra="sound")
+    except OSError as error:
+        raise DeviceUnavailableError(
+            f"the package 'sounddevice' does not find PortAudio: {error}",
+            "sudo apt install libportaudio2; elsewhere it comes with the package",
         ) from error

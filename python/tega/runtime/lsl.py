@@ -1,12 +1,14 @@
-"""Load the library of the Lab Streaming Layer as TEGA uses it, and convert its clock."""
+"""Load the library of the Lab Streaming Layer, convert its clock, and follow the correction of a sender's clock."""
 
 from __future__ import annotations
 
+import logging
 import os
 import time
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tega.runtime.lifecycle import require
 
@@ -15,6 +17,17 @@ _POLLS = 5
 _ALONE_S = 0.5
 
 EXTRA = "lsl"
+
+# The library measures every two seconds or so; asking it is instantaneous.
+_ASK_S: Final = 1.0
+# A correction that leaps by more than two crystals part in this time is an outlier, until it has stayed.
+_LEAP_S: Final = 0.02
+_DRIFT: Final = 0.02
+_CONFIRM_S: Final = 5.0
+# A change of this much is worth a line in the log.
+_LOG_S: Final = 0.001
+
+_log = logging.getLogger(__name__)
 
 
 def load_lsl(who: str) -> Any:
@@ -52,3 +65,68 @@ def to_monotonic_s(lsl: Any) -> float:
             return 0.0
         looks.append((after_s - before_s, (before_s + after_s) / 2 - theirs_s))
     return min(looks)[1]  # of the shortest look
+
+
+class ClockCorrection:
+    """Seconds to add to a sender's stamps for this machine's clock of the library.
+
+    The correction is asked for again every second. One that leaps is used once it has stayed for five seconds: a single
+    message that was held up on its way moves no sample. The stream ``name``, for the log, was opened at ``now_s`` of
+    the monotonic clock, seconds, with the correction ``first_s``.
+
+    Example:
+        >>> clock = ClockCorrection("Myo", 0.0, 0.0)
+        >>> [clock.follow(lambda: s, now) for now, s in ((1.0, 0.001), (2.0, 0.5), (3.0, 0.003))]
+        [0.001, 0.001, 0.003]
+    """
+
+    def __init__(self, name: str, first_s: float, now_s: float) -> None:
+        self._name = name
+        self.first_s = self.value_s = self._logged_s = first_s
+        self._value_at_s = self._requested_at_s = now_s
+        self._leapt: tuple[float, float] | None = None
+        self.n_asked, self.n_outliers = 1, 0
+
+    def follow(self, ask: Callable[[], float], now_s: float) -> float:
+        """Return the correction in use; ``ask`` is called where a second of the monotonic clock has passed.
+
+        It returns the newest measurement, seconds, and may raise ``TimeoutError`` or ``RuntimeError``.
+        """
+        if now_s - self._requested_at_s >= _ASK_S:
+            self._requested_at_s = now_s
+            try:
+                self._take(float(ask()), now_s)
+            except (TimeoutError, RuntimeError):
+                return self.value_s  # the samples themselves show whether the sender is gone
+        return self.value_s
+
+    def _take(self, measured_s: float, now_s: float) -> None:
+        self.n_asked += 1
+        if _near(measured_s, self.value_s, now_s - self._value_at_s):
+            self._leapt = None
+        elif self._leapt is None or not _near(measured_s, self._leapt[0], now_s - self._leapt[1]):
+            self._leapt = measured_s, now_s
+            self.n_outliers += 1
+            return
+        elif now_s - self._leapt[1] < _CONFIRM_S:
+            self.n_outliers += 1
+            return
+        self.value_s, self._value_at_s, self._leapt = measured_s, now_s, None
+        if abs(self.value_s - self._logged_s) >= _LOG_S:
+            self._logged_s = self.value_s
+            _log.info(
+                "%s: clock correction %.6f s, after %.6f s at opening", self._name, measured_s, self.first_s
+            )
+
+    def words(self) -> str:
+        """Return one sentence for the results."""
+        outliers = f", {self.n_outliers} outliers left out" if self.n_outliers else ""
+        return (
+            f"clock correction {self.first_s:.6f} s at opening, {self.value_s:.6f} s at the end "
+            f"(asked {self.n_asked} times{outliers})"
+        )
+
+
+def _near(one_s: float, other_s: float, apart_s: float) -> bool:
+    """Return whether two corrections differ by no more than two clocks drift apart; False for NaN."""
+    return abs(one_s - other_s) <= _LEAP_S + _DRIFT * apart_s

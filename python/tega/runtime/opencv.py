@@ -65,10 +65,7 @@ def decode_image(data: bytes, name: str, *, driver: str) -> NDArray[np.uint8]:
     except cv2.error:
         image = None
     if image is None:
-        raise RecordingError(
-            f"{name}: not a picture that can be decoded ({len(data)} bytes)",
-            _AGAIN,
-        )
+        raise RecordingError(f"{name}: not a picture that can be decoded ({len(data)} bytes)", _AGAIN)
     decoded: NDArray[np.uint8] = image
     return decoded
 

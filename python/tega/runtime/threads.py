@@ -17,11 +17,12 @@ rank        priority whose
 
 Threads that may hold the interpreter lock go before threads that do not: a thread that loses its core while it holds
 the lock blocks all others. So a camera's thread lowers its priority only while it decodes (:func:`give_way`), and the
-recorder's while it encodes.
+recorder's while it encodes. Sources wake the loop by a :class:`Bell`, so that it need not wait for the next tick.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
@@ -30,7 +31,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, Literal
 
-from tega.runtime.every import every
+from tega.runtime.clock import every
 
 Rank = Literal["hand", "act", "measure", "beside", "picture"]
 
@@ -196,10 +197,8 @@ def _is_realtime(policy: int) -> bool:
 def _is_ordinary(tid: int) -> bool:
     if sys.platform != "linux":
         return True
-    try:
-        return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
-    except OSError:  # it has ended
-        return False
+    how = _how(tid)
+    return how is not None and how[0] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
 
 
 def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
@@ -220,3 +219,21 @@ def _ordinary(tid: int) -> None:
         os.sched_setscheduler(tid, os.SCHED_OTHER, os.sched_param(0))
     except OSError:  # it has ended
         return
+
+
+class Bell:
+    """Rung by the sources' threads to wake the loop; several rings before the loop wakes count once."""
+
+    def __init__(self) -> None:
+        # A lock that is held while nothing has happened: the one thing Python waits for without code of its own.
+        self._silent = threading.Lock()
+        self._silent.acquire()
+
+    def ring(self) -> None:
+        """Wake the waiting thread, or the next one that waits."""
+        with contextlib.suppress(RuntimeError):  # rung already
+            self._silent.release()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for a ring; without time left none is looked for."""
+        return timeout_s > 0 and self._silent.acquire(timeout=timeout_s)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import CalibrationError
-from tega.runtime.every import every
+from tega.runtime.clock import every
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget

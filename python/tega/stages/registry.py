@@ -19,8 +19,8 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.haptics.motor_layout import MotorLayout, find_layout
-from tega.runtime.plugins import find_plugin, load_plugin, plugin_package, plugins
-from tega.runtime.removed import refuse_removed
+from tega.runtime.features import find_plugin, load_plugin, plugin_package, plugins
+from tega.runtime.words import refuse_removed
 from tega.stages.base import Decoder, Mapping, Metric, Reflex, StageOptions
 
 Group = Literal["metric", "decoder", "mapping", "layout", "reflex"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError
-from tega.runtime.sound_card import load_sounddevice
+from tega.runtime.lifecycle import load_sounddevice
 
 RATE_HZ: Final = 48_000
 _FIRST_S: Final = 3.0

@@ -124,7 +124,6 @@ class Seated:
         self._seat.leave()
 
     def _begin(self, wanted: Mapping[str, Sequence[str] | None], fingers: Sequence[str]) -> None:
-        """Begin the session, and wait for the features and pictures."""
         self._seat.take()
         try:
             _, live = self._seat.run

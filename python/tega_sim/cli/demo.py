@@ -111,7 +111,7 @@ def demo(
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega.recording.folder import prepare_folder
+    from tega.recording.run_tables import prepare_folder
     from tega.runtime.threads import short_turns
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.options import with_origin

@@ -10,7 +10,7 @@ import click
 
 from tega.config import file_sets
 from tega.errors import InvalidValueError
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 from tega.ui.cli.options import NumberList
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega.runtime.files.foreign_file import parse_toml
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 from tega_sim.operator.person import Parameter, stream
 
 EFFECTS: Final[dict[str, str]] = {

@@ -14,7 +14,7 @@ import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 from tega_sim.operator.person import stream
 
 ShamName = Literal[

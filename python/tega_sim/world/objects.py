@@ -16,9 +16,8 @@ import msgspec
 
 from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError, TegaError
-from tega.runtime.files.foreign_file import parse_toml, read_foreign
-from tega.runtime.files.plain_name import plain_name
-from tega.runtime.removed import without_removed
+from tega.runtime.files.foreign_file import parse_toml, plain_name, read_foreign
+from tega.runtime.words import without_removed
 from tega_sim.removed import REMOVED_FIELDS
 
 PALM_FACE_M: Final = 0.0111

@@ -199,7 +199,7 @@ def _bench(
         where: Where = "emulated" if loaded.config.session.emulated else "lab"
         yield LabBench(loaded.config, settings=str(lab), where=where)
     elif emulated:
-        from tega.runtime.checkout_tools import needs_tools
+        from tega.runtime.lifecycle import needs_tools
 
         with needs_tools("tega-teleop study run --emulated"):
             from tega_emulators.lab import emulated_lab

@@ -101,7 +101,7 @@ def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:
     SESSION is a file, or a session's folder. Lossless frames become lossy: verify then uses the recorded contacts.
     With --json: the paths.
     """
-    from tega.recording.encode import encode_session
+    from tega.recording.remake import encode_session
 
     made = encode_session(session, out=out, quality=quality)
     if as_json:

@@ -11,8 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import tega
 from tega.errors import RecordingError
-from tega.recording.copies import NOTES, note_copy
-from tega.recording.origin import new_session
+from tega.recording.origin import NOTES, new_session, note_copy
 from tega_study.emg_bids.signal import Gap, Muscles, columns_of, read_muscles, write_edf
 from tega_study.journal import JournalEvent, counting, events_path, read_events
 from tega_study.plan import read_plan

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from tega.runtime.scientific import scipy_stats, statsmodels
+from tega.runtime.lifecycle import scipy_stats, statsmodels
 
 _EPS = 1e-9
 _TURNS = 60

@@ -19,8 +19,7 @@ from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingErro
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.annotations import CodedEvent
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project
-from tega.runtime.files.foreign_file import parse_json, read_foreign
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import parse_json, plain_name, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega_scene.own_film import filmed_cameras, own_recording
 from tega_study.detecting import DETECTOR, read_detected

@@ -21,7 +21,7 @@ from tega.errors import RecordingError, TegaError
 from tega.loop.touch import STALE_NS
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.lifecycle import require
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 from tega_study.score.recorded import RecordedTrial
 
 _APART_NS = 30_000_000

@@ -19,7 +19,7 @@ import tega
 from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
-from tega.runtime.removed import without_removed
+from tega.runtime.words import without_removed
 from tega_sim.operator import RulesVersion, load_parameters, people_digest
 from tega_sim.operator.person import Parameter
 from tega_sim.operator.vision import ViewName

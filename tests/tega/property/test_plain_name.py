@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tega.errors import UnsafeNameError
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import plain_name
 
 PIECES = st.sampled_from(
     ["..", ".", "/", "\\", "~", "C:", "\0", "\n", "%2e", "aux", "nul", "a", "b.csv", "-", " ", "é", "*"]

@@ -17,7 +17,7 @@ from tega.devices.emg.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.live_emg import LiveEmg
 from tega.errors import DeviceUnavailableError, StreamContradictionError
-from tega.runtime.stamp_check import StampCheck
+from tega.runtime.evidence import StampCheck
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tega.recording.compute_ahead import compute_ahead
+from tega.recording.pictures import compute_ahead
 
 
 def test_every_item_comes_in_order_with_its_result_and_those_of_one_name_are_computed_in_order() -> None:

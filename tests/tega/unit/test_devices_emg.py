@@ -139,7 +139,7 @@ def test_mat_files_name_what_they_have(tmp_path: Path) -> None:
 def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tega.runtime.files.formats.mat.MOST_MIB", 1)
+    monkeypatch.setattr("tega.runtime.files.formats.hdf5.MOST_MIB", 1)
     path = tmp_path / "e.mat"
     scipy.io.savemat(path, {"emg": ROWS, "big": np.zeros(200_000)}, do_compression=True)
     with pytest.raises(RecordingError, match="more than 1 MiB"):

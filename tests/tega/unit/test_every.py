@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from reference.waiting import until
-from tega.runtime.every import every
+from tega.runtime.clock import every
 
 
 def test_calls_of_all_blocks_come_from_one_thread_that_ends_with_the_last() -> None:

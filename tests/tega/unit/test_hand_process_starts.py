@@ -14,8 +14,13 @@ from tega.devices.hand import hand_ends
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_ends import MAKES_READY, HandProcess
 from tega.errors import TegaError
-from tega.runtime.child_process import end_child, python_command, python_environment
-from tega.runtime.object_pipe import receive_object, send_object
+from tega.runtime.child_process import (
+    end_child,
+    python_command,
+    python_environment,
+    receive_object,
+    send_object,
+)
 
 pytest.importorskip("can")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process is stopped by a signal")

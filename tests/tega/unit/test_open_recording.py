@@ -18,13 +18,12 @@ import tega
 from reference.sessions import record
 from tega.errors import MissingExtraError, RecordingError, TegaError
 from tega.recording import mcap_index, mcap_reader, topics
-from tega.recording.column_names import channel_columns
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import Plan, RawMessage
 from tega.recording.mcap_schemas import decoder
 from tega.recording.opened import PictureTopic
-from tega.recording.record_columns import find_kind
+from tega.recording.record_columns import channel_columns, find_kind
 from tega.records import Contact
 from tega.records.types import record_types
 

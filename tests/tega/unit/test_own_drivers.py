@@ -18,7 +18,7 @@ from tega.devices.base import DeviceInfo, EmgChunk, Options, SteeredHand, option
 from tega.errors import CalibrationError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop.session import run_session
-from tega.runtime import plugins
+from tega.runtime import features as plugins
 from tega.runtime.guide import Bar, Undecided
 from tega.setup.calibration.effort import Chain
 from tega.setup.calibration.sitting import Times

@@ -19,7 +19,7 @@ from tega.devices.fingertip.images import ImageFolder, ImageFolderOptions
 from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
 from tega.errors import CalibrationError, RecordingError
 from tega.loop.baseline_match import check_baseline
-from tega.runtime.files.picture_names import name_times_s, sorted_names
+from tega.runtime.files.picture_stack import name_times_s, sorted_names
 
 
 def gel(noise: int = 0, *, depth: float = 0.0) -> np.ndarray[Any, np.dtype[np.uint8]]:

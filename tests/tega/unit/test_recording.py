@@ -24,13 +24,13 @@ from tega.errors import RecordingError, TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
-from tega.recording.cells import cell_sums, read_sums
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
+from tega.recording.pictures import cell_sums, read_sums
 from tega.recording.replay import replay_file
 from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.table import columns, numbers, rows
-from tega.runtime.files.csv_writer import time_text
+from tega.runtime.files.csv_tables import time_text
 from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator

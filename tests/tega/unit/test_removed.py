@@ -9,9 +9,9 @@ import pytest
 from tega.config import load_config
 from tega.config.errors import CONSTANTS, REMOVED
 from tega.errors import ConfigError, MissingExtraError
-from tega.recording.absent import absent_features
+from tega.recording.origin import absent_features
 from tega.runtime.features import Feature, features, load_target
-from tega.runtime.removed import Removed, refuse_removed, without_removed
+from tega.runtime.words import Removed, refuse_removed, without_removed
 from tega.stages.registry import stage_class
 
 GONE = {"shear": Removed("0.3", "nothing gives way", "plan anew", "off")}

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from tega.devices import driver_class, driver_names
 from tega.devices.base import optional
 from tega.devices.emg.stream_evidence import AlternationCheck, PacketOrder, ValueCheck
-from tega.runtime.evidence import EVIDENCE, Contradictions
-from tega.runtime.lsl_clock import ClockCorrection
-from tega.runtime.stamp_check import StampCheck
+from tega.runtime.evidence import EVIDENCE, Contradictions, StampCheck
+from tega.runtime.lsl import ClockCorrection
 
 LIVE = ("tactile", "emg", "hand", "tracker")
 PAGE = Path(__file__).parents[3] / "docs" / "evidence" / "faults.md"

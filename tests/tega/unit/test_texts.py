@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tega.config import load_config
 from tega.errors import ConfigError
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 
 _EMG = '[emg]\ndriver = "emg-file"\nkind = "raw"\noptions = { file = FILE, rate_hz = 250 }\n'
 

@@ -34,7 +34,7 @@ from tega.recording.replay import replay_file
 from tega.records import Contact, Intent, Latency, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
-from tega.runtime.wake import Bell
+from tega.runtime.threads import Bell
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 from tega_emulators.vest_bench import vest_bench
 

@@ -18,10 +18,10 @@ from tega.devices.base import EmgChunk
 from tega.loop.inbox.sources import samples_of
 from tega.records import Contact, Intent, PoseNumbers
 from tega.records.bus import Bus
-from tega_link.clock import ClockEstimate, Offset
+from tega_link.behind import SampleReceiver, SampleSender
+from tega_link.clock import REFUSALS, ClockEstimate, Offset, StampGate
 from tega_link.commands import Commands
 from tega_link.ends import FarMuscles, FarTracker
-from tega_link.gate import REFUSALS, StampGate
 from tega_link.messages import (
     ArmMessage,
     Feature,
@@ -36,7 +36,6 @@ from tega_link.messages import (
     encode,
 )
 from tega_link.robot import RobotStation
-from tega_link.samples import SampleReceiver, SampleSender
 from tega_link.touch import FarTouch
 
 TTL_NS = 100_000_000

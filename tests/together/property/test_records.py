@@ -42,7 +42,7 @@ from tega.records.bus import Bus
 from tega.records.schema import fields, own_schema, read, schema_name, values
 from tega.records.table import columns, rows
 from tega.records.types import record_types
-from tega.runtime.object_pipe import receive_object, send_object
+from tega.runtime.child_process import receive_object, send_object
 from tega_lerobot.episode import read_episode
 from tega_link.clock import Offset
 from tega_link.commands import Commands

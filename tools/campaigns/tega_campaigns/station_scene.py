@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tega.errors import DeviceUnavailableError, TegaError
-from tega.runtime.every import every
+from tega.runtime.clock import every
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import until
 from tega_campaigns.supervisor import Supervisor

@@ -19,7 +19,7 @@ import numpy as np
 from tega.config import FINGERS
 from tega.errors import InvalidValueError, TegaError
 from tega.hand.poses import ClosureScale
-from tega.runtime.every import every
+from tega.runtime.clock import every
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 

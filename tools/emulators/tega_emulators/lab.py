@@ -14,7 +14,7 @@ import numpy as np
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
-from tega.runtime.every import every
+from tega.runtime.clock import every
 from tega_emulators.emulated_operator import PEDAL, write_hidapi
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.hid_port import HidBoard, HidPort

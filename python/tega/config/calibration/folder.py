@@ -44,8 +44,7 @@ from tega.config.calibration.records import (
 )
 from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError, RecordingError
-from tega.runtime.files.foreign_file import parse_json, parse_toml, read_foreign, read_words
-from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.foreign_file import parse_json, parse_toml, plain_name, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.files.whole_file import write_whole
 

@@ -32,8 +32,7 @@ import tomlkit
 from tega.config.errors import explain
 from tega.errors import CalibrationError
 from tega.runtime.files.foreign_file import parse_toml, read_words
-from tega.runtime.files.toml_hint import toml_hint
-from tega.runtime.files.toml_text import tree_item
+from tega.runtime.files.toml_text import toml_hint, tree_item
 from tega.runtime.files.whole_file import write_whole
 from tega.tactile.tracker import DEPTH_LAW
 

@@ -16,9 +16,8 @@ from tega.devices.base import Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
 from tega.devices.emg.stream_evidence import AlternationCheck
 from tega.errors import DeviceUnavailableError
-from tega.runtime.evidence import Contradiction, Evidence, refuse
+from tega.runtime.evidence import LATE_S, Contradiction, Evidence, StampCheck, refuse
 from tega.runtime.lifecycle import require
-from tega.runtime.stamp_check import LATE_S, StampCheck
 
 _BUFFER_S: Final = 10
 # Where the board's counter is known to go up by one a sample and to repeat after 256; of other boards several

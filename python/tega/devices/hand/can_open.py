@@ -24,7 +24,7 @@ from typing import Any, Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 
 _UP: Final = "ip link set can0 up type can bitrate 1000000 restart-ms 100"
 _ANY_CHANNEL: Final = "check that the adapter is plugged in, and its channel"

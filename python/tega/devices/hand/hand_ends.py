@@ -17,8 +17,7 @@ from tega.devices.hand.hand_guard import guard_runs, take_over
 from tega.devices.hand.hand_loop import LEAVE_S, HandLoop
 from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, Notify
 from tega.errors import DeviceUnavailableError
-from tega.runtime.child_process import end_child, start_child
-from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
+from tega.runtime.child_process import end_child, receive_object, send_object, start_child, widen_pipe
 from tega.runtime.threads import realtime_allowed, run_realtime
 
 MAKES_READY: Final = "makes ready"

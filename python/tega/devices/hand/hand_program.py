@@ -20,7 +20,7 @@ from tega.devices.hand.hand_bus import load_can
 from tega.devices.hand.hand_ends import MAKES_READY, read_words
 from tega.devices.hand.hand_loop import HandLoop
 from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, HandSpoken
-from tega.runtime.object_pipe import receive_object, send_object
+from tega.runtime.child_process import receive_object, send_object
 from tega.runtime.threads import realtime, run_realtime, short_turns
 from tega.safety.sleep_lock import SleepLock
 

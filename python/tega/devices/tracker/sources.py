@@ -21,7 +21,7 @@ from tega.arm.rotation import IDENTITY, exp, multiply, unit
 from tega.errors import RecordingError
 from tega.records import PoseNumbers
 from tega.runtime.device_items import InputReading
-from tega.runtime.files.tables.rows import named_rows
+from tega.runtime.files.tables.numbers import named_rows
 
 # A pose is told once in so long at most, as a tracker would; the summing goes on between.
 _LEAST_NS: Final = 1_000_000

@@ -25,7 +25,7 @@ from tega.devices.base import Options
 from tega.devices.vest.vest_link import VestLink
 from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError
-from tega.runtime.sound_card import load_sounddevice
+from tega.runtime.lifecycle import load_sounddevice
 
 RATE_HZ: Final = 48_000
 """Samples per second and ear."""

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -16,7 +16,8 @@ from tega import records
 from tega.config.choose import chosen_stage, is_outside
 from tega.hand import joined_level
 from tega.loop.inbox.stream import NEVER_NS
-from tega.recording.replay.head import contacts_kept, levels_kept
+from tega.recording.replay.feed import RecordFeed
+from tega.recording.replay.head import Head, contacts_kept, levels_kept
 from tega.records import (
     BesideContact,
     BesideIntent,
@@ -27,13 +28,9 @@ from tega.records import (
     SentFrame,
     VestFrame,
 )
-from tega.records.hand import frames_text
+from tega.records.bus import Bus
+from tega.records.outputs import frames_text
 from tega.records.schema import values
-
-if TYPE_CHECKING:
-    from tega.recording.replay.feed import RecordFeed
-    from tega.recording.replay.head import Head
-    from tega.records.bus import Bus
 
 # Differences are settled so much later than the tick: stages beside the connected ones may have been so late.
 _LATE_NS = 60_000_000_000

@@ -8,24 +8,21 @@ from contextlib import suppress
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from tega import records
 from tega.errors import RecordingError
-from tega.recording.compute_ahead import compute_ahead
+from tega.loop.inbox.stream import StampedRecord
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import Message, Progress, read_picture
-from tega.recording.pictures import PICTURES, paired
+from tega.recording.pictures import PICTURES, compute_ahead, paired
 from tega.recording.record_columns import find_kind, record_of
 from tega.recording.replay.head import lead_in, read_head
 from tega.records import Contact, HandCommand, Intent, Picture, Record, VestFrame
 from tega.records.bus import Bus
 from tega.records.schema import read
-
-if TYPE_CHECKING:
-    from tega.loop.inbox.stream import StampedRecord
 
 # So much earlier than its time a record is taken from the file, since it may be needed by what was stamped before it.
 _AHEAD_NS = 2_000_000_000

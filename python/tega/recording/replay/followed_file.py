@@ -7,26 +7,23 @@ from collections.abc import Iterator, Mapping
 from heapq import heappop, heappush
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from msgspec.structs import replace
 
+from tega.config.calibration import EmgMaxima
 from tega.errors import RecordingError, TegaError
+from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.stream import NEVER_NS
-from tega.recording.mcap_reader import read_picture
+from tega.recording.mcap_index import IndexedReader
+from tega.recording.mcap_reader import Message, read_picture
 from tega.recording.pictures import paired
+from tega.recording.replay.head import Head
 from tega.recording.replay.measured import finger_meter, measure
 from tega.records import EmgSamples, Picture
+from tega.records.bus import Bus
 from tega.records.schema import read
 from tega.stages.base import MeasuredPicture
-
-if TYPE_CHECKING:
-    from tega.config.calibration import EmgMaxima
-    from tega.loop.inbox.frames import FrameMeter
-    from tega.recording.mcap_index import IndexedReader
-    from tega.recording.mcap_reader import Message
-    from tega.recording.replay.head import Head
-    from tega.records.bus import Bus
 
 # A metric with a memory looks at so much before the first picture that is shown after a jump.
 _WARM_NS: Final = 1_000_000_000

@@ -200,10 +200,8 @@ def contacts_kept(head: Head) -> str:
         return f"another version measured them ({change.removeprefix('metric: ')})"
     if head.from_ns == 0 or not chosen.kind.memory:
         return ""
-    from_s = head.from_ns / 1e9
-    return (
-        f"the metric {chosen.name} remembers earlier pictures, and those before {from_s:g} s were trimmed off"
-    )
+    trimmed = f"those before {head.from_ns / 1e9:g} s were trimmed off"
+    return f"the metric {chosen.name} remembers earlier pictures, and {trimmed}"
 
 
 def levels_kept(head: Head) -> str:
@@ -224,7 +222,6 @@ def _comparable(head: Head) -> dict[str, Any]:
 
 
 def _words(config: SessionConfig, group: Any) -> str:
-    """Return a stage of the settings in words."""
     chosen = chosen_stage(group, config.stages, config.session.preset)
     options = ", ".join(f"{k} {v}" for k, v in msgspec.to_builtins(chosen.options, enc_hook=str).items())
     return f"{chosen.name} ({options})" if options else chosen.name

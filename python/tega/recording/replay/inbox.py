@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tega import records
+from tega.config import SessionConfig
 from tega.config.choose import grip_reflex
 from tega.hand import joined_level
 from tega.haptics import MotorLevels
@@ -17,16 +18,12 @@ from tega.loop.inbox.stream import NEVER_NS, LiveStream
 from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, ReflexInputs
-from tega.recording.replay.feed import Newest
+from tega.recording.replay.feed import Newest, RecordFeed
+from tega.recording.replay.measured import Measured
 from tega.records import Contact, HandLook, Imposed, Intent, ReflexGrip
+from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock
 from tega.safety.guard import Guard
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
-    from tega.recording.replay.feed import RecordFeed
-    from tega.recording.replay.measured import Measured
-    from tega.records.bus import Bus
 
 _SETTLE_NS = 1_000_000_000
 # More than come in one tick after the longest standstill.

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 from msgspec.structs import replace
 
 from tega.config.attached import with_attached
+from tega.config.calibration import EmgMaxima
 from tega.config.choose import chosen_stage, finger_metric, is_outside, muscle_decoder
 from tega.errors import TegaError
 from tega.loop.beside import measure_beside_on
@@ -20,18 +20,13 @@ from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
 from tega.loop.inbox.stream import NEVER_NS
-from tega.recording.cells import read_sums
+from tega.recording.pictures import read_sums
 from tega.recording.replay.compare import MEASURED
 from tega.recording.replay.feed import Newest, RecordFeed
-from tega.recording.replay.head import contacts_kept, levels_kept, metric_change, with_changes
+from tega.recording.replay.head import Head, contacts_kept, levels_kept, metric_change, with_changes
 from tega.records import AdaptationSwitch, BesideContact, BesideIntent, Contact, EmgSamples, Intent, Picture
+from tega.records.bus import Bus
 from tega.stages.base import MeasuredPicture
-
-if TYPE_CHECKING:
-    from tega.config.calibration import EmgMaxima
-    from tega.recording.replay.head import Head
-    from tega.records.bus import Bus
-
 
 _STEP_NS = 1_000_000_000
 

@@ -130,8 +130,6 @@ def play_file(
 
 @reports_damage
 def _read(path: Path, playhead: Playhead, controls: Controls) -> PlayedRun:
-    """Read a recording."""
-
     def check(_name: str, _done: int, _total: int) -> None:
         if controls.stop():
             raise KeyboardInterrupt
@@ -196,11 +194,7 @@ def _settings(
             session, preset=then.session.preset, pace="fast" if speed is None else "real", duration_s=None
         ),
         vest=changed(
-            vest,
-            layout=vest.layout or then.vest.layout,
-            rate_hz=vest.rate_hz / pace,
-            pace=vest_pace,
-            **felt,
+            vest, layout=vest.layout or then.vest.layout, rate_hz=vest.rate_hz / pace, pace=vest_pace, **felt
         ),
         # Maxima are those of the recording; the wearer, and what is left of their day, are those of the settings.
         calibration=changed(then.calibration, person=worn.person, folder=worn.folder),

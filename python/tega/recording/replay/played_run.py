@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from msgspec.structs import replace
 
@@ -24,7 +24,9 @@ from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.loop import FIRST_LEVEL
 from tega.loop.parts import Part, RunStart
+from tega.loop.snapshot import LoopView
 from tega.recording.mcap_reader import table_ns
+from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.followed_file import (
     FollowedFile,
     Follower,
@@ -41,10 +43,6 @@ from tega.runtime.features import call_member, having
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.lifecycle import Elsewhere
 from tega.stages.base import MeasuredPicture
-
-if TYPE_CHECKING:
-    from tega.loop.snapshot import LoopView
-    from tega.recording.replay.feed import RecordFeed
 
 PLAYED: Final = "recording"
 """Source of a marker that is published again."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 from msgspec.structs import replace
@@ -41,9 +41,7 @@ from tega.records import ArmTurn, HandExchange, HandLook, Imposed, bus_frames
 from tega.records.bus import Bus
 from tega.runtime.call_beside import called_beside
 from tega.runtime.files.foreign_file import reports_damage
-
-if TYPE_CHECKING:
-    from tega.wire import CanFrame
+from tega.wire import CanFrame
 
 # A shorter recording is measured sooner than a program starts.
 _LONG_NS = 20_000_000_000
@@ -196,14 +194,11 @@ def repeat_exchanges(recorded: Bus, head: Head, bus: Bus) -> None:
         options = msgspec.convert(tree | {"poses": poses if poses.is_file() else None}, AllegroOptions)
         link = options.link()
     recorded.subscribe(
-        HandExchange,
-        lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))),
-        vital=True,
+        HandExchange, lambda one: bus.publish(replace(one, sent=bus_frames(_answer(link, one)))), vital=True
     )
 
 
 def _answer(link: HandLink, one: HandExchange) -> list[CanFrame]:
-    """Return the frames of a link in an exchange."""
     if one.action == "release":
         link.release(one.t_ns)
         return []

@@ -17,8 +17,8 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega.runtime.files.annotations import CodedEvent, Edge, edges_of, paired
+from tega.runtime.files.csv_tables import read_rows, seconds
 from tega.runtime.files.foreign_file import MIB, parse_json, read_foreign
-from tega.runtime.files.foreign_rows import read_rows, seconds
 
 _MOST_MIB: Final = 64
 _EXPORT: Final = "export tabular or aggregated events from BORIS as TSV or CSV"
@@ -246,10 +246,8 @@ def _row(cells: Mapping[str, str], begins: str) -> tuple[Edge, CodedEvent]:
     """Return the event of a row, or the part of it."""
     offset = cells.get("Time offset (s)", "")
     offset_s = seconds(offset) if offset not in {"", "NA"} else 0.0
-    subject, kind = (
-        cells.get("Subject", ""),
-        (cells.get("Behavior type") or cells.get("Status") or "POINT").upper(),
-    )
+    subject = cells.get("Subject", "")
+    kind = (cells.get("Behavior type") or cells.get("Status") or "POINT").upper()
     modifiers = _chosen([m for name, m in cells.items() if name.startswith("Modifier")])
     comments = (cells.get(name, "") for name in ("Comment", "Comment start", "Comment stop"))
     comment = "; ".join(text for text in comments if text not in {"", "NA"})

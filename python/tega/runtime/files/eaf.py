@@ -204,7 +204,6 @@ def _refuse(*_declared: object) -> None:
 
 
 def _tier_names(tier: _Tier, known: Sequence[str]) -> tuple[str, str]:
-    """Return the behaviour and the rater of a tier."""
     for cut in range(len(tier.name), 0, -1):
         code = known_code(tier.name[:cut], known)
         if code is not None and (cut == len(tier.name) or not tier.name[cut - 1 : cut + 1].isalnum()):

@@ -14,8 +14,7 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.foreign_file import check_file, parse_json, read_foreign
-from tega.runtime.files.lock import lock_file
-from tega.runtime.files.whole_file import open_to_append
+from tega.runtime.files.whole_file import lock_file, open_to_append
 
 Entry = TypeVar("Entry", bound=msgspec.Struct)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB, check_file
-from tega.runtime.files.picture_names import sorted_names
+from tega.runtime.files.picture_stack import sorted_names
 from tega.runtime.lifecycle import require
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -62,17 +62,13 @@ class Ros2Bag:
         if self.topic not in kinds or self.topic not in fits:
             listed = ", ".join(f"{name} {kind} ({counts[name]})" for name, kind in sorted(kinds.items()))
             subject = "pictures" if pictures else "arrays of numbers"
-            text = (
-                f"topic {topic!r} is none with {subject}" if topic else f"{len(fits)} topics have {subject}"
-            )
+            which = f"topic {topic!r} is none with" if topic else f"{len(fits)} topics have"
             raise RecordingError(
-                f"{path.name}: {text}; its topics: {listed or 'none'}"[:2000], "name one with --topic"
+                f"{path.name}: {which} {subject}; its topics: {listed or 'none'}"[:2000],
+                "name one with --topic",
             )
-        self.kind, self.n_messages, self.begin_ns = (
-            kinds[self.topic],
-            counts[self.topic],
-            min(begins, default=0),
-        )
+        self.kind, self.n_messages = kinds[self.topic], counts[self.topic]
+        self.begin_ns = min(begins, default=0)
 
     def messages(self) -> Iterator[tuple[int, Any]]:
         """Return the messages with their rising times, nanoseconds from the beginning of the bag.

@@ -14,7 +14,7 @@ from tega.runtime.files.foreign_file import check_file
 from tega.runtime.files.formats import format_of
 from tega.runtime.files.tables.decide import Decision, decide
 from tega.runtime.files.tables.encoding import MOST_MIB
-from tega.runtime.files.tables.names import SECONDS
+from tega.runtime.files.tables.judging import FEWEST, SECONDS
 from tega.runtime.files.tables.table import Reading, Table
 from tega.runtime.files.tables.timing import (
     RATE_TOLERANCE,
@@ -25,7 +25,6 @@ from tega.runtime.files.tables.timing import (
     slope_of,
     to_seconds,
 )
-from tega.runtime.files.tables.values import FEWEST
 
 # Channels of one amplifier may end so much apart: a logger that was stopped in the middle of a row.
 _MOST_UNEVEN = 0.01

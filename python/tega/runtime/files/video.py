@@ -194,7 +194,6 @@ class VideoFrames:
         return oriented(image, matrix)
 
     def _open(self) -> tuple[Any, Any]:
-        """Open the file and return container and video stream."""
         path, container = self._path, None
         try:
             container = self._av.open(str(path), container_options=_CONTAINER, metadata_errors="replace")

@@ -2,13 +2,15 @@
 
 A folder of unknown origin can hold a link in the place of any file that a program creates beside its own; writing
 through it would change the link's target. A file that is written whole is a new file, which then replaces the old
-file or link; a file that is appended to is opened without following links.
+file or link; a file that is appended to is opened without following links. A file that is being written can be marked.
 """
 
 from __future__ import annotations
 
 import os
 import stat
+import sys
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,13 +24,17 @@ _GUARDED: Final[int] = sum(
     getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC")
 )
 
+LOCK_SUFFIX: Final = ".lock"
+
+# A lock of Windows keeps others from reading what is locked, and a recording is looked at while it grows.
+_KEEPS_READERS_OUT = sys.platform == "win32"
+
 
 @contextmanager
 def new_file(path: Path, *, sync: bool = False) -> Iterator[BinaryIO]:
     """Open a new file that takes a path's place when the block ends, and is gone where an error ends it.
 
-    A link there is replaced, not followed. With ``sync`` it is on the disk before, to outlive a loss of
-    power.
+    A link there is replaced, not followed. With ``sync`` it is on the disk before, to outlive a loss of power.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     beside.unlink(missing_ok=True)
@@ -65,3 +71,22 @@ def open_to_append(path: Path) -> IO[bytes]:
         os.close(handle)
         raise refused
     return os.fdopen(handle, "ab+")
+
+
+def lock_file(file: IO[bytes], path: Path) -> bool:
+    """Mark an open file as being written, for as long as it is open; the mark dies with the process.
+
+    Where a lock would keep readers out, it is an empty file beside it that is locked, with
+    :data:`LOCK_SUFFIX` behind its name; that one stays locked until ``file`` is dropped. True if no other
+    process has marked it, and on a file system without locks.
+    """
+    from filelock import lock_descriptor
+
+    marked = file
+    if _KEEPS_READERS_OUT:
+        marked = path.with_name(path.name + LOCK_SUFFIX).open("ab")
+        weakref.finalize(file, marked.close)
+    try:
+        return lock_descriptor(marked.fileno(), blocking=False)
+    except OSError:
+        return True

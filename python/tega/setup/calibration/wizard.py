@@ -23,7 +23,7 @@ from tega.config.choose import block_s
 from tega.config.person import closed_info, driver_settings
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
-from tega.runtime.files.plain_name import path_below
+from tega.runtime.files.foreign_file import path_below
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.presses import Ball
 from tega.setup.calibration.sitting import Journal, Sitting

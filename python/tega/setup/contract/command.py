@@ -14,7 +14,7 @@ from typing import Any
 from tega.devices.registry import driver_class, driver_names
 from tega.errors import TegaError
 from tega.haptics.motor_layout import find_layout
-from tega.runtime.nearest import nearest_hint
+from tega.runtime.words import nearest_hint
 from tega.setup.contract.check import check_driver
 from tega.setup.contract.stages import check_stage
 from tega.stages.registry import GROUPS, find_stages, stage_class, stage_names
@@ -83,7 +83,7 @@ def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
 
 def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
     from tega.config import driver_options
-    from tega.runtime.checkout_tools import needs_tools
+    from tega.runtime.lifecycle import needs_tools
 
     with ExitStack() as stack:
         tree: dict[str, Any] = {}

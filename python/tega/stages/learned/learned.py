@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tega.records.html import rows_html
+from tega.records.table import rows_html
 from tega.stages.learned.features import Blocks, FeatureBlock, as_samples
 from tega.stages.learned.model import Model, load_model, save_model
 from tega.stages.learned.refit import refitted

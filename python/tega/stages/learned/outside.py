@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError
 from tega.records import Intent
-from tega.runtime.evidence import Contradiction, refuse
-from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl
-from tega.runtime.lsl_clock import ClockCorrection
-from tega.runtime.stamp_check import is_other_clock
+from tega.runtime.evidence import Contradiction, is_other_clock, refuse
+from tega.runtime.lsl import EXTRA, ClockCorrection, find_streams, hosts_of, load_lsl
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
 
 _NAME = "lsl"

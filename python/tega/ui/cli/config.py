@@ -10,7 +10,7 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.runtime.files.toml_text import toml_value
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import PATH, echo_json, json_option, sets_option
 

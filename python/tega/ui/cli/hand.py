@@ -38,7 +38,7 @@ def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | Non
 
     from tega.devices.hand.can_log import HandLog, LoggedHand, find_hand, read_can_log
     from tega.hand import JOINT_NAMES
-    from tega.runtime.files.csv_writer import CsvWriter
+    from tega.runtime.files.csv_tables import CsvWriter
 
     def cells(state: LoggedHand) -> list[str]:
         torques = [""] * 16 if state.torque_counts is None else [str(int(v)) for v in state.torque_counts]
@@ -112,7 +112,7 @@ def _opened(
 
     from tega.devices.hand.allegro import Allegro
     from tega.devices.hand.allegro_options import AllegroOptions
-    from tega.runtime.checkout_tools import needs_tools
+    from tega.runtime.lifecycle import needs_tools
 
     with ExitStack() as stack:
         where: dict[str, Any] = {"interface": interface, "channel": channel}

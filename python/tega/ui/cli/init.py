@@ -102,7 +102,7 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
     import time
     import tomllib
 
-    from tega.runtime.checkout_tools import needs_tools
+    from tega.runtime.lifecycle import needs_tools
     from tega.safety.ctrl_c import CtrlC
 
     with needs_tools("tega-teleop init --emulated"):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 from tega.ui.cli.options import echo_json, json_option, with_origin
 
 if TYPE_CHECKING:

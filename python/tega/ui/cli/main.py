@@ -13,8 +13,8 @@ from typing import Any
 import click
 
 from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
-from tega.runtime.checkout_tools import needs_tools
 from tega.runtime.features import Verb, author_of, show_warnings
+from tega.runtime.lifecycle import needs_tools
 from tega.ui.cli.guest_group import guest_command, guest_verbs
 
 EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130

@@ -88,7 +88,7 @@ def play(
     from functools import partial
 
     from tega.loop.controls import Controls
-    from tega.recording.annotation_keys import AnnotationKeys
+    from tega.recording.annotations import AnnotationKeys
     from tega.recording.mcap_folder import one_recording
     from tega.recording.replay.play import play_file, playing_to
     from tega.recording.replay.playhead import Playhead

@@ -146,7 +146,7 @@ def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     SESSIONS are files, or folders of sessions; they are not changed. Recordings that overlap in time, or differ in
     versions, calibration, vest or inputs, are rejected.
     """
-    from tega.recording.merge import merge_sessions
+    from tega.recording.remake import merge_sessions
 
     made = merge_sessions(list(sessions), out=out)
     if as_json:
@@ -188,8 +188,7 @@ def annotate(
     recording's name is used. To code events by keys, use play --view --rater ID. With --json: a list of events with
     their rater.
     """
-    from tega.recording.annotate import export_annotations, import_annotations
-    from tega.recording.annotations import read_annotations
+    from tega.recording.annotations import export_annotations, import_annotations, read_annotations
 
     if (taken is None) != (rater is None):
         raise click.UsageError("--import FILE and --rater ID belong together")

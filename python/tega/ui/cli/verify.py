@@ -57,7 +57,7 @@ def replay_session(
     """
     import msgspec
 
-    from tega.recording.absent import absent_in
+    from tega.recording.inspection import absent_in
     from tega.recording.mcap_folder import session_files
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import MissingExtraError
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 from tega.ui.view.state import TouchImage
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from tega.hand import split_level
 from tega.haptics import HIGH_SHARE, ContactType, contact_type
 from tega.loop.snapshot import LoopView
 from tega.records import Contact
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 
 
 class RateMeter:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from tega.errors import TegaError
-from tega.runtime.every import every
+from tega.runtime.clock import every
 from tega_emulators.lab import EmulatedLab
 
 __all__ = ["SoakOperator"]

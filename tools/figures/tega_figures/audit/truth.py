@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.runtime.files.tables.rows import named_rows
+from tega.runtime.files.tables.numbers import named_rows
 from tega.runtime.opencv import read_image
 
 Image = NDArray[np.uint8]

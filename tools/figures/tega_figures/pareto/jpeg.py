@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.recording.cells import cell_sums, read_sums
+from tega.recording.pictures import cell_sums, read_sums
 from tega.tactile import ContactReader, TouchTracker
 from tega_figures.pareto.drawing import Choice, PricedVariant
 from tega_figures.touch_recordings import GRIPS, grip_video

@@ -50,9 +50,9 @@ FORMATS: Final[tuple[Format, ...]] = (
     Format("XDF", (".xdf", ".xdfz"), (b"XDF:",), f"{_HERE}.xdf:open_xdf", "pyxdf", "LabRecorder"),
     Format("MAT 7.3", (), (b"MATLAB 7.3",), f"{_HERE}.hdf5:open_mat73", "h5py", "MATLAB, save -v7.3"),
     Format("HDF5", (".h5", ".hdf5", ".hdf"), (_HDF5,), f"{_HERE}.hdf5:open_hdf5", "h5py", "HDF5, NWB"),
-    Format("MAT", (".mat",), (b"MATLAB 5.0",), f"{_HERE}.mat:open_mat", "scipy", "MATLAB, Octave"),
-    Format("NumPy array", (".npy",), (b"\x93NUMPY",), f"{_HERE}.arrays:open_npy", "", "numpy.save"),
-    Format("NumPy archive", (".npz",), (), f"{_HERE}.arrays:open_npz", "", "numpy.savez"),
+    Format("MAT", (".mat",), (b"MATLAB 5.0",), f"{_HERE}.hdf5:open_mat", "scipy", "MATLAB, Octave"),
+    Format("NumPy array", (".npy",), (b"\x93NUMPY",), f"{_HERE}.named:open_npy", "", "numpy.save"),
+    Format("NumPy archive", (".npz",), (), f"{_HERE}.named:open_npz", "", "numpy.savez"),
     Format("Parquet", (".parquet", ".pq"), (b"PAR1",), f"{_HERE}.parquet:open_parquet", "pyarrow", "pandas, Arrow"),
     Format("WAV", (".wav",), (b"RIFF",), f"{_HERE}.wav:open_wav", "", "SpikeRecorder"),
     Format(
@@ -122,11 +122,8 @@ def format_of(path: Path) -> Format:
     """Return a file's format, by its first bytes before its name; others are refused with a way out."""
     head, suffix = head_of(path, 32), path.suffix.lower()
     for known in FORMATS:
-        if (
-            known.magic
-            and head.startswith(known.magic)
-            and not (known.name == "EDF" and suffix not in known.suffixes)
-        ):
+        other_edf = known.name == "EDF" and suffix not in known.suffixes
+        if known.magic and head.startswith(known.magic) and not other_edf:
             return _checked(known, path, suffix)
     other = next((ending for magic, ending in _OTHER_MAGIC.items() if head.startswith(magic)), suffix)
     if head.startswith(b"PK\x03\x04"):

@@ -45,9 +45,8 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
     n_head = min((len(head) for head in heads), default=0)
     head = np.column_stack([head[:n_head] for head in heads]) if heads else np.empty((0, 0))
     columns = judged_columns(names, head, units=[signal.physical_dimension for signal in signals])
-    rates = [
-        signal.samples_per_data_record / layout.record_s if layout.record_s else 0.0 for signal in signals
-    ]
+    counts = [signal.samples_per_data_record for signal in signals]
+    rates = [count / layout.record_s if layout.record_s else 0.0 for count in counts]
     named = [rate for rate, column in zip(rates, columns, strict=True) if column.holds == "channel"]
     usable = [rate for rate, column in zip(rates, columns, strict=True) if column.holds == "unknown"]
     rate_hz = Counter(named or usable or rates or [0.0]).most_common(1)[0][0]
@@ -59,10 +58,8 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
     table.rate_hz, table.rate_from = rate_hz or None, "its header"
     onsets, table.events = _marks(edfio, path, layout)
     n_row = round(rate_hz * layout.record_s)
-    even = onsets is None or np.abs(np.diff(onsets) - layout.record_s).max(initial=0.0) < 0.5 / max(
-        rate_hz, 1.0
-    )
-    if onsets is not None and not even:
+    slack_s = 0.5 / max(rate_hz, 1.0)
+    if onsets is not None and not np.abs(np.diff(onsets) - layout.record_s).max(initial=0.0) < slack_s:
         table.times_s = (onsets[:, None] + np.arange(n_row) / rate_hz).ravel()
     whole = (path.stat().st_size - len(layout.header)) / layout.record_bytes
     if whole > layout.n_records:
@@ -102,9 +99,8 @@ def _parts(edfio: Any, path: Path, layout: _Layout) -> Iterator[Any]:
             n = min(n_part, layout.n_records - at)
             head = layout.header[:236] + str(n).ljust(8).encode() + layout.header[244:]
             with warnings.catch_warnings():
-                warnings.simplefilter(
-                    "ignore"
-                )  # a signal without a range, for one; its numbers come as they are
+                # A signal without a range, for one; its numbers come as they are.
+                warnings.simplefilter("ignore")
                 yield read(io.BytesIO(head + file.read(n * layout.record_bytes)), header_encoding="latin-1")
 
 

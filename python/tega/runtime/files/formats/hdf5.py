@@ -1,7 +1,13 @@
-"""Open HDF5 files and MATLAB's of version 7.3 with h5py; nothing outside the file is followed."""
+"""Open HDF5 files and MATLAB's of version 7.3 with h5py, MATLAB's up to version 7 with SciPy: matrices, fields, cells.
+
+Nothing outside an HDF5 file is followed.
+"""
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.runtime.files.formats.named import add_clock, as_array, pick
+from tega.runtime.files.foreign_file import MIB
+from tega.runtime.files.formats.named import add_clock, as_array, open_arrays, pick
 from tega.runtime.files.tables.encoding import MOST_MIB
 from tega.runtime.files.tables.table import (
     MOST_JUDGED,
@@ -25,6 +32,11 @@ from tega.runtime.lifecycle import require
 
 _MOST_DATASETS = 10_000
 _ROWS = 65_536
+
+# The type of a compressed variable in a MATLAB 5 file.
+_COMPRESSED = 15
+_DEEPEST = 4
+_MOST_FIELDS = 1000
 
 
 def open_hdf5(path: Path, reading: Reading) -> Table:
@@ -47,12 +59,8 @@ def _open(path: Path, reading: Reading, *, transposed: bool) -> Table:
             return _records(path, *next(iter(records.items())))
         picked = pick(datasets, reading.variable, path.name)
         dataset = picked.array
-        if (
-            dataset.ndim == 2
-            and dataset.dtype.kind in "iuf"
-            and not transposed
-            and _is_upright(dataset, reading)
-        ):
+        numbers = dataset.ndim == 2 and dataset.dtype.kind in "iuf"
+        if numbers and not transposed and _is_upright(dataset, reading):
             head = np.asarray(dataset[:MOST_JUDGED], np.float64)
             table = Table(path.name, name, judged_columns([], head), _by_rows(h5py, path, picked.name))
             n_rows = len(dataset)
@@ -87,12 +95,9 @@ def _datasets(h5py: Any, file: Any) -> dict[str, Any]:
             item = group[key]
             if isinstance(item, h5py.Group):
                 waiting.append((f"{path}{key}/", item))
-            elif (
-                isinstance(item, h5py.Dataset)
-                and not item.is_virtual
-                and item.external is None
-                and item.shape is not None
-            ):
+                continue
+            outside = not isinstance(item, h5py.Dataset) or item.is_virtual or item.external is not None
+            if not outside and item.shape is not None:
                 found[f"{path}{key}"] = item
     return found
 
@@ -124,7 +129,6 @@ def _by_rows(h5py: Any, path: Path, name: str) -> Blocks:
 
 
 def _records(path: Path, name: str, dataset: Any) -> Table:
-    """Return a table from a dataset with named fields."""
     fields = [f for f in dataset.dtype.names if dataset.dtype[f].kind in "iuf" and not dataset.dtype[f].shape]
     if not fields or dataset.ndim != 1 or len(dataset) * len(fields) * 8 > MOST_MIB * 2**20:
         raise RecordingError(
@@ -133,3 +137,68 @@ def _records(path: Path, name: str, dataset: Any) -> Table:
     rows = dataset[()]
     array = np.column_stack([rows[f].astype(np.float64) for f in fields])
     return Table(path.name, "HDF5", judged_columns(fields, array[:MOST_JUDGED]), in_one(array))
+
+
+def open_mat(path: Path, reading: Reading) -> Table:
+    """Open a matrix of a MATLAB file; refused where no variable, or several, can be the samples."""
+    io = require("scipy.io", driver="emg-file", extra="lab")
+    try:
+        _check_packed(path)
+        content: dict[str, Any] = io.loadmat(path, variable_names=[reading.variable])
+        arrays = _flat({k: v for k, v in content.items() if not k.startswith("__")})
+        if reading.variable not in arrays:
+            content = io.loadmat(path)
+            arrays = _flat({k: v for k, v in content.items() if not k.startswith("__")})
+        else:
+            arrays |= _scalars(io, path)
+    except Exception as error:  # SciPy raises whatever the bytes lead it to
+        raise RecordingError(f"{path.name}: not a MATLAB file: {error}", "export it again") from error
+    return open_arrays(arrays, reading, path.name, "MAT")
+
+
+def _scalars(io: Any, path: Path) -> dict[str, Any]:
+    """Return the single numbers of a file, among which the rate may be."""
+    try:
+        names = [name for name, shape, _ in io.whosmat(path) if int(np.prod(shape)) == 1]
+        return _flat(io.loadmat(path, variable_names=names)) if names else {}
+    except (TypeError, ValueError):
+        # SciPy 1.17 lists nothing where an object of MATLAB lies beside the arrays.
+        return {}
+
+
+def _flat(content: dict[str, Any]) -> dict[str, Any]:
+    """Return matrices by name, those of structures and cells with the path to them."""
+    found: dict[str, Any] = {}
+    waiting = [(name, value, 0) for name, value in content.items() if not name.startswith("__")]
+    while waiting and len(found) < _MOST_FIELDS:
+        name, value, depth = waiting.pop(0)
+        dtype = getattr(value, "dtype", None)
+        if dtype is None or depth > _DEEPEST:
+            continue
+        if dtype.names:
+            fields = [(f"{name}.{f}", value[f].flat[0], depth + 1) for f in dtype.names if value.size == 1]
+            waiting += fields
+        elif dtype.kind == "O":
+            cells = list(value.flat[:_MOST_FIELDS])
+            waiting += [(f"{name}{{{k}}}", cell, depth + 1) for k, cell in enumerate(cells, start=1)]
+        else:
+            found[name] = value
+    return found
+
+
+def _check_packed(path: Path) -> None:
+    """Refuse a file with compressed variables that grow beyond the limit, whatever its header states."""
+    with path.open("rb") as file:
+        order = {b"IM": "<", b"MI": ">"}.get(file.read(128)[126:])
+        left = MOST_MIB * MIB
+        while order and len(tag := file.read(8)) == 8:
+            kind, n_bytes = struct.unpack(order + "II", tag)
+            if kind != _COMPRESSED:
+                file.seek(n_bytes, os.SEEK_CUR)
+                continue
+            packed, inflate = file.read(n_bytes), zlib.decompressobj()
+            while packed and not inflate.eof:
+                left -= len(inflate.decompress(packed, MIB))
+                if left < 0:
+                    raise ValueError(f"a variable of more than {MOST_MIB} MiB")
+                packed = inflate.unconsumed_tail

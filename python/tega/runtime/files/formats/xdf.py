@@ -51,7 +51,6 @@ def _damage(name: str) -> Iterator[list[str]]:
 
 
 def _open(pyxdf: Any, path: Path, reading: Reading) -> Table:
-    """Open the stream of EMG."""
     with opened(path) as file:
         streams = [one for one in pyxdf.resolve_streams(file) if one.get("stream_id") is not None]
     chosen = _chosen(streams, reading.variable, path.name)

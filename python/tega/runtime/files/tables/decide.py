@@ -69,7 +69,7 @@ def decide(table: Table, reading: Reading) -> Decision:
         names=[column.name for column in chosen],
         unit=units.pop() if len(units) == 1 else "",
         time=_time_of(table, channels, reading),
-        counter=next((c.number for c in columns if _counts(c) and c.number not in channels), 0),
+        counter=next((c.number for c in columns if c.holds == "counter" and c.number not in channels), 0),
         columns=columns,
         facts=table.facts,
         sideways=table.sideways,
@@ -115,19 +115,10 @@ def _channels(file: str, columns: list[Column]) -> tuple[int, ...]:
         unknown = by_values
     if not unknown:
         _refuse(file, "no column is EMG by its name or values", columns)
-    nameless = not any(c.name for c in columns)
-    if (
-        nameless
-        and by_values
-        and by_values[0].holds != "label"
-        and len(moving) < len(unknown)
-        and len(columns) > 4
-    ):
-        _refuse(
-            file,
-            f"a table without names, {_of(by_values)}, and {len(unknown) - len(moving)} columns never change",
-            columns,
-        )
+    doubtful = not any(c.name for c in columns) and by_values and by_values[0].holds != "label"
+    if doubtful and (n_still := len(unknown) - len(moving)) > 0 and len(columns) > 4:
+        why = f"a table without names, {_of(by_values)}, and {n_still} columns never change"
+        _refuse(file, why, columns)
     return tuple(c.number for c in unknown)
 
 
@@ -138,10 +129,6 @@ def _refuse(file: str, why: str, columns: list[Column]) -> NoReturn:
     if not likely:
         likely = [str(c.number) for c in columns if c.holds not in {"time", "counter", "text"}]
     raise RecordingError(f"{file}: {why}", f"name the channels, such as {','.join(likely[:16]) or '2,3'}")
-
-
-def _counts(column: Column) -> bool:
-    return column.holds == "counter"
 
 
 def _time_of(table: Table, channels: Sequence[int], reading: Reading) -> int:

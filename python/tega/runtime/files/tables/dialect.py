@@ -13,22 +13,8 @@ from tega.errors import RecordingError
 
 MISSING: Final = frozenset(
     [
-        "",
-        "na",
-        "n/a",
-        "#n/a",
-        "#na",
-        "nan",
-        "-nan",
-        "null",
-        "none",
-        "nil",
-        "-",
-        "--",
-        "?",
-        "missing",
-        "#value!",
-        "#wert!",
+        *("", "na", "n/a", "#n/a", "#na", "nan", "-nan", "null", "none", "nil", "-", "--", "?"),
+        *("missing", "#value!", "#wert!"),
     ]
 )
 """Cells that hold no number, in lower case."""
@@ -140,10 +126,7 @@ def find_dialect(lines: Sequence[str], name: str, *, decimal: str = "") -> Diale
 
 def _comma_twice(probe: list[str], name: str, best: Dialect, *, decimal: str) -> Dialect:
     """Decide where a comma may be a decimal sign and a delimiter in one file."""
-    if (
-        any("." in line or ("," not in line and best.delimiter == ",") for line in probe)
-        and best.delimiter == ","
-    ):
+    if best.delimiter == "," and any("." in line or "," not in line for line in probe):
         return best
     cells = [line.split(",") for line in probe]
     plain = Dialect(",", ".", best.quoted)

@@ -25,26 +25,8 @@ _STEP = re.compile(
 _LISTED = re.compile(r"^(\d+) channels$")
 _UNITS = frozenset(
     (
-        *(
-            "s",
-            "ms",
-            "us",
-            "µs",
-            "ns",
-            "v",
-            "mv",
-            "uv",
-            "µv",
-            "g",
-            "n",
-            "nm",
-            "%",
-            "hz",
-            "deg",
-            "deg/s",
-            "m/s²",
-            "m/s^2",
-        ),
+        *("s", "ms", "us", "µs", "ns", "v", "mv", "uv", "µv", "g", "n", "nm", "%", "hz"),
+        *("deg", "deg/s", "m/s²", "m/s^2"),
         *("1", "-", "a.u.", "au", "counts", "°"),
     )
 )
@@ -95,11 +77,8 @@ def find_header(lines: Sequence[str], dialect: Dialect, name: str) -> Header:
         line for at, line in enumerate(lines[:first]) if line.strip() and (not names or at not in taken)
     ]
     n_columns = width
-    if (
-        width > 1
-        and all(not cells[at][-1] for at in body if at >= first)
-        and (not names or len(names) < width)
-    ):
+    empty = width > 1 and all(not cells[at][-1] for at in body if at >= first)
+    if empty and (not names or len(names) < width):
         n_columns -= 1
     named = names[:n_columns] + [""] * max(0, n_columns - len(names)) if names else []
     clock = [bool(rows) and all(CLOCK.fullmatch(row[c]) for row in rows[-5:]) for c in range(width)]
@@ -161,7 +140,6 @@ def _names(  # noqa: PLR0917  # of one place in the file
     lines: Sequence[str], cells: dict[int, list[str]], above: list[int], first: int, numeric: list[bool],
     dialect: Dialect, name: str,
 ) -> tuple[list[str], list[str], int]:  # fmt: skip
-    """Return names, units and the first row."""
     width = len(numeric)
     if found := _listed(lines[:first], dialect, width) or _above(lines, cells, above, numeric, dialect, name):
         return *found, first

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.runtime.files.tables.names import Name, Role, judged
-from tega.runtime.files.tables.values import course_of, is_even, unix_unit
+from tega.runtime.files.tables.judging import Name, Role, course_of, is_even, judged, unix_unit
 
 Blocks = Callable[[Sequence[int]], Iterator["NDArray[np.float64]"]]
 """Reads columns by their numbers from 0; yields consecutive rows, float64 (n, columns), in blocks."""

@@ -110,7 +110,6 @@ def _stamped(times: NDArray[np.float64]) -> NDArray[np.int64] | range:
 
 
 def _picked(rows: NDArray[np.int64] | range, places: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return rows by their places."""
     return places if isinstance(rows, range) else rows[places]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from tega.haptics import FINGERS
 from tega.loop.touch import STALE_NS
-from tega.runtime.number_text import number_text
+from tega.runtime.words import number_text
 from tega.ui.view.browser.scene import GHOST_COLOUR
 from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, SILENT_NS, device_rows, lines_beside, meaning
 

@@ -1,4 +1,4 @@
-"""Send fingertip pictures for the operator's display: JPEG, at their own rate, behind everything else."""
+"""Send what goes behind all commands: EMG samples for the robot's recording, fingertip pictures for the display."""
 
 from __future__ import annotations
 
@@ -8,14 +8,83 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tega.devices.base import EmgChunk
 from tega.loop.inbox.prepared import Prepared
-from tega.records import Picture
+from tega.records import EmgSamples, Picture
+from tega_link.clock import Offset, StampGate
+from tega_link.ends import FarMuscles
 from tega_link.link import Channel, Link
-from tega_link.messages import Image, encode
+from tega_link.messages import Image, Samples, encode
+
+_AT_ONCE_NS = 50_000_000
+_NEVER_OLD_NS = 10**12
 
 _LEAVE_S = 2.0
+
+
+class SampleSender:
+    """Sends the amplifier's samples, about twenty times a second, while the robot's station records."""
+
+    def __init__(self, stamp: Callable[[], dict[str, Any]], wanted: Callable[[], bool]) -> None:
+        self._stamp, self._wanted = stamp, wanted
+        self._send: Callable[[bytes], None] = lambda _message: None
+        self._start_ns: int | None = None
+        self._waiting: list[EmgSamples] = []
+
+    def open(self, send: Callable[[bytes], None]) -> None:
+        """Take note of what sends."""
+        self._send = send
+
+    def begin(self, start_ns: int) -> None:
+        """Send from now on; samples are stamped from this start."""
+        self._start_ns = start_ns
+
+    def take(self, chunk: EmgSamples) -> None:
+        """Take a chunk, in the thread that reads the amplifier."""
+        start_ns = self._start_ns
+        if start_ns is None or not self._wanted():
+            self._waiting.clear()
+            return
+        if self._waiting:
+            before = self._waiting[-1]
+            if chunk.first_index != before.first_index + len(before.samples) // before.n_channels:
+                self._pass_on(start_ns)  # samples are missing between, so that they have to be two messages
+        self._waiting.append(chunk)
+        if chunk.t_ns - self._waiting[0].t_ns >= _AT_ONCE_NS:
+            self._pass_on(start_ns)
+
+    def _pass_on(self, start_ns: int) -> None:
+        waiting, self._waiting = self._waiting, []
+        samples = np.concatenate([chunk.samples for chunk in waiting]).astype("<f8")
+        message = Samples(
+            **self._stamp(),
+            t_ns=waiting[-1].t_ns + start_ns,
+            first_index=waiting[0].first_index,
+            n_channels=waiting[0].n_channels,
+            samples=samples.tobytes(),
+        )
+        self._send(encode(message))
+
+
+class SampleReceiver:
+    """Takes in the EMG samples that come over the link."""
+
+    def __init__(self, muscles: FarMuscles) -> None:
+        self._muscles = muscles
+        self._gate = StampGate(ttl_ns=_NEVER_OLD_NS)
+
+    def begin(self, session: int | None) -> None:
+        """Listen to a session from its beginning; to none with ``None``."""
+        self._gate.begin(session)
+
+    def take(self, data: bytes, now_ns: int, offset: Offset | None) -> None:
+        """Take in a message of the leader's."""
+        batch = self._gate.read(Samples, data)
+        if batch is None or self._gate.refusal(batch, now_ns, offset) or offset is None:
+            return
+        samples = np.frombuffer(batch.samples, "<f8").reshape(-1, batch.n_channels).astype(np.float64)
+        self._muscles.give(EmgChunk(min(offset.ours(batch.t_ns), now_ns), batch.first_index, samples))
 
 
 class PictureSender:
@@ -91,18 +160,3 @@ class PictureSender:
                 )
                 self._sends[name](encode(image))
                 self.sent[name] += 1
-
-
-def unpacked(packed: bytes) -> NDArray[np.uint8] | None:
-    """Return a picture, uint8 (H, W, 3), blue, green, red; ``None`` without OpenCV, or where it is none."""
-    try:
-        import cv2
-    except ImportError:
-        return None
-    import numpy as np
-
-    try:
-        picture: Any = cv2.imdecode(np.frombuffer(packed, np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:  # there is nothing in it
-        return None
-    return None if picture is None else np.asarray(picture, np.uint8)

@@ -1,21 +1,25 @@
-"""Merge the recordings of several sessions into one session, in order of time, each as it is."""
+"""Make recordings out of others: merge those of several sessions into one, or re-encode their images as JPEG.
+
+Every other record is copied as it is.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
-from tega.recording.copies import note_copy
-from tega.recording.foreign import no_session
-from tega.recording.mcap_copy import McapCopy, McapRecords
-from tega.recording.mcap_folder import SessionFolder, session_files
-from tega.recording.mcap_reader import MOST_RECORD, open_recording
-from tega.recording.origin import new_session, origin, span
+from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
+from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
+from tega.recording.mcap_reader import MOST_RECORD, Message, open_recording, read_picture
+from tega.recording.origin import Tables, new_session, no_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 from tega.runtime.lifecycle import require
+from tega.runtime.opencv import load_cv2
 
 _HINT = "merge only recordings of one setup; keep the others apart"
 
@@ -50,7 +54,8 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     their origin. ``out`` is new or empty, else ``ConfigError``. ``RecordingError`` if two hold the same time,
     or they differ in versions, calibration, vest or inputs.
     """
-    parts = sorted((_part(path) for session in sessions for path in session_files(session)), key=_begin)
+    found = (_part(path) for session in sessions for path in session_files(session))
+    parts = sorted(found, key=attrgetter("from_ns"))
     if len(parts) < 2:
         raise RecordingError("there is only one recording", "name two sessions or more")
     first = parts[0]
@@ -66,10 +71,6 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     for part in parts:
         note_copy(part.path, out)
     return [_copy(part, out / f"trial-{k:03d}.mcap") for k, part in enumerate(parts, 1)]
-
-
-def _begin(part: _Part) -> int:
-    return part.from_ns
 
 
 def _share_time(before: _Part, part: _Part) -> bool:
@@ -122,14 +123,83 @@ def _fit(first: _Part, part: _Part) -> None:
 
 
 def _copy(part: _Part, target: Path) -> Path:
-    name, step = origin(part.tables, part.path, made_by="merge", part=span(part.tables))
-    with open_recording(part.path) as old, new_file(target) as file:
-        copy = McapCopy(file)
-        copy.table(name, step)
-        for item in McapRecords(old):
-            copy.take(item)
-        copy.finish()
+    step, _ = _copied(part.path, target, part.tables, "merge", lambda item: item)
     lossless = part.tables["tega"].get("lossless") == "true"
     facts = {"state": "merged", "lossless": lossless, "origin": step}
     SessionFolder(target.parent).note(target.name, facts)
     return target
+
+
+def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
+    """Copy recordings, one or those of a session's folder, with JPEG pictures of ``quality``, 1 to 100.
+
+    ``out`` becomes a session's folder: new or empty, else ``ConfigError``. Returns the new recordings.
+    """
+    files = session_files(session)
+    new_session(out)
+    made = []
+    for number, path in enumerate(files, start=1):
+        note_copy(path, out)
+        target = out / f"trial-{number:03d}.mcap"
+        _encode(path, target, quality)
+        made.append(target)
+    return made
+
+
+@reports_damage
+def _encode(source: Path, target: Path, quality: int) -> None:
+    tables: dict[str, dict[str, str]] = {}
+    with open_recording(source) as file:
+        for item in McapRecords(file):
+            if item.kind == "Metadata":
+                tables.setdefault(item.record.name, {}).update(item.record.metadata)
+    if "epoch_ns" not in tables.get("tega", {}):
+        raise no_session(source, tables)
+    step, problem = _copied(
+        source, target, tables, f"encode --quality {quality}", _SmallerPictures(quality).smaller
+    )
+    if problem:
+        raise RecordingError(f"{source.name}: cannot be read to its end: {problem}", "trim it before")
+    task = recorded_task(source)
+    facts: dict[str, Any] = {"state": "encoded", "lossless": False, "origin": step}
+    SessionFolder(target.parent).note(target.name, facts if task is None else facts | {"task": task})
+
+
+def _copied(
+    source: Path, target: Path, tables: Tables, made_by: str, changed: Callable[[McapItem], McapItem]
+) -> tuple[dict[str, str], str]:
+    """Copy each record, changed or not; return the step of the origin, and why the rest cannot be read."""
+    name, step = origin(tables, source, made_by=made_by, part=span(tables))
+    with open_recording(source) as old, new_file(target) as file:
+        copy, records = McapCopy(file), McapRecords(old)
+        copy.table(name, step)
+        for item in records:
+            copy.take(changed(item))
+        copy.finish()
+    return step, records.problem
+
+
+class _SmallerPictures:
+    def __init__(self, quality: int) -> None:
+        self._cv2 = load_cv2("recording")
+        self._quality = [self._cv2.IMWRITE_JPEG_QUALITY, quality]
+        self._made = require("foxglove.messages", driver="recording", extra="record").CompressedImage
+        self._schema = self._made.get_schema()
+
+    def smaller(self, item: McapItem) -> McapItem:
+        """Return an item with a smaller picture; any other as it is, but for the table that says so."""
+        record = item.record
+        if item.kind == "Metadata" and record.name == "tega":
+            record.metadata = {**record.metadata, "lossless": "false"}
+        topic = "" if item.channel is None else item.channel.topic
+        if not (topic.startswith("/tactile/") and topic.endswith("/image")):
+            return item
+        value = item.decoded()
+        image = read_picture(Message(topic, item.schema.name, record.log_time, len(record.data), value))
+        _, data = self._cv2.imencode(".jpg", image, self._quality)
+        stamp = require("foxglove.messages", driver="recording", extra="record").Timestamp(
+            value.timestamp.seconds, value.timestamp.nanos
+        )
+        made = self._made(timestamp=stamp, frame_id=value.frame_id, data=data.tobytes(), format="jpeg")
+        record.data = made.encode()
+        return item._replace(schema=self._schema)

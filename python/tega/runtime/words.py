@@ -1,0 +1,98 @@
+"""Put into words: numbers, the name nearest to an unknown one, and settings, stages and fields that were taken out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, NamedTuple
+
+from tega.errors import ConfigError
+
+_LEAST: Final = 1e-9
+_MOST: Final = 1e12
+
+
+def number_text(value: float, digits: int = 4, *, decimals: int | None = None) -> str:
+    """Return a number as text: without an exponent from 1e-9 to 1e12 in size, ``0`` where it rounds to zero.
+
+    ``digits`` are significant ones of the fractional part, as whole numbers keep all of theirs; if given,
+    ``decimals`` is the fixed number of decimal places instead.
+
+    Example:
+        >>> number_text(1e4), number_text(-0.04, decimals=1), number_text(0.000059999999999999995)
+        ('10000', '0.0', '0.00006')
+    """
+    if not math.isfinite(value):
+        return str(float(value))
+    if decimals is not None:
+        text = f"{value:.{decimals}f}"
+        return text if float(text) else text.removeprefix("-")
+    if value == 0:
+        return "0"
+    size = abs(value)
+    if not _LEAST <= size < _MOST:
+        return f"{value:.{digits}g}"
+    places = max(digits - 1 - math.floor(math.log10(size)), 0)
+    text = f"{value:.{places}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def nearest_hint(
+    name: str, known: Iterable[str], otherwise: str = "choose from", *, cutoff: float = 0.6
+) -> str:
+    """Return a hint for an unknown name: the nearest of those known, else ``otherwise`` and the list of them.
+
+    ``cutoff`` is the least similarity of a near name, 0 to 1.
+
+    Example:
+        >>> nearest_hint("botle", ["bottle", "bag"]), nearest_hint("cup", ["bottle", "bag"])
+        ("did you mean 'bottle'?", 'choose from bottle, bag')
+    """
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=cutoff)
+    return f"did you mean {near[0]!r}?" if near else f"{otherwise} {', '.join(names) or 'none'}"
+
+
+class Removed(NamedTuple):
+    """A setting, stage or field that was taken out.
+
+    Attributes:
+        since: Version without it.
+        reason: Why, as the end of a sentence.
+        unused: Value of a field that made no use of it; a file that holds this value is read as before.
+    """
+
+    since: str
+    reason: str
+    hint: str
+    unused: Any = None
+
+    def sentence(self, name: str) -> str:
+        """Return the message for a name."""
+        return f"{name} was taken out in {self.since}: {self.reason}"
+
+
+REMOVED: Final[Mapping[str, Removed]] = {
+    "stages.metric shear": Removed(
+        "0.3", "it was not shown to tell sliding from holding", "choose live, which reads the same contact"
+    )
+}
+"""Settings and stages of this package that were taken out, by name."""
+
+
+def refuse_removed(name: str, removed: Mapping[str, Removed] = REMOVED) -> None:
+    """Refuse what was taken out, since when and why in the message; anything else passes."""
+    if (gone := removed.get(name)) is not None:
+        raise ConfigError(gone.sentence(name), gone.hint)
+
+
+def without_removed(table: Mapping[str, Any], removed: Mapping[str, Removed]) -> dict[str, Any]:
+    """Return a file's table without removed fields that it made no use of; one in use is ``ConfigError``.
+
+    Tables inside it are left as they are.
+    """
+    for name, value in table.items():
+        if name in removed and value != removed[name].unused:
+            refuse_removed(name, removed)
+    return {name: value for name, value in table.items() if name not in removed}
