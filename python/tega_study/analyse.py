@@ -15,24 +15,20 @@ from tega_study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, an
 from tega_study.cells import Cell, cells_of
 from tega_study.compare import Test, compare
 from tega_study.coupling import TouchCourse, read_course
-from tega_study.difference import OutcomeDifference, outcomes
-from tega_study.directions import Direction, directions
-from tega_study.finger_rows import FingerRow, finger_rows
+from tega_study.difference import Direction, OutcomeDifference, directions, outcomes
 from tega_study.journal import events_path, read_events
 from tega_study.objects import ObjectFacts, read_objects
 from tega_study.plan import default_family
-from tega_study.planner import Planner, next_study
-from tega_study.probe import ProbeUse, probe_uses
-from tega_study.ratings import RatingUse, ratings
+from tega_study.power import Planner, next_study
+from tega_study.ratings import ProbeUse, RatingUse, probe_uses, ratings
 from tega_study.score.accounts import agreements
 from tega_study.score.agree import Agreement
 from tega_study.silico.assumptions import Assumptions, read_assumptions, read_parameters
 from tega_study.silico.sensitivity import SensitivityRow, read_sensitivity
 from tega_study.state import derive, rehearsed
-from tega_study.touch_picture import FingerPicture, pictures_of
+from tega_study.study_notes import note_unblinding, staying, unblindings
+from tega_study.touch_picture import FingerPicture, FingerRow, finger_rows, pictures_of
 from tega_study.trials import Trial, bench_trials, course_path, study_trials
-from tega_study.unblinding import note_unblinding, unblindings
-from tega_study.withdrawn import staying
 
 FORMAT = "tega-study-analysis"
 

@@ -28,15 +28,14 @@ from tega.runtime.files.plain_name import path_below
 from tega.runtime.files.whole_file import new_file
 from tega_study.bids_names import bids_names
 from tega_study.journal import events_path, read_events
-from tega_study.lead.status_file import board_path
+from tega_study.lead.tell import board_path
 from tega_study.objects import OBJECTS, read_objects
 from tega_study.plan import read_plan
 from tega_study.privacy import ELSEWHERE, REPORTS, check_not_led, note_elsewhere, own_name
 from tega_study.silico.assumptions import PARAMETERS, SIMULATION
 from tega_study.state import rehearsed
+from tega_study.study_notes import JOURNAL, withdrawn_ids
 from tega_study.trials import Trial, study_trials
-from tega_study.unblinding import JOURNAL
-from tega_study.withdrawn import withdrawn_ids
 
 MANIFEST: Final = "manifest.json"
 _OF_THE_STUDY = ("study.toml", "plan.csv", JOURNAL, OBJECTS, SIMULATION, PARAMETERS)

@@ -21,7 +21,7 @@ from tega.stages.events.settings import SETTINGS
 from tega_study.attempt_rows import HandRow, TouchRow, hand_path, read_hand, read_touch, touch_path
 from tega_study.journal import JournalEvent, Kind, attempts, events_path, read_events, replaced_journal
 from tega_study.plan import read_plan
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 DETECTOR = "detector"
 DETECTED = ("lift_off", "slip")

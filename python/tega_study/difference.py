@@ -1,14 +1,60 @@
-"""Measure each outcome's difference between two conditions, with its interval over people."""
+"""Measure each outcome's difference between two conditions over people, and compare its direction with the paper's.
+
+The paper's numbers are those of its Table I and text; its objects 1 to 3 are bottle, container and bag here.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import msgspec
 import numpy as np
 
 from tega.runtime.scientific import scipy_stats
 from tega_study.trials import Trial
+
+PAPER_OBJECTS = ("bottle", "container", "bag")
+
+PAPER_TABLE_1 = {
+    "haptic": {
+        "duration_s": (
+            "152.8",
+            "177.4",
+            "151.5",
+        ),  # without a unit; sums of ten trials fit a 15 s window (A62)
+        "slips": ("2.8", "0.7", "0.3"),
+        "deformations": ("0.0", "0.0", "0.5"),
+        "success": ("5/5", "5/5", "5/5"),
+    },
+    "non-haptic": {
+        "duration_s": ("168.5", "171.4", "160.1"),
+        "slips": ("5.9", "4.2", "0.5"),
+        "deformations": ("0.0", "0.0", "1.3"),
+        "success": ("4/5", "4/5", "5/5"),
+    },
+}
+
+PAPER_P = {
+    "duration_s:bottle": 0.014,
+    "duration_s:container": 0.763,
+    "duration_s:bag": 0.017,
+    "slips:bottle": 0.001,  # printed as at most this, like the next
+    "slips:container": 0.001,
+    "slips:bag": 0.398,
+    "deformations:bag": 0.030,
+}
+"""Uncorrected, as printed."""
+
+PAPER_SETUP = {
+    "objects": "a bottle (rigid, heavy), a box of wipes (medium), a bag of bread (light, soft)",
+    "trials": "ten trials for each object and condition; success is printed as a count of five",
+    "unit": "trials, each taken as a sample of its own",
+    "events": "one trained observer counted visible slips and deformations",
+    "time": "printed without a unit; fits the 15 s window only as sums of ten trials",
+}
+"""The paper's description of its set-up, by row of the report's comparison."""
+
 
 METRICS = ("duration_s", "slips", "deformations", "success")
 
@@ -83,3 +129,52 @@ def outcomes(
     """Return every metric of every object that at least one person lifted under both conditions."""
     found = (outcome(trials, metric, name, conditions) for metric in METRICS for name in objects)
     return tuple(one for one in found if one.people)
+
+
+Verdict = Literal["as printed", "opposite", "not distinguished", "no data"]
+
+
+class Direction(OutcomeDifference, frozen=True, kw_only=True):
+    """One difference that the paper prints with touch (``paper_first``) and without, and the study's.
+
+    ``paper_sign`` is 1 where the first is more, -1 where it is less. ``verdict`` is ``as printed`` or
+    ``opposite`` where the interval is all on one side of 0.
+    """
+
+    paper_first: str
+    paper_second: str
+    paper_sign: int
+    verdict: Verdict = "no data"
+
+
+def directions(trials: Sequence[Trial], conditions: tuple[str, str]) -> tuple[Direction, ...]:
+    """Compare a study's differences with the paper's, for every number of its Table I that differs.
+
+    The first condition stands for the paper's haptic, the second for its non-haptic.
+    """
+    printed, reference = PAPER_TABLE_1["haptic"], PAPER_TABLE_1["non-haptic"]
+    found = []
+    for metric, texts in printed.items():
+        for name, first, second in zip(PAPER_OBJECTS, texts, reference[metric], strict=True):
+            off = _value(first) - _value(second)
+            if not off:
+                continue
+            seen, sign = outcome(trials, metric, name, conditions), 1 if off > 0 else -1
+            verdict: Verdict = "not distinguished" if seen.people else "no data"
+            if seen.apart:
+                verdict = "as printed" if (seen.difference or 0.0) * sign > 0 else "opposite"
+            found.append(
+                Direction(
+                    **msgspec.structs.asdict(seen),
+                    paper_first=first,
+                    paper_second=second,
+                    paper_sign=sign,
+                    verdict=verdict,
+                )
+            )
+    return tuple(found)
+
+
+def _value(text: str) -> float:
+    part, _, whole = text.partition("/")
+    return float(part) / float(whole or 1)

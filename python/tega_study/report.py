@@ -17,10 +17,9 @@ from tega.runtime.files.foreign_file import read_words
 from tega.ui.view.figures import draw_map
 from tega_study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_study
 from tega_study.figures import figure_7, figure_8, lag_figure, new_figure, pose_figure, svg
-from tega_study.finger_rows import FingerRow
 from tega_study.page import report_html
 from tega_study.tables import csv_files
-from tega_study.touch_picture import FingerPicture
+from tega_study.touch_picture import FingerPicture, FingerRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

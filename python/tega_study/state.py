@@ -11,7 +11,7 @@ import msgspec
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import WITH_DATA, Journal, JournalEvent, Status, events_path, undone_numbers
 from tega_study.plan import PlannedTrial, StudyPlan
-from tega_study.withdrawn import check_stays
+from tega_study.study_notes import check_stays
 
 Where = Literal["lab", "emulated", "simulated"]
 """Kind of a session's devices."""

@@ -12,7 +12,7 @@ import msgspec
 from tega_study.analyse import Analysis
 from tega_study.cells import Cell
 from tega_study.coupling import TouchCourse, on_grid
-from tega_study.directions import Direction
+from tega_study.difference import Direction
 
 PAPER_LABELS = {
     "duration_s": "Completion Time",

@@ -8,13 +8,18 @@ from pathlib import Path
 import msgspec
 
 from tega.errors import RecordingError
-from tega_study.beep_score import score_beeps
 from tega_study.journal import WITH_DATA, JournalEvent, Status, counting, events_path, read_events
-from tega_study.measured import CAMERA, camera_success, measured_path, read_measured
-from tega_study.observers import read_observers, saw_whole
+from tega_study.observers import (
+    CAMERA,
+    camera_success,
+    measured_path,
+    read_measured,
+    read_observers,
+    saw_whole,
+)
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
-from tega_study.squeeze_score import squeeze_shares
-from tega_study.withdrawn import staying
+from tega_study.side_scores import score_beeps, squeeze_shares
+from tega_study.study_notes import staying
 
 _CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo", "rating"}
 

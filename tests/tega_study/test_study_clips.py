@@ -34,8 +34,7 @@ from tega_study.privacy import withdraw
 from tega_study.score.accounts import agreements
 from tega_study.score.clips import ClipKey, key_path, make_clips, read_key
 from tega_study.score.clips_coded import take_clips
-from tega_study.score.recorded import RecordedTrial, recorded_trials
-from tega_study.score.trial_pictures import read_reel
+from tega_study.score.recorded import RecordedTrial, read_reel, recorded_trials
 from tega_study.state import resume
 
 S, MS = 1_000_000_000, 1_000_000

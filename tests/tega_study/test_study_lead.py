@@ -23,24 +23,21 @@ from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import SystemClock
 from tega_study.analyse import analyse_study
 from tega_study.coupling import read_course
-from tega_study.finger_rows import finger_rows
 from tega_study.journal import Journal, JournalEvent, counting, events_path, read_events
 from tega_study.lead import lead_session
-from tega_study.lead.asking import BlockQuestions
 from tega_study.lead.benches import LabBench, SimulatedBench
 from tega_study.lead.experimenter import ENTER, LineDesk, Screen
-from tega_study.lead.questions import KEYS, QUESTIONS, answer_of, blocks_to_ask, raw_tlx
+from tega_study.lead.questions import KEYS, QUESTIONS, BlockQuestions, answer_of, blocks_to_ask, raw_tlx
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega_study.lead.running_trial import Going
-from tega_study.lead.status_file import board_path, read_board
+from tega_study.lead.tell import board_path, read_board
 from tega_study.lead.trial import LedTrial
 from tega_study.page import report_html
 from tega_study.plan import PlannedTrial, read_plan
 from tega_study.ratings import ratings
-from tega_study.score.recorded import recorded_trials
-from tega_study.score.trial_pictures import read_reel
+from tega_study.score.recorded import read_reel, recorded_trials
 from tega_study.state import derive, rehearsed, resume
-from tega_study.touch_picture import pictures_of
+from tega_study.touch_picture import finger_rows, pictures_of
 from tega_study.trials import course_path, study_trials
 
 

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -215,9 +216,7 @@ def tables_of(folder: Path) -> dict[str, str]:
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="needs the extra tega[dask]")
-    from tega_study.silico import spread
-
-    monkeypatch.setattr(spread, "_CONNECT_S", 0.3)
+    monkeypatch.setattr(import_module("tega_study.silico.simulate"), "_CONNECT_S", 0.3)
     with pytest.raises(DeviceUnavailableError, match="no scheduler answers"):
         simulate(tmp_path / "s", operators=1, objects=["bag"], trials=1, dask="tcp://127.0.0.1:9")
 

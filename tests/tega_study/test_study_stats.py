@@ -14,8 +14,8 @@ pytest.importorskip("statsmodels")
 from tega_study.compare import compare as study_compare
 from tega_study.counts import adjusted_ratio, clopper_pearson, dispersion, poisson_rates, shares
 from tega_study.coupling import correlate, effective_n, fisher_mean, lag_sweep, response_slope
+from tega_study.difference import PAPER_P
 from tega_study.figures import p_text
-from tega_study.paper import PAPER_P
 from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
 from tega_study.power import SPREADS, PlannedTest, people_for, power_of
 from tega_study.rank import holm, mann_whitney, shift

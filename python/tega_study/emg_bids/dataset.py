@@ -18,7 +18,7 @@ from tega_study.journal import JournalEvent, counting, events_path, read_events
 from tega_study.plan import read_plan
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.state import rehearsed
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 BIDS_VERSION: Final = "1.11.1"
 _UNKNOWN: Final = "unknown: TEGA does not record it"

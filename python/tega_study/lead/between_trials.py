@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from tega.runtime.clock import Clock
-from tega_study.beep_score import beep_sentence
 from tega_study.journal import WITH_DATA, Journal, Kind, counting
 from tega_study.lead.experimenter import Desk
 from tega_study.lead.trial import EXPERIMENTER, undo_last
+from tega_study.side_scores import beep_sentence
 
 GIVE_UP = "k"
 """Key that gives up a trial that was broken off, or that was to be done again."""

@@ -52,3 +52,13 @@ def pedal_keys(pedals: str, tasks: Iterable[RestTask]) -> dict[str, tuple[str, .
             "name what pedals type to go on, to end, for a slip, a deformation and to do it again, such as 12345",
         )
     return dict(zip(pedals, _PRESSED, strict=False))
+
+
+def check_answer_key(key: str, pedals: str) -> None:
+    """Raise ``InvalidValueError`` unless the key is one printable key without another meaning in a trial."""
+    taken = {one for one, _ in keys_of(sees_height=False)} | {" ", "\n", *pedals}
+    if len(key) != 1 or not key.isprintable() or key in taken:
+        raise InvalidValueError(
+            f"answer key {key!r}: it is not one key, or means something else in a trial",
+            "take p, for example",
+        )

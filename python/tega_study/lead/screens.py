@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tega_study.beep_score import beep_sentence
 from tega_study.journal import JournalEvent
 from tega_study.lead.benches import TrialBench
 from tega_study.lead.experimenter import Screen
 from tega_study.lead.keys import keys_of
 from tega_study.lead.rest_tasks import RunningTask
 from tega_study.lead.trial import LedTrial
+from tega_study.side_scores import beep_sentence
 
 
 def waiting(

@@ -10,22 +10,18 @@ from typing import Any, NamedTuple
 from tega.errors import DeviceUnavailableError
 from tega.runtime.clock import Clock, SystemClock
 from tega_study.journal import Journal
-from tega_study.lead.asking import BlockQuestions
-from tega_study.lead.beeps import Beeps, check_answer_key
 from tega_study.lead.benches import TrialBench
 from tega_study.lead.between_trials import TrialBefore
 from tega_study.lead.experimenter import ENTER, Desk
-from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence
-from tega_study.lead.keys import pedal_keys
-from tega_study.lead.questions import blocks_to_ask
+from tega_study.lead.keys import check_answer_key, pedal_keys
+from tega_study.lead.questions import BlockQuestions, blocks_to_ask
 from tega_study.lead.rest_tasks import RestTask, RunningTask
 from tega_study.lead.screens import doing, ended, running, waiting
-from tega_study.lead.status_file import SessionBoard, Telling, board_path
-from tega_study.lead.tell import CommandFile, commands_path
+from tega_study.lead.tell import CommandFile, SessionBoard, Telling, board_path, commands_path
 from tega_study.lead.trial import LedTrial, Task
-from tega_study.masking_sound import MaskingSound
+from tega_study.masking_sound import Beeps, MaskingSound
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
-from tega_study.probe import beep_times
+from tega_study.side_scores import beep_times, muscle_sentence, squeeze_sentence
 from tega_study.state import SessionState, derive, resume
 
 INSTRUCTION = (

@@ -8,10 +8,10 @@ from typing import NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
-from tega_study.lead.status_file import SessionBoard, board_path, read_board
+from tega_study.lead.tell import SessionBoard, board_path, read_board
 from tega_study.observers import PART, RECORDED, WHOLE, observer_path
 from tega_study.plan import PlannedTrial, read_plan
-from tega_study.withdrawn import check_stays
+from tega_study.study_notes import check_stays
 
 OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 """Kinds of events that a rater can see."""

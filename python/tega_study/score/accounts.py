@@ -11,12 +11,11 @@ import msgspec
 
 from tega_study.detecting import DETECTOR, NOT_OBSERVABLE, read_detected
 from tega_study.journal import JournalEvent, Kind, attempts, counting, events_path, read_events
-from tega_study.lead.arm_lift import ARM
-from tega_study.measured import CAMERA, read_measured
-from tega_study.observers import read_observers, saw_proposals, saw_whole
+from tega_study.lead.running_trial import ARM
+from tega_study.observers import CAMERA, read_measured, read_observers, saw_proposals, saw_whole
 from tega_study.plan import read_plan
 from tega_study.score.agree import Agreement, agreement
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
 _PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, ARM: 4, DETECTOR: 5}

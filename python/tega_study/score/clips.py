@@ -30,10 +30,9 @@ from tega_study.order import shuffled
 from tega_study.plan import read_plan
 from tega_study.privacy import note_elsewhere
 from tega_study.score.boris import CODES
-from tega_study.score.clip_video import RATE_HZ, write_clip
+from tega_study.score.clip_video import RATE_HZ, SceneReel, write_clip
 from tega_study.score.recorded import RecordedTrial, recorded_trials
-from tega_study.score.scene_reel import SceneReel
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 RULE: Final = "rule"
 """Name under which the events of the session's own rule are proposed."""

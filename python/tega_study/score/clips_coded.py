@@ -15,7 +15,7 @@ from tega_study.journal import attempts, events_path, read_events
 from tega_study.observers import PROPOSED, RECORDED, observer_path
 from tega_study.score.boris import CODES, CodedTrial, write_coded
 from tega_study.score.clips import OPEN, VERDICTS, RaterClip, key_path, read_key
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.study_notes import withdrawn_ids
 
 _SAME_S: Final = 0.05
 """Moved by less than that, an event was not moved: a picture and a half."""

@@ -16,12 +16,11 @@ import msgspec
 
 from tega.errors import ConfigError, InvalidValueError, RecordingError
 from tega_sim.operator import load_parameters
-from tega_study.directions import Direction, directions
+from tega_study.difference import Direction, directions
 from tega_study.plan import read_plan
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions, read_parameters
 from tega_study.silico.session import RUNNING, SessionJob
-from tega_study.silico.simulate import jobs_of, made_study, unfinished
-from tega_study.silico.spread import Progress, run_sessions
+from tega_study.silico.simulate import Progress, jobs_of, made_study, run_sessions, unfinished
 from tega_study.trials import study_trials
 
 SENSITIVITY = "sensitivity"
