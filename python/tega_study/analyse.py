@@ -12,10 +12,9 @@ import msgspec
 from tega.errors import RecordingError
 from tega_sim.operator.person import Parameter
 from tega_study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
-from tega_study.cells import Cell, cells_of
 from tega_study.compare import Test, compare
 from tega_study.coupling import TouchCourse, read_course
-from tega_study.difference import Direction, OutcomeDifference, directions, outcomes
+from tega_study.difference import Cell, Direction, OutcomeDifference, cells_of, directions, outcomes
 from tega_study.journal import events_path, read_events
 from tega_study.objects import ObjectFacts, read_objects
 from tega_study.plan import default_family
@@ -40,7 +39,6 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
         planned_people: ``None`` without a plan, like ``planned_trials``.
         withdrawn: People whose data were deleted.
         people: With at least one trial.
-        complete: People with all their trials over.
         planned_trials: Of people who have not withdrawn.
         status: Trials by how they ended; ``not run`` for the rest.
         redone: The experimenter's reason, by id of a trial of which an attempt that took place does not
@@ -64,18 +62,10 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         interim: Whether the plan is not complete yet.
         blind: Whether results are withheld for that reason: no trial, mean, test, effect or course is in it.
         unblinded: When results were looked at before the plan was complete, and how far it was then.
-        objects: In the order of the tables.
         conditions: The first is compared with the second.
         family: Tests that were corrected together.
         plan_sha256: Empty without a plan.
-        cells: Table I.
-        planner: Sample sizes for the next study.
-        agreements: Of raters, experimenter and, in simulation, the truth.
-        ratings: What participants answered after blocks.
         probes: The second task, where the plan has one.
-        directions: The paper's differences and the study's, where its people are simulated.
-        assumptions: Of a study in silico.
-        parameters: Of the simulated people, by section and name.
         sensitivity: Which directions hold when an assumption is changed.
         fingers: The contacts that Fig 3 shows.
         outcomes: Each outcome's difference between the first two conditions, over people.

@@ -50,25 +50,25 @@ def _of_a_person(parts: tuple[str, ...], person: str, things: dict[str, str]) ->
     """Return a file's name and its ending: entities in the order of BIDS, then what kind of file it is."""
     *folders, last = parts
     stem, dot, ending = last.rpartition(".") if "." in last[1:] else (last, "", "")
-    entities = [f"sub-{_label(person)}", _SESSION]
+    entities = [f"sub-{label(person)}", _SESSION]
     trial = next((t for part in (*folders, stem) if (t := _TRIAL.match(part, len(person)))), None)
     if trial is not None and (thing := things.get(f"{person}-t{trial[1]}")) is not None:
-        entities.append(f"task-{_label(thing)}")
+        entities.append(f"task-{label(thing)}")
         if trial[2] is not None:
             entities.append(f"acq-a{int(trial[2])}")
         entities.append(f"run-{int(trial[1]):02d}")
     # What says neither whose nor which trial says what it is.
     more = [part.removeprefix(person) for part in (*folders, stem) if part != person]
-    kinds = [label for part in more if (label := _label(_TRIAL.sub("", part, count=1)))]
+    kinds = [name for part in more if (name := label(_TRIAL.sub("", part, count=1)))]
     *where, kind = kinds or ["file"]
     if len(where) > 1:  # the first is the folder of all files of a kind, such as sessions
         entities.append(f"desc-{''.join(where[1:])}")
     elif where and kind.isdigit():
         kind = where[0] + kind
     folder = f"{entities[0]}/{_SESSION}/beh"
-    return f"{folder}/{'_'.join([*entities, kind])}", f".{_label(ending)}" if dot and _label(ending) else ""
+    return f"{folder}/{'_'.join([*entities, kind])}", f".{label(ending)}" if dot and label(ending) else ""
 
 
-def _label(text: str) -> str:
+def label(text: str) -> str:
     """Return a text as BIDS wants labels: letters and digits alone."""
     return re.sub(r"[^A-Za-z0-9]", "", text)

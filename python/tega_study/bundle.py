@@ -71,10 +71,7 @@ class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     """Manifest of a bundle, ``manifest.json``.
 
     Attributes:
-        participant: Anonymous id.
         rehearsed: Whether the session, or a part of it, did not run in the lab.
-        written_by: Versions of TEGA, Python and packages.
-        trials: Their outcome when the bundle was written.
         files: All but the manifest.
     """
 

@@ -25,16 +25,12 @@ class Test(msgspec.Struct, frozen=True, kw_only=True):
     """One row of the table of tests.
 
     Attributes:
-        metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
-        level: Level of the claim that the row supports.
         test: Its name, with how p was got.
         n: Trials under the first and the second condition.
-        statistic: As the test defines it.
         p: Two-sided; ``None`` where the data allow no test, or p-values are withheld.
         p_holm: Corrected over the family that the plan names.
         p_exact: Given the ties that are there.
         effect: First condition against the second; ``low`` and ``high`` are its 95 % interval.
-        note: Caveats for the reader.
     """
 
     __test__ = False  # it is no class of tests for pytest

@@ -79,12 +79,7 @@ def dispersion(counts: ArrayLike) -> float:
 
 
 def adjusted_ratio(
-    values: ArrayLike,
-    haptic: ArrayLike,
-    place: ArrayLike,
-    person: ArrayLike,
-    *,
-    counts: bool,
+    values: ArrayLike, haptic: ArrayLike, place: ArrayLike, person: ArrayLike, *, counts: bool
 ) -> Ratio | None:
     """Compare conditions by regression, with what drifts over the session taken out.
 

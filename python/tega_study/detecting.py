@@ -62,10 +62,7 @@ def read_detected(folder: Path, participant: str) -> list[JournalEvent]:
 
 
 def events_of(
-    touch: Sequence[TouchRow],
-    hand: Sequence[HandRow],
-    *,
-    live: bool = False,
+    touch: Sequence[TouchRow], hand: Sequence[HandRow], *, live: bool = False
 ) -> list[DetectedEvent]:
     """Find the events of a trial; ``live``: only those that could be known at the time, as in the run."""
     detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)

@@ -33,10 +33,8 @@ class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     """Properties of an object; ``None`` for those not measured.
 
     Attributes:
-        mass_g: As it is lifted.
         stiffness_n_per_mm: Force over indentation where it is grasped.
         friction: Coefficient of static friction against the fingertips' gel.
-        measured: How these were measured, in words.
         photo: Below the study's folder, such as ``objects/bag.jpg``.
     """
 

@@ -11,9 +11,15 @@ from typing import TYPE_CHECKING, Final
 from tega.errors import InvalidValueError, MissingExtraError
 from tega.runtime.files.whole_file import write_whole
 from tega_study.analyse import Analysis
-from tega_study.cells import Cell
 from tega_study.compare import SMALLEST_FOR_P, Test
-from tega_study.difference import PAPER_OBJECTS, PAPER_SETUP, PAPER_TABLE_1, Direction, OutcomeDifference
+from tega_study.difference import (
+    PAPER_OBJECTS,
+    PAPER_SETUP,
+    PAPER_TABLE_1,
+    Cell,
+    Direction,
+    OutcomeDifference,
+)
 from tega_study.figures import p_text
 from tega_study.lead.questions import QUESTIONS
 from tega_study.plan import read_plan

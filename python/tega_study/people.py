@@ -28,7 +28,6 @@ class Ratio(NamedTuple):
     Attributes:
         ratio: Below 1 where the first condition has less.
         low: Lower end of the 95 % interval.
-        t: t of the logarithm against 0.
         df: Degrees of freedom: people less one.
         p: Two-sided.
     """

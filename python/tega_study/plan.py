@@ -53,7 +53,6 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
             level.
         conditions: Vest conditions; the first two are compared, the second is the reference.
         trials: Per person, object and condition.
-        layout: How conditions follow one another, see :func:`tega_study.order.lay_out`.
         rest_s: Between two trials (the paper's minute).
         change_rest_s: Where the condition changes.
         long_rest_s: After every ``long_rest_every`` trials.
@@ -64,9 +63,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
             has measured the trial.
         alpha: Two-sided level of the tests.
         family: The tests that are corrected together, ``metric:object``.
-        probe: Whether a beep now and then is to be answered in every trial (dual task).
         seed: Of all orders; absent in an anonymised copy.
-        plan_sha256: Of ``plan.csv``.
         behaviours: What raters code besides lift-off, slip, deformation and drop.
     """
 
@@ -95,7 +92,6 @@ class PlannedTrial(msgspec.Struct, frozen=True):
     """A row of ``plan.csv``.
 
     Attributes:
-        participant: Anonymous id, such as ``p01``.
         trial: Number within the person, from 1; so is ``block``.
         repeat: Number among those of the same object and condition, from 1.
         rest_s: Before it.

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-from tega_study.cells import Cell
 from tega_study.compare import people_p
+from tega_study.difference import Cell
 from tega_study.rank import holm
 
 
@@ -227,9 +227,7 @@ class Planner(msgspec.Struct, frozen=True, kw_only=True):
     """Number of people a next study needs to find an effect on slips or deformations as large as this one's.
 
     Attributes:
-        metric: ``slips`` or ``deformations``.
         mean: Under the first condition; ``reference`` is under the second.
-        spread: Name in :data:`tega_study.power.SPREADS`.
         least: Fewest people with whom the test can be significant; ``None`` for more than are tried.
         people: For 80 % power of the report's test over people, corrected over the plan's family; ``None``
             for more than :data:`tega_study.power.MOST_PEOPLE`.
@@ -249,12 +247,7 @@ class Planner(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def next_study(
-    cells: Sequence[Cell],
-    family: Sequence[str],
-    conditions: tuple[str, str],
-    *,
-    trials: int,
-    alpha: float,
+    cells: Sequence[Cell], family: Sequence[str], conditions: tuple[str, str], *, trials: int, alpha: float
 ) -> tuple[Planner, ...]:
     """Return sample sizes for the next study, a row for each differing count of the family and each spread.
 

@@ -38,7 +38,6 @@ class Withdrawal(NamedTuple):
     """Files deleted, changed and left by a withdrawal.
 
     Attributes:
-        deleted: Files, folders and links of the study's folder.
         changed: BORIS projects that the person's observations were taken out of.
         left: Paths to check by hand: targets of links, files that the program made of the person elsewhere,
             and other people's files that bear the person's ID.

@@ -34,7 +34,6 @@ class MannWhitney(NamedTuple):
         p_conditional: Exact given the ties; ``None`` for large groups. Equals ``p`` without ties.
         a: Share of pairs in which the first group is larger, ties as halves (Vargha and Delaney's A).
         rank_biserial: ``2 a - 1``; positive where the first group is larger.
-        low: Lower end of its confidence interval.
     """
 
     u: float

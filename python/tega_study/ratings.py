@@ -22,7 +22,6 @@ class RatingUse(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         item: The question; :data:`RAW_TLX` for the mean of the six scales, of blocks that have all of them.
-        people: Who answered.
         median: Over people, 0 to 100.
         low: Smallest of a person; ``high`` is the largest.
     """
@@ -76,8 +75,6 @@ class ProbeUse(msgspec.Struct, frozen=True, kw_only=True):
     """Answers to the beeps under a condition, a mean for each person first.
 
     Attributes:
-        people: With at least one beep.
-        beeps: How many counted.
         answered: Share of them that was answered, mean over people.
         answered_low: Smallest of a person.
         reaction_s: Median over people of each one's mean reaction time; ``None`` without any answer.

@@ -229,8 +229,6 @@ class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
     """One fingertip's contact.
 
     Attributes:
-        preset: Readings.
-        cci: Contact concentration (Eq 6).
         eda: Contact area, pixels (Eq 4).
         cci_norm: Share of the calibrated press, at most 1; ``None`` where there is none; ``eda_norm`` too.
         peak_x: Peak, pixels; so is ``peak_y``.

@@ -29,17 +29,14 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         id: Such as ``p01-t07``, or file and line of a bench's results.
-        participant: Anonymous id.
         trial: Number within the person.
         repeat: Its number among those of the same person, object and condition.
-        condition: Vest condition.
         status: ``done`` and ``failed_task`` are data; the others are reported in the flow and left out of the
             statistics.
         success: Lifted, held and not dropped; as corrected, if it was.
         slips: After lift-off, as the paper counts them (reading A68).
         slips_before: Before lift-off.
         deformations: In the whole trial (reading A69).
-        drops: In the whole trial.
         duration_s: From the start to the end of the trial; ``None`` where it did not run to its end.
         lift_off_s: From the start.
         rater: The rater who counted slips, deformations and drops at a separate console; empty if the
@@ -48,7 +45,6 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         redone: Why an attempt that had taken place does not count, as the experimenter reported; ``""`` where
             none.
         beeps: Of the second task, those that count; ``beeps_answered`` of them were answered in time.
-        false_answers: Presses that answered no beep.
         reaction_s: Median from beep to press; ``None`` where none was answered.
         squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first;
             ``None`` where there was none.

@@ -110,14 +110,7 @@ def run(
     plan.of(participant)
     with (
         _bench(
-            folder,
-            plan,
-            participant,
-            lab=lab,
-            emulated=emulated,
-            sets=sets,
-            preset=preset,
-            config=config,
+            folder, plan, participant, lab=lab, emulated=emulated, sets=sets, preset=preset, config=config
         ) as bench,
         CtrlC() as stop,
         desk_for(stop, alone=yes) as desk,

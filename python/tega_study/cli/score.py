@@ -179,10 +179,7 @@ def _reported(one: TrialEvents) -> str:
     help="Scene recording of the sessions, which shows the object in the clips; repeatable.",
 )  # fmt: skip
 @click.option(
-    "--take",
-    type=FILE,
-    metavar="FILE.boris",
-    help="BORIS project with the rater's codes to take in.",
+    "--take", type=FILE, metavar="FILE.boris", help="BORIS project with the rater's codes to take in."
 )
 @json_option
 def clips(

@@ -13,6 +13,7 @@ import tega
 from tega.errors import RecordingError
 from tega.recording.copies import NOTES, note_copy
 from tega.recording.origin import new_session
+from tega_study.bids_names import label
 from tega_study.emg_bids.signal import Gap, Muscles, columns_of, read_muscles, write_edf
 from tega_study.journal import JournalEvent, counting, events_path, read_events
 from tega_study.plan import read_plan
@@ -70,7 +71,7 @@ def export_bids(folder: Path, out: Path) -> BidsExport:
                 runs += written
                 in_lab = "no" if rehearsed(events) else "yes"
                 is_rehearsed |= rehearsed(events)
-                rows.append(f"sub-{_label(person)}\t{in_lab}\t{len(written)}")
+                rows.append(f"sub-{label(person)}\t{in_lab}\t{len(written)}")
         _check_some(runs)
         _head(out, rows, is_rehearsed=is_rehearsed)
     except BaseException:
@@ -95,14 +96,14 @@ def _run(
     if path is None or muscles is None:
         left_out.append(f"{trial.id}: its recording has no EMG")
         return None
-    where = out / f"sub-{_label(person)}" / "emg"
+    where = out / f"sub-{label(person)}" / "emg"
     where.mkdir(parents=True, exist_ok=True)
-    stem = f"sub-{_label(person)}_task-{_label(trial.object)}_run-{trial.trial:02d}"
+    stem = f"sub-{label(person)}_task-{label(trial.object)}_run-{trial.trial:02d}"
     file = where / f"{stem}_emg.edf"
     gaps = write_edf(file, muscles)
     _write_json(where / f"{stem}_emg.json", _sidecar(muscles, trial))
     _write_table(where / f"{stem}_channels.tsv", "name\ttype\tunits\tsampling_frequency", columns_of(muscles))
-    electrodes = where / f"sub-{_label(person)}_electrodes.tsv"
+    electrodes = where / f"sub-{label(person)}_electrodes.tsv"
     known = electrodes.read_text(encoding="utf-8").splitlines()[1:] if electrodes.is_file() else []
     rows = dict.fromkeys([*known, *(f"{name}\tn/a\tn/a" for name in muscles.names)])
     _write_table(electrodes, "name\tx\ty", list(rows))
@@ -134,7 +135,7 @@ def _events(
 
 def _sidecar(muscles: Muscles, trial: RecordedTrial) -> dict[str, Any]:
     return {
-        "TaskName": _label(trial.object),
+        "TaskName": label(trial.object),
         "TaskDescription": f"Grasp, lift and hold the object {trial.object!r} with a teleoperated hand.",
         "ManufacturersModelName": muscles.device or "n/a",
         "SoftwareVersions": f"TEGA {tega.__version__}",
@@ -184,8 +185,3 @@ def _write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def _write_table(path: Path, head: str, rows: Sequence[str]) -> None:
     path.write_text("".join(f"{row}\n" for row in (head, *rows)), encoding="utf-8")
-
-
-def _label(text: str) -> str:
-    """Return a text as BIDS wants labels: letters and digits alone."""
-    return re.sub(r"[^A-Za-z0-9]", "", text)

@@ -48,9 +48,7 @@ class Muscles(NamedTuple):
     Attributes:
         samples: float64 (samples, channels), in ``unit``; 0 where they were lost.
         unit: Such as ``uV``; ``n/a`` where the amplifier does not state it.
-        device: The amplifier in words.
         begin_ns: Time of the first sample, since the start of the session.
-        gaps: Samples that were lost.
     """
 
     samples: NDArray[np.float64]

@@ -76,13 +76,7 @@ class EpisodeJournal(JsonLines[EpisodeLine]):
         return sum(line.step == "begun" for line in self.entries)
 
     def add(
-        self,
-        step: EpisodeStep,
-        file: str,
-        task: str,
-        *,
-        duration_s: float | None = None,
-        why: str = "",
+        self, step: EpisodeStep, file: str, task: str, *, duration_s: float | None = None, why: str = ""
     ) -> EpisodeLine:
         """Add a line; when this returns it is on the disk. A discarded episode's recording is deleted first."""
         if step == "discarded":

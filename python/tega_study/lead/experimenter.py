@@ -29,10 +29,7 @@ class Screen(NamedTuple):
 
     Attributes:
         phase: In a word.
-        heading: Where in the session this is.
         big: The large line: a clock, or what to do.
-        keys: Keys and their descriptions.
-        wrong: Problems of the devices.
     """
 
     phase: str

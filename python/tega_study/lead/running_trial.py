@@ -106,8 +106,6 @@ class Going:
 
     Attributes:
         state: A description of the preparation, then ``armed``, then ``active``.
-        reason: Why, for the experimenter.
-        alerts: Present problems, one sentence each.
         started_ns: When the trial began, on the session's clock; ``None`` before.
         zero_ns: When the bench's own count of time began, on the session's clock; ``None`` before.
     """

@@ -8,6 +8,7 @@ that file allows leading. A session takes commands that come while it runs, and 
 from __future__ import annotations
 
 import time
+from operator import attrgetter
 from pathlib import Path
 from typing import Final, Literal
 
@@ -22,21 +23,19 @@ from tega_study.lead.experimenter import ENTER, Desk, Screen
 
 _REDRAW_S = 0.1
 _BOARD_S = 0.5
+_news = attrgetter("phase", "trial", "started_ns", "health", "n_told")
 
 
 class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
     """State of a session, for the observers' consoles; all times are on the session's clock.
 
     Attributes:
-        t_ns: When it was written.
         phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``task``, ``questions`` or
             ``over``.
         trial: Number of the trial that goes on or comes next; 0 for none.
         n_over: Trials that need nothing more.
         started_ns: When the running trial began; ``None`` where none runs.
         until_ns: When the rest or the window is over; ``None`` where nothing ends by itself.
-        window_s: Time in which the object has to be lifted.
-        says: Description of the preparation or of the wait.
         n_told: How many commands of other programs were taken.
         health: Problems of the devices, one sentence each.
     """
@@ -93,19 +92,7 @@ class Telling:
     def put(self, board: SessionBoard, *, at_once: bool = False) -> None:
         """Write the board on every change, and often enough to show that the session is led."""
         now_s, reported = time.monotonic(), self._reported
-        same = reported is not None and (
-            reported.phase,
-            reported.trial,
-            reported.started_ns,
-            reported.health,
-            reported.n_told,
-        ) == (
-            board.phase,
-            board.trial,
-            board.started_ns,
-            board.health,
-            board.n_told,
-        )
+        same = reported is not None and _news(reported) == _news(board)
         if same and not at_once and now_s - self._put_s < _BOARD_S:
             return
         self._reported, self._put_s = board, now_s

@@ -37,11 +37,9 @@ class Now(NamedTuple):
 
     Attributes:
         board: The session's newest board; ``None`` before it was first led.
-        led: Whether the session is led now.
         running: The trial that goes on, its attempt, and when it began on the session's clock; or ``None``.
         newest: The trial that goes on or was the last one, and its attempt; or ``None``.
         events: The rater's events of that trial, without undone ones.
-        following: The trial that comes next, as far as the board knows.
     """
 
     board: SessionBoard | None

@@ -74,8 +74,6 @@ class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         plan: Fingerprint of the study's plan.
-        proposed: Whether the rater is shown proposals.
-        clips: All of them, in the rater's order.
         left_out: Trials without a recording that can be shown, and why.
     """
 

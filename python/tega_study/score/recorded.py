@@ -33,7 +33,6 @@ class RecordedTrial(NamedTuple):
     """A trial with a recording, without its condition.
 
     Attributes:
-        id: Such as ``p01-t07``.
         trial: Its number in the plan, which is hidden from raters.
         start_ns: On the session's clock.
         zero_ns: The trial's start, counted from the recording's.

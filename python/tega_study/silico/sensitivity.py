@@ -54,7 +54,6 @@ class SensitivityRow(msgspec.Struct, frozen=True, kw_only=True):
         what: ``base``, a parameter's ``section.name``, ``arm`` or ``reading``.
         setting: Its value as text.
         end: Where the value lies: ``low`` or ``high`` for a parameter, else empty.
-        directions: Each of the paper's.
     """
 
     what: str

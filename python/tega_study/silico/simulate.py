@@ -18,13 +18,7 @@ from tega_sim.workers import over_cores
 from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
-from tega_study.silico.assumptions import (
-    PARAMETERS,
-    Assumptions,
-    assume,
-    assumption_files,
-    code_sha256,
-)
+from tega_study.silico.assumptions import PARAMETERS, Assumptions, assume, assumption_files, code_sha256
 from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_session
 from tega_study.state import derive
 
@@ -50,10 +44,9 @@ def run_sessions(
     if no scheduler answers or it has no worker. ``progress`` gets the number of finished trials, with
     ``dask`` after each session.
     """
-    total = sum(len(job.trials) for job in jobs)
     if not jobs:
         return
-    done = 0
+    total, done = sum(len(job.trials) for job in jobs), 0
     finished: Iterator[tuple[SessionJob, dict[str, bytes]]]
     with _watched(jobs, total, progress, on=not dask) as count:
         finished = (
