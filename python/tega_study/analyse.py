@@ -126,9 +126,9 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
     """
     plan, trials = study_trials(folder)
     settings, stay = plan.settings, staying(folder, plan)
-    complete = sum(
-        derive(plan.of(person), read_events(events_path(folder, person))).next is None for person in stay
-    )
+    sessions = {person: read_events(events_path(folder, person)) for person in stay}
+    complete = sum(derive(plan.of(person), events).next is None for person, events in sessions.items())
+    people_rehearsed = tuple(person for person, events in sessions.items() if rehearsed(events))
     planned = sum(len(plan.of(person)) for person in stay)
     status = _status(trials)
     if planned > len(trials):
@@ -157,7 +157,7 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
         assumptions=read_assumptions(folder),
         parameters=read_parameters(folder),
         object_facts=read_objects(folder),
-        rehearsed=_rehearsed(folder, stay) if not settings.simulated else (),
+        rehearsed=() if settings.simulated else people_rehearsed,
         counted_by=_counted_by(trials),
         unblinded=unblindings(folder),
     )
@@ -263,10 +263,6 @@ def analyse(
 def _need_trials(trials: Sequence[Trial]) -> None:
     if not any(trial.counts for trial in trials):
         raise RecordingError("there is no finished trial yet", "run some trials first")
-
-
-def _rehearsed(folder: Path, people: Sequence[str]) -> tuple[str, ...]:
-    return tuple(person for person in people if rehearsed(read_events(events_path(folder, person))))
 
 
 def _counted_by(trials: Sequence[Trial]) -> dict[str, int]:

@@ -162,11 +162,9 @@ def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str
         ):
             found = correlate(pose, touch)
             null = [r for r in others if not math.isnan(r)]
-            p = (
-                None
-                if not null or math.isnan(found.r)
-                else (1 + sum(r >= found.r for r in null)) / (1 + len(null))
-            )
+            p = None
+            if null and not math.isnan(found.r):
+                p = (1 + sum(r >= found.r for r in null)) / (1 + len(null))
             rows.append(
                 TrialCoupling(
                     trial=trial.id,

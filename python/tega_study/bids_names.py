@@ -8,16 +8,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from pathlib import PurePosixPath
-from typing import Final
 
 from tega_study.plan import StudyPlan
 from tega_study.privacy import own_name
 
-BIDS_NAME: Final = re.compile(
-    r"sub-(?P<sub>[A-Za-z0-9]+)/ses-01/beh/sub-(?P=sub)_ses-01"
-    r"(_task-[A-Za-z0-9]+(_acq-a[0-9]+)?_run-[0-9]{2,})?(_desc-[A-Za-z0-9]+)?_[A-Za-z0-9]+(\.[A-Za-z0-9]+)?"
-)
-"""Name of a person's file. Other files keep their path below ``sourcedata/``, which BIDS leaves free."""
 _SESSION = "ses-01"
 _TRIAL = re.compile(r"-t(\d+)(?:-a(\d+))?")
 

@@ -195,7 +195,10 @@ def _photos(folder: Path) -> set[str]:
 
 
 def _check_belongs(folder: Path, manifest: BundleManifest, source: str) -> None:
-    """Refuse a bundle with an unexpected file, because opened files are trusted like local recordings."""
+    """Refuse a bundle with an unexpected file, because opened files are trusted like local recordings.
+
+    Also one with another plan than the session's.
+    """
     photos = _photos(folder)
     for one in manifest.files:
         if one.path not in {*_OF_THE_STUDY, *photos} and not _belongs(Path(one.path), manifest.participant):
@@ -203,6 +206,8 @@ def _check_belongs(folder: Path, manifest: BundleManifest, source: str) -> None:
                 f"{source}: {one.path} is no file of a session",
                 "nothing was unpacked; ask for the bundle again",
             )
+    if read_plan(folder).settings.plan_sha256 != manifest.plan_sha256:
+        raise RecordingError(f"{source}: the plan is not the session's", "ask for the bundle again")
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
@@ -249,7 +254,7 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
             for one in manifest.files:
                 _unpack(packed, one, path_below(beside, one.path, subject="file", source=bundle.name), bundle)
             _check_belongs(beside, manifest, bundle.name)
-            trials = _work_out(beside, manifest, bundle)
+            trials = tuple(study_trials(beside)[1])
             beside.chmod(out.parent.stat().st_mode & 0o777)
             if out.exists():
                 out.rmdir()  # refuses if somebody has put something there meanwhile
@@ -327,9 +332,3 @@ def _unpack(packed: zipfile.ZipFile, one: BundledFile, path: Path, bundle: Path)
             f"{bundle.name}: {one.path} is not as it was written: another length or SHA-256",
             "nothing was unpacked; ask for the bundle again",
         )
-
-
-def _work_out(folder: Path, manifest: BundleManifest, bundle: Path) -> tuple[Trial, ...]:
-    if read_plan(folder).settings.plan_sha256 != manifest.plan_sha256:
-        raise RecordingError(f"{bundle.name}: the plan is not the session's", "ask for the bundle again")
-    return tuple(study_trials(folder)[1])

@@ -67,6 +67,11 @@ class _Data(NamedTuple):
     began_first: dict[str, bool]
 
     @property
+    def common(self) -> dict[str, Any]:
+        people = len(self.first.keys() | self.second.keys())
+        return {"metric": self.metric, "object": self.object, "people": people}
+
+    @property
     def both(self) -> list[str]:
         return [person for person in self.first if person in self.second]
 
@@ -112,11 +117,7 @@ def _data(trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str
 def _tests(data: _Data, *, crossed: bool) -> list[Test]:
     x, y = (_joined(side.values()) for side in (data.first, data.second))
     counted = data.metric != "duration_s"
-    common: dict[str, Any] = {
-        "metric": data.metric,
-        "object": data.object,
-        "people": len(data.first.keys() | data.second.keys()),
-    }
+    common = data.common
     ranks, moved = mann_whitney(x, y), shift(x, y)
     reach = f"{moved.low:g} to {moved.high:g}" if math.isfinite(moved.low) else "interval not estimable"
     note = f"A = {ranks.a:.3f}; median difference {moved.estimate:g} ({reach})"
@@ -142,11 +143,10 @@ def _tests(data: _Data, *, crossed: bool) -> list[Test]:
     if counted and sum(x) + sum(y) > 0 and len(x) == len(y):
         p, ratio, low, high = poisson_rates(int(sum(x)), int(sum(y)))
         text = f"totals {sum(x):g} and {sum(y):g}; too sure where variance over mean is above 1"
-        tests.append(
-            _row(
-                common, "these trials", "conditional Poisson", x, y, p=p, ratio=(ratio, low, high), note=text
-            )
+        found = _row(
+            common, "these trials", "conditional Poisson", x, y, p=p, ratio=(ratio, low, high), note=text
         )
+        tests.append(found)
     both = data.both
     common["people"] = len(both)
     if not both:
@@ -209,41 +209,24 @@ def _by_people(
         counts=counted,
     )
     if adjusted is not None:
-        family = "Poisson" if counted else "log-normal"
-        tests.append(
-            _row(
-                common,
-                "adjusted",
-                f"GEE, {family}, log of place in session",
-                x,
-                y,
-                p=adjusted.p if enough else None,
-                ratio=adjusted[:3],
-                statistic=adjusted.t,
-                note="sensitivity: learning taken out" + ("; " + few if few else ""),
-            )
-        )
+        name = f"GEE, {'Poisson' if counted else 'log-normal'}, log of place in session"
+        text = "sensitivity: learning taken out" + ("; " + few if few else "")
+        p, ratio = adjusted.p if enough else None, adjusted[:3]
+        tests.append(_row(common, "adjusted", name, x, y, p=p, ratio=ratio, statistic=adjusted.t, note=text))
     if crossed and (
         order := cross_over(first, second, [data.began_first.get(person, False) for person in both])
     ):
         text = f"period effect {order.period:.3g}" + ("" if counted else " (log)")
         row = _row(common, "cross-over", "Hills-Armitage", x, y, p=order.p, statistic=order.t, note=text)
-        tests.append(
-            msgspec.structs.replace(
-                row, effect_name="difference" + " of logs" * (not counted), effect=order.effect
-            )
-        )
+        name = "difference" if counted else "difference of logs"
+        tests.append(msgspec.structs.replace(row, effect_name=name, effect=order.effect))
     return tests
 
 
 def _success(data: _Data) -> list[Test]:
     x, y = (_joined(side.values()) for side in (data.first, data.second))
     found = shares(int(sum(x)), len(x), int(sum(y)), len(y))
-    common: dict[str, Any] = {
-        "metric": data.metric,
-        "object": data.object,
-        "people": len(data.first.keys() | data.second.keys()),
-    }
+    common = data.common
     tests = [
         Test(
             **common,

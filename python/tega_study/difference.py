@@ -34,17 +34,6 @@ PAPER_TABLE_1 = {
     },
 }
 
-PAPER_P = {
-    "duration_s:bottle": 0.014,
-    "duration_s:container": 0.763,
-    "duration_s:bag": 0.017,
-    "slips:bottle": 0.001,  # printed as at most this, like the next
-    "slips:container": 0.001,
-    "slips:bag": 0.398,
-    "deformations:bag": 0.030,
-}
-"""Uncorrected, as printed."""
-
 PAPER_SETUP = {
     "objects": "a bottle (rigid, heavy), a box of wipes (medium), a bag of bread (light, soft)",
     "trials": "ten trials for each object and condition; success is printed as a count of five",

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from tega.errors import InvalidValueError
 from tega.runtime.files.plain_name import plain_name
 from tega_study.journal import JournalEvent, events_path, read_events
 
@@ -27,6 +28,12 @@ def observer_path(folder: Path, participant: str, rater: str) -> Path:
     """Return where a rater's events of a session are."""
     plain_name(rater, subject="rater", source=folder.name)
     return events_path(folder, participant).parent / "observers" / f"{rater}.jsonl"
+
+
+def check_new(folder: Path, participant: str, rater: str) -> None:
+    """Raise ``InvalidValueError`` for a rater who has a file of a session."""
+    if observer_path(folder, participant, rater).exists():
+        raise InvalidValueError(f"{rater} has scored {participant} already", "give another --rater")
 
 
 def read_observers(folder: Path, participant: str) -> dict[str, list[JournalEvent]]:

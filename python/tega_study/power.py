@@ -82,10 +82,8 @@ def least_people(metric: str, *, tests: int, alpha: float = 0.05) -> int | None:
     """Return the fewest people with whom a test can be significant at all, however large the effect.
 
     The report's test is run on the most extreme data: every person differs in the same direction. The other tests of
-    the family are taken to find nothing, so that the correction is the strongest.
-
-    Returns:
-        ``None`` if :data:`MOST_PEOPLE` are too few.
+    the family are taken to find nothing, so that the correction is the strongest. ``None`` if
+    :data:`MOST_PEOPLE` are too few.
 
     Example:
         >>> least_people("slips", tests=7)

@@ -81,7 +81,8 @@ def write_report(source: Path, out: Path | None = None, *, unblind: bool = False
     folder = out or (source if source.is_dir() else source.parent)
     folder.mkdir(parents=True, exist_ok=True)
     tables = folder / "report"
-    if tables.is_symlink() or (tables.exists() and not _is_report(tables)):
+    is_report = all((tables / name).is_file() for name in ("analysis.json", "provenance.csv"))
+    if tables.is_symlink() or (tables.exists() and not is_report):
         raise InvalidValueError(f"{tables}: is there, and is no report", "name another folder with --out")
     beside = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
     try:
@@ -104,10 +105,6 @@ def write_report(source: Path, out: Path | None = None, *, unblind: bool = False
         shutil.rmtree(beside, ignore_errors=True)
         raise
     return Report(folder / "report.html", tables, analysis)
-
-
-def _is_report(folder: Path) -> bool:
-    return all((folder / name).is_file() for name in ("analysis.json", "provenance.csv"))
 
 
 def _keep_others(old: Path, new: Path) -> None:

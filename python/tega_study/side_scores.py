@@ -76,13 +76,9 @@ def beep_sentence(events: Sequence[JournalEvent], end_ns: int) -> str:
 
 
 def beep_times(trial: PlannedTrial, attempt: int, *, seed: int, until_s: float) -> list[float]:
-    """Draw when beeps come in an attempt, seconds from its start.
+    """Draw when beeps come in an attempt of a trial, seconds from its start; none later than ``until_s``.
 
-    Args:
-        trial: Which.
-        attempt: Its attempt; the second has other times.
-        seed: Seed of the plan.
-        until_s: No beep comes later.
+    ``seed`` is the plan's; a second attempt has other times.
 
     Example:
         >>> bag = PlannedTrial("p01", 7, 1, "bag", "haptic", 1, 60.0)

@@ -22,13 +22,20 @@ from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.merge import merge_sessions
 from tega.recording.trim import trim_session
-from tega_study.bids_names import BIDS_NAME, bids_names
+from tega_study.bids_names import bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle
 from tega_study.journal import Journal, events_path
 from tega_study.observers import observer_path
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
 from tega_study.trials import study_trials
+
+BIDS_NAME = re.compile(
+    r"sub-(?P<sub>[A-Za-z0-9]+)/ses-01/beh/sub-(?P=sub)_ses-01"
+    r"(_task-[A-Za-z0-9]+(_acq-a[0-9]+)?_run-[0-9]{2,})?(_desc-[A-Za-z0-9]+)?_[A-Za-z0-9]+(\.[A-Za-z0-9]+)?"
+)
+# Name of a person's file; other files keep their path below sourcedata/, which BIDS leaves free.
+
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "1-paper.mcap.xz"
 RECORDING = "recordings/p01/p01-t01-a1/trial-001.mcap"

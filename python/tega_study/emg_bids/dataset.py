@@ -72,19 +72,11 @@ def export_bids(folder: Path, out: Path) -> BidsExport:
                 in_lab = "no" if rehearsed(events) else "yes"
                 is_rehearsed |= rehearsed(events)
                 rows.append(f"sub-{label(person)}\t{in_lab}\t{len(written)}")
-        _check_some(runs)
         _head(out, rows, is_rehearsed=is_rehearsed)
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)
         raise
     return BidsExport(tuple(row.partition("\t")[0] for row in rows), tuple(runs), tuple(left_out))
-
-
-def _check_some(runs: Sequence[Path]) -> None:
-    if not runs:
-        raise RecordingError(
-            "no muscle signals: no recorded trial that counts has EMG", "run the study with recordings"
-        )
 
 
 def _run(
@@ -152,7 +144,11 @@ def _sidecar(muscles: Muscles, trial: RecordedTrial) -> dict[str, Any]:
 
 
 def _head(out: Path, rows: Sequence[str], *, is_rehearsed: bool) -> None:
-    """Write the files of the whole data set."""
+    """Write the files of the whole data set; ``RecordingError`` without any rows of people."""
+    if not rows:
+        raise RecordingError(
+            "no muscle signals: no recorded trial that counts has EMG", "run the study with recordings"
+        )
     name = "Rehearsal with TEGA, not data of people" if is_rehearsed else "Study with TEGA"
     _write_json(
         out / "dataset_description.json",

@@ -93,10 +93,7 @@ QUESTIONS: tuple[Question, ...] = TLX + COMFORT
 
 
 def answer_of(key: str) -> float | None:
-    """Read an answer: ``a`` to ``u`` for 0 to 100 in steps of 5, or ``-`` to pass over the question.
-
-    Raises:
-        ValueError: It is neither.
+    """Read an answer: ``a`` to ``u`` for 0 to 100 in steps of 5, or ``-`` to pass over; else ``ValueError``.
 
     Example:
         >>> answer_of("a"), answer_of("h"), answer_of("u"), answer_of("-")
@@ -193,7 +190,10 @@ class BlockQuestions:
             return Screen("questions", self._heading, "questions", lines, [("Enter", "begin")])
         back = [("Backspace", "take the last answer back")] if answers else []
         if requested is None:
-            texts = [_short(event) for event in answers]
+            texts = [
+                f"{e.item.partition('.')[2]} {'passed over' if e.value is None else f'{e.value:g}'}"
+                for e in answers
+            ]
             lines = [", ".join(texts[n : n + 4]) for n in range(0, len(texts), 4)]
             return Screen("questions", self._heading, "all answered", lines, [("Enter", "keep"), *back])
         pairs = [f"{key} {STEP * n}" for n, key in enumerate(KEYS)]
@@ -202,8 +202,3 @@ class BlockQuestions:
         where = f"{self._heading} · question {QUESTIONS.index(requested) + 1} of {len(QUESTIONS)}"
         keys = [(f"{KEYS[0]} … {KEYS[-1]}", "0 … 100"), (PASS, "pass over"), *back]
         return Screen("questions", where, requested.title, [requested.text, ends, *scale], keys)
-
-
-def _short(event: JournalEvent) -> str:
-    message = "passed over" if event.value is None else f"{event.value:g}"
-    return f"{event.item.partition('.')[2]} {message}"

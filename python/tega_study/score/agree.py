@@ -65,8 +65,7 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
 def match_events(a: Sequence[float], b: Sequence[float], *, tolerance_s: float) -> list[tuple[int, int]]:
     """Pair events one to one: as many pairs as there can be, and among these the least time apart.
 
-    Returns:
-        Places in both, in the order of the first.
+    Places in both, in the order of the first.
 
     Example:
         >>> match_events([1.0, 1.4], [1.35, 1.9], tolerance_s=0.5)

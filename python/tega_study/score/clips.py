@@ -25,7 +25,7 @@ from tega.runtime.files.whole_file import write_whole
 from tega_scene.own_film import filmed_cameras, own_recording
 from tega_study.detecting import DETECTOR, read_detected
 from tega_study.journal import counting, events_path, read_events
-from tega_study.observers import observer_path
+from tega_study.observers import check_new
 from tega_study.order import shuffled
 from tega_study.plan import read_plan
 from tega_study.privacy import note_elsewhere
@@ -175,8 +175,7 @@ def _displayed(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]
     for person in staying(folder, plan):
         if not events_path(folder, person).exists():
             continue
-        if observer_path(folder, person, rater).exists():
-            raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")
+        check_new(folder, person, rater)
         trials, unseen = recorded_trials(folder, person)
         found += [(person, trial) for trial in trials]
         left_out += unseen

@@ -84,19 +84,11 @@ def run_sensitivity(
 ) -> list[str]:
     """Run the small studies that are not finished; return the names of the changes left to other shards.
 
-    Args:
-        folder: A study in silico, not changed itself; its seed, objects and parameter file are used.
-        operators: People in each small study.
-        trials: Per person, object and condition.
-        varied: Parameters, ``section.name``; the arms and the printed readings come always, and first.
-        jobs: Worker processes; 0 for as many as there are cores.
-        shard: ``(i, n)``: only the i-th of n parts of the changes, from 1.
-        dask: Address of a dask scheduler.
-        progress: Called with the number of finished trials.
-
-    Raises:
-        ConfigError: A parameter is not known.
-        InvalidValueError: A change was begun before with other people or trials.
+    ``folder`` has a study in silico, not changed itself; its seed, objects and parameter file are used.
+    ``trials`` are per person, object and condition. ``varied`` are parameters, ``section.name``; the arms and
+    the printed readings come always, and first. ``jobs``, ``shard``, ``dask`` and ``progress`` are those of
+    :func:`tega_study.silico.simulate.simulate`. Raises ``ConfigError`` if a parameter is not known,
+    ``InvalidValueError`` if a change was begun before with other people or trials.
     """
     stated = read_assumptions(folder)
     if stated is None:

@@ -57,14 +57,9 @@ class SessionJob(NamedTuple):
 
 
 def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes]:
-    """Run a session from its start.
+    """Run a session from its start; return the files, by path in the study's folder.
 
-    Args:
-        job: Which.
-        scratch: Folder to work in, which can be watched; its content is deleted. ``None`` uses a temporary one.
-
-    Returns:
-        The files, by path in the study's folder.
+    ``scratch`` is the folder to work in, which can be watched; its content is deleted. ``None`` uses a temporary one.
     """
     if scratch is None:
         with tempfile.TemporaryDirectory() as made:
