@@ -16,7 +16,6 @@ from tega_study.compare import Test, compare
 from tega_study.coupling import TouchCourse, read_course
 from tega_study.difference import Cell, Direction, OutcomeDifference, cells_of, directions, outcomes
 from tega_study.journal import events_path, read_events
-from tega_study.objects import ObjectFacts, read_objects
 from tega_study.plan import default_family
 from tega_study.power import Planner, next_study
 from tega_study.ratings import ProbeUse, RatingUse, probe_uses, ratings
@@ -25,7 +24,7 @@ from tega_study.score.agree import Agreement
 from tega_study.silico.assumptions import Assumptions, read_assumptions, read_parameters
 from tega_study.silico.sensitivity import SensitivityRow, read_sensitivity
 from tega_study.state import derive, rehearsed
-from tega_study.study_notes import note_unblinding, staying, unblindings
+from tega_study.study_notes import ObjectFacts, note_unblinding, read_objects, staying, unblindings
 from tega_study.touch_picture import FingerPicture, FingerRow, finger_rows, pictures_of
 from tega_study.trials import Trial, bench_trials, course_path, study_trials
 

@@ -26,15 +26,14 @@ from tega.runtime.files.foreign_file import MIB, check_file, parse_json, reports
 from tega.runtime.files.lock import LOCK_SUFFIX
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.files.whole_file import new_file
-from tega_study.bids_names import bids_names
+from tega_study.emg_bids.dataset import bids_names
 from tega_study.journal import events_path, read_events
 from tega_study.lead.tell import board_path
-from tega_study.objects import OBJECTS, read_objects
 from tega_study.plan import read_plan
 from tega_study.privacy import ELSEWHERE, REPORTS, check_not_led, note_elsewhere, own_name
 from tega_study.silico.assumptions import PARAMETERS, SIMULATION
 from tega_study.state import rehearsed
-from tega_study.study_notes import JOURNAL, withdrawn_ids
+from tega_study.study_notes import JOURNAL, OBJECTS, read_objects, withdrawn_ids
 from tega_study.trials import Trial, study_trials
 
 MANIFEST: Final = "manifest.json"
@@ -112,7 +111,7 @@ def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = Fals
 
     Muscle signals are in it, and can identify the person. ``out`` must be new and outside of the study's
     folder; its place is noted, for a withdrawal. ``bids`` names the files in it as BIDS does
-    (:mod:`tega_study.bids_names`); opened, they have their own names again. A person without a session, or
+    (:mod:`tega_study.emg_bids.dataset`); opened, they have their own names again. A person without a session, or
     who has withdrawn, is a ``RecordingError``; a session that is open in another program is a
     ``DeviceUnavailableError``.
     """

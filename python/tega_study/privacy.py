@@ -22,10 +22,18 @@ from tega.recording.copies import NOTES
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import open_to_append, write_whole
 from tega_study.journal import Journal, JournalEvent, events_path, read_events
-from tega_study.objects import OBJECTS, objects_text, read_objects
 from tega_study.observers import CAMERA, PART, measured_path, observer_path, read_measured, read_observers
 from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
-from tega_study.study_notes import WITHDRAWN, copy_unblindings, lines_of, staying, withdrawn_ids
+from tega_study.study_notes import (
+    OBJECTS,
+    WITHDRAWN,
+    copy_unblindings,
+    lines_of,
+    objects_text,
+    read_objects,
+    staying,
+    withdrawn_ids,
+)
 
 ELSEWHERE = NOTES
 REPORTS = ("report", "report.html")

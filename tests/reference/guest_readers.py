@@ -45,10 +45,10 @@ from tega_study.coupling import TouchCourse, read_course, write_course
 from tega_study.episodes.journal import EpisodeLine, read_episodes
 from tega_study.journal import Journal, events_path, read_events
 from tega_study.lead.tell import CommandFile, SessionBoard, read_board
-from tega_study.objects import read_objects
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import clips, recorded
 from tega_study.silico.assumptions import read_assumptions, read_parameters
+from tega_study.study_notes import read_objects
 from tega_study.touch_picture import read_touch_picture
 
 _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)

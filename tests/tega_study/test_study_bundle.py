@@ -22,8 +22,8 @@ from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.merge import merge_sessions
 from tega.recording.trim import trim_session
-from tega_study.bids_names import bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle
+from tega_study.emg_bids.dataset import bids_names
 from tega_study.journal import Journal, events_path
 from tega_study.observers import observer_path
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan

@@ -187,7 +187,7 @@ def object_(
     """
     import msgspec
 
-    from tega_study.objects import note_object
+    from tega_study.study_notes import note_object
 
     given: dict[str, Any] = {
         "mass_g": mass_g,

@@ -1,22 +1,26 @@
-"""Write the muscle signals of all people of a study as one BIDS data set: EDF+, channels, electrodes, events."""
+"""Write the muscle signals of a study as one BIDS data set: EDF+, channels, electrodes, events; or name its files so.
+
+In a bundle only the names follow BIDS: ``sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a1_run-07_touch.csv``. Those
+files have TEGA's own formats, so they are no BIDS data set.
+"""
 
 from __future__ import annotations
 
 import json
 import re
 import shutil
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path, PurePosixPath
 from typing import Any, Final, NamedTuple
 
 import tega
 from tega.errors import RecordingError
 from tega.recording.copies import NOTES, note_copy
 from tega.recording.origin import new_session
-from tega_study.bids_names import label
 from tega_study.emg_bids.signal import Gap, Muscles, columns_of, read_muscles, write_edf
 from tega_study.journal import JournalEvent, counting, events_path, read_events
-from tega_study.plan import read_plan
+from tega_study.plan import StudyPlan, read_plan
+from tega_study.privacy import own_name
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.state import rehearsed
 from tega_study.study_notes import staying
@@ -181,3 +185,59 @@ def _write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def _write_table(path: Path, head: str, rows: Sequence[str]) -> None:
     path.write_text("".join(f"{row}\n" for row in (head, *rows)), encoding="utf-8")
+
+
+_SESSION = "ses-01"
+_TRIAL = re.compile(r"-t(\d+)(?:-a(\d+))?")
+
+
+def bids_names(paths: Iterable[str], plan: StudyPlan) -> dict[str, str]:
+    """Return a name for each file, no two alike where capitals do not count.
+
+    ``paths`` are relative to the study's folder, with ``/`` as separator. The plan has the people, and the
+    object of each trial.
+    """
+    own = {person: own_name(person) for person in plan.participants}
+    things = {trial.id: trial.object for trial in plan.trials}
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for path in sorted(paths):
+        parts = PurePosixPath(path).parts
+        person = next((who for who, mine in own.items() if any(map(mine.fullmatch, parts))), None)
+        stem, ending = f"sourcedata/{path}", ""
+        if person is not None:
+            stem, ending = _of_a_person(parts, person, things)
+        name, n = f"{stem}{ending}", 2
+        while name.casefold() in taken:
+            name, n = f"{stem}{n}{ending}", n + 1
+        taken.add(name.casefold())
+        found[path] = name
+    return found
+
+
+def _of_a_person(parts: tuple[str, ...], person: str, things: dict[str, str]) -> tuple[str, str]:
+    """Return a file's name and its ending: entities in the order of BIDS, then what kind of file it is."""
+    *folders, last = parts
+    stem, dot, ending = last.rpartition(".") if "." in last[1:] else (last, "", "")
+    entities = [f"sub-{label(person)}", _SESSION]
+    trial = next((t for part in (*folders, stem) if (t := _TRIAL.match(part, len(person)))), None)
+    if trial is not None and (thing := things.get(f"{person}-t{trial[1]}")) is not None:
+        entities.append(f"task-{label(thing)}")
+        if trial[2] is not None:
+            entities.append(f"acq-a{int(trial[2])}")
+        entities.append(f"run-{int(trial[1]):02d}")
+    # What says neither whose nor which trial says what it is.
+    more = [part.removeprefix(person) for part in (*folders, stem) if part != person]
+    kinds = [name for part in more if (name := label(_TRIAL.sub("", part, count=1)))]
+    *where, kind = kinds or ["file"]
+    if len(where) > 1:  # the first is the folder of all files of a kind, such as sessions
+        entities.append(f"desc-{''.join(where[1:])}")
+    elif where and kind.isdigit():
+        kind = where[0] + kind
+    folder = f"{entities[0]}/{_SESSION}/beh"
+    return f"{folder}/{'_'.join([*entities, kind])}", f".{label(ending)}" if dot and label(ending) else ""
+
+
+def label(text: str) -> str:
+    """Return a text as BIDS wants labels: letters and digits alone."""
+    return re.sub(r"[^A-Za-z0-9]", "", text)

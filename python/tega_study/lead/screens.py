@@ -8,8 +8,7 @@ from typing import Any
 from tega.runtime.clock import Clock
 from tega_study.journal import WITH_DATA, Journal, JournalEvent, Kind, counting
 from tega_study.lead.benches import TrialBench
-from tega_study.lead.experimenter import Desk, Screen
-from tega_study.lead.keys import keys_of
+from tega_study.lead.experimenter import Desk, Screen, keys_of
 from tega_study.lead.rest_tasks import RunningTask
 from tega_study.lead.trial import EXPERIMENTER, LedTrial, undo_last
 from tega_study.side_scores import beep_sentence

@@ -11,8 +11,7 @@ from tega.errors import DeviceUnavailableError
 from tega.runtime.clock import Clock, SystemClock
 from tega_study.journal import Journal
 from tega_study.lead.benches import TrialBench
-from tega_study.lead.experimenter import ENTER, Desk
-from tega_study.lead.keys import check_answer_key, pedal_keys
+from tega_study.lead.experimenter import ENTER, Desk, check_answer_key, pedal_keys
 from tega_study.lead.questions import BlockQuestions, blocks_to_ask
 from tega_study.lead.rest_tasks import RestTask, RunningTask
 from tega_study.lead.screens import TrialBefore, doing, ended, running, waiting
@@ -69,7 +68,7 @@ def lead_session(
     """Lead a session, new or after a stop at any moment.
 
     Without ``clock`` it goes by the machine's monotonic one. ``pedals`` are the keys that foot pedals type,
-    see :func:`tega_study.lead.keys.pedal_keys`. It stops after so many ``trials``; ``None`` for all.
+    see :func:`tega_study.lead.experimenter.pedal_keys`. It stops after so many ``trials``; ``None`` for all.
     ``options`` are those of :class:`LeadOptions`.
 
     Raises:

@@ -15,7 +15,7 @@ from tega_study.attempt_rows import touch_path, write_hand, write_touch
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import WITH_DATA, Journal, JournalEvent, Kind, Status, counting
 from tega_study.lead.benches import TrialBench
-from tega_study.lead.keys import END
+from tega_study.lead.experimenter import END
 from tega_study.lead.running_trial import ARM, Going, in_thread
 from tega_study.masking_sound import Beeps
 from tega_study.plan import PlannedTrial
