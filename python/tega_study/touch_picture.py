@@ -84,21 +84,12 @@ def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
 
 def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
     """Return a frame with its measurements from the arrays of its file."""
-    numbers = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
+    numbers: dict[str, Any] = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
+    numbers["eda"] = int(numbers["eda"])
     x, y, peak_x, peak_y = (float(one) for one in file["places"])
-    contact = Contact(
-        finger=str(file["finger"]),
-        t_ns=0,
-        mass=numbers["mass"],
-        centroid_xy=(x, y),
-        spread=numbers["spread"],
-        threshold=numbers["threshold"],
-        eda=int(numbers["eda"]),
-        cci=numbers["cci"],
-        peak=numbers["peak"],
-        peak_xy=(int(peak_x), int(peak_y)),
-        in_contact=bool(file["in_contact"]),
-    )
+    places: dict[str, Any] = {"centroid_xy": (x, y), "peak_xy": (int(peak_x), int(peak_y))}
+    finger, touched = str(file["finger"]), bool(file["in_contact"])
+    contact = Contact(finger=finger, t_ns=0, in_contact=touched, **places, **numbers)
     if "mask" not in file:
         return TouchImage(frame, contact)
     touch_map = TouchMap(file["height"].astype(np.float32), str(file["unit"]), file["mask"].astype(np.bool_))

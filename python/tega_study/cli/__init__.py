@@ -19,25 +19,8 @@ def study() -> None:
     """Plan, lead, score and report a user study."""
 
 
-for _verb in (
-    plan,
-    object_,
-    forms,
-    run,
-    tell,
-    observe,
-    detect,
-    clips,
-    status,
-    score,
-    report,
-    withdraw,
-    export,
-    bundle,
-    open_,
-    sites,
-    power,
-    simulate,
-    sensitivity,
-):
+_LED = (plan, object_, forms, run, tell, observe, detect, clips, status)
+_DONE = (score, report, withdraw, export, bundle, open_, sites, power, simulate, sensitivity)
+
+for _verb in (*_LED, *_DONE):
     study.add_command(_verb)

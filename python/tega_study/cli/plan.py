@@ -34,10 +34,9 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--anyway", is_flag=True, help="Write a plan with too few people for a significant result.")
 @click.option(
-    "--behaviours",
-    type=NameList(),
+    "--behaviours", type=NameList(),
     help="Behaviours that raters code besides lift-off, slip, deformation and drop, such as regrasp,contact.",
-)
+)  # fmt: skip
 @click.option(
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )

@@ -89,10 +89,9 @@ def _export_bids(folder: Path, out: Path, *, as_json: bool) -> None:
 @participant_argument
 @click.argument("out", type=FILE)
 @click.option(
-    "--bids",
-    is_flag=True,
+    "--bids", is_flag=True,
     help="Name its files as BIDS does (sub-…_ses-…_task-…_run-…); study open undoes it.",
-)
+)  # fmt: skip
 @json_option
 def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bool) -> None:
     """Write a person's session as one ZIP file: plan, events, raters, recordings, versions and a hash of each file.
@@ -104,16 +103,9 @@ def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bo
     manifest, left_out = write_bundle(folder, participant, out, bids=bids)
     n_bytes = sum(one.n_bytes for one in manifest.files)
     if as_json:
-        echo_json(
-            {
-                "out": str(out),
-                "participant": participant,
-                "files": len(manifest.files),
-                "bytes": n_bytes,
-                "trials": len(manifest.trials),
-                "left_out": [str(path) for path in left_out],
-            }
-        )
+        counts = {"files": len(manifest.files), "bytes": n_bytes, "trials": len(manifest.trials)}
+        left = [str(path) for path in left_out]
+        echo_json({"out": str(out), "participant": participant, **counts, "left_out": left})
         return
     for path in left_out:
         click.echo(f"left out, a link or a name that other computers refuse: {path}", err=True)
@@ -138,17 +130,9 @@ def open_(*, bundle: Path, out: Path | None, as_json: bool) -> None:
     opened = open_bundle(bundle, folder)
     manifest, trials = opened.manifest, opened.trials
     if as_json:
-        echo_json(
-            {
-                "out": str(folder),
-                "participant": manifest.participant,
-                "files": len(manifest.files),
-                "trials": len(trials),
-                "same": opened.same,
-                "rehearsed": manifest.rehearsed,
-                "written_by": manifest.written_by,
-            }
-        )
+        head = {"out": str(folder), "participant": manifest.participant, "files": len(manifest.files)}
+        about = {"rehearsed": manifest.rehearsed, "written_by": manifest.written_by}
+        echo_json({**head, "trials": len(trials), "same": opened.same, **about})
     else:
         click.echo(
             f"{folder}: {manifest.participant}, {len(manifest.files)} files, every hash is right; written by TEGA "

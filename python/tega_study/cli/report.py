@@ -19,10 +19,9 @@ if TYPE_CHECKING:
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("--out", type=FOLDER, help="Folder for report.html and report/; the study's own unless given.")
 @click.option(
-    "--unblind",
-    is_flag=True,
+    "--unblind", is_flag=True,
     help="Compare conditions before the plan is complete; the study's journal and report keep that.",
-)
+)  # fmt: skip
 @json_option
 def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> None:
     """Analyse a study's folder, or a file of sim trials, and write one HTML page with tables and figures.
@@ -40,15 +39,9 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
         tests = [
             test for test in done.analysis.tests if f"{test.metric}:{test.object}" in done.analysis.family
         ]
-        echo_json(
-            {
-                "page": str(done.page),
-                "tables": str(done.tables),
-                "blind": done.analysis.blind,
-                "table1": [] if done.analysis.blind else table_1(done.analysis),
-                "tests": msgspec.to_builtins(tests),
-            }
-        )
+        first = [] if done.analysis.blind else table_1(done.analysis)
+        where = {"page": str(done.page), "tables": str(done.tables), "blind": done.analysis.blind}
+        echo_json({**where, "table1": first, "tests": msgspec.to_builtins(tests)})
         return
     _print(done.analysis)
     click.echo(f"{done.page}")
@@ -155,17 +148,8 @@ def power(*, slips: str, trials: int, tests: int, as_json: bool) -> None:
             }
         )
     if as_json:
-        echo_json(
-            {
-                "reference": reference,
-                "mean": mean,
-                "trials": trials,
-                "alpha": _ALPHA,
-                "tests": tests,
-                "least_people": least,
-                "rows": rows,
-            }
-        )
+        given = {"reference": reference, "mean": mean, "trials": trials, "alpha": _ALPHA, "tests": tests}
+        echo_json({**given, "least_people": least, "rows": rows})
         return
     click.echo(
         f"{reference:g} against {mean:g} per trial, {trials} trials per condition; sign-flips over people, "

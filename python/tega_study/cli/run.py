@@ -27,36 +27,28 @@ if TYPE_CHECKING:
 @folder_argument
 @participant_argument
 @click.option(
-    "--lab",
-    type=click.Path(path_type=Path),
-    metavar="LAB.toml",
+    "--lab", type=click.Path(path_type=Path), metavar="LAB.toml",
     help="Settings file of the lab's devices, as for run.",
-)
+)  # fmt: skip
 @click.option(
     "--emulated", is_flag=True, help="Run on emulated devices; only in a plan made with --simulated."
 )
 @click.option(
-    "--simulated",
-    is_flag=True,
+    "--simulated", is_flag=True,
     help="Run on the simulated bench, with a simulated participant; only in such a plan.",
-)
+)  # fmt: skip
 @click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="KEY=VALUE",
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
     help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout. Repeatable.",
-)
+)  # fmt: skip
 @click.option(
     "--config", type=FILE, metavar="LAB.toml",
     help="With --simulated: take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
 )  # fmt: skip
 @shown_option(
-    "--preset",
-    type=click.Choice(["paper", "live"]),
-    default="live",
+    "--preset", type=click.Choice(["paper", "live"]), default="live",
     help="Preset of the loop, with --simulated.",
-)
+)  # fmt: skip
 @shown_option(
     "--task", type=click.Choice(["lift", "place"]), default="lift",
     help="lift: a trial ends when the object is held up. place: it ends when the object is put down again (Enter).",
@@ -131,14 +123,8 @@ def run(
         click.echo(f"tega-teleop scene measure {folder} {participant} scores the trials by rule", err=True)
     if as_json:
         following = None if state.next is None else state.next[0]
-        echo_json(
-            {
-                "participant": participant,
-                "over": state.n_over,
-                "trials": len(plan.of(participant)),
-                "next": following,
-            }
-        )
+        n_trials = len(plan.of(participant))
+        echo_json({"participant": participant, "over": state.n_over, "trials": n_trials, "next": following})
 
 
 @contextmanager

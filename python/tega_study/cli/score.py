@@ -15,19 +15,9 @@ if TYPE_CHECKING:
 
 
 _COLUMNS = {
-    "event": "kind",
-    "first": "a",
-    "second": "b",
-    "trials": "trials",
-    "n first": "n_a",
-    "n second": "n_b",
-    "F1": "f1",
-    "chance": "chance_f1",
-    "delay s": "delay_s",
-    "kappa 1 s": "kappa",
-    "ICC": "icc",
-    "": "note",
-}
+    "event": "kind", "first": "a", "second": "b", "trials": "trials", "n first": "n_a", "n second": "n_b",
+    "F1": "f1", "chance": "chance_f1", "delay s": "delay_s", "kappa 1 s": "kappa", "ICC": "icc", "": "note",
+}  # fmt: skip
 """Attributes of an agreement in the printed table, by heading."""
 
 
@@ -39,11 +29,9 @@ _COLUMNS = {
 )  # fmt: skip
 @click.option("--boris", type=click.Path(path_type=Path), metavar="OUT.boris", help="Write a BORIS project.")
 @click.option(
-    "--elan",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
+    "--elan", type=click.Path(path_type=Path), metavar="FOLDER",
     help="Write an ELAN file for each trial into a new folder.",
-)
+)  # fmt: skip
 @click.option(
     "--import", "taken", type=click.Path(path_type=Path), metavar="FILE",
     help="Events to import: a BORIS project (.boris, .boris.gz), its tabular or aggregated events as TSV or CSV, or an "
@@ -113,10 +101,9 @@ def _cell(value: str | float | None) -> str:
 @folder_argument
 @click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
 @click.option(
-    "--live",
-    is_flag=True,
+    "--live", is_flag=True,
     help="Use only earlier data at each moment (causal), as event-gated feedback must.",
-)
+)  # fmt: skip
 @json_option
 def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:
     """Find lift-off and slip in the signals of the trials that were run.
@@ -170,10 +157,9 @@ def _reported(one: TrialEvents) -> str:
     "--rater", metavar="ID", required=True, help="Code of the rater who gets the clips; it must be new."
 )
 @click.option(
-    "--proposals",
-    is_flag=True,
+    "--proposals", is_flag=True,
     help="Put the events that rule and detector found into the project, for the rater to decide.",
-)
+)  # fmt: skip
 @click.option(
     "--scene", "scenes", multiple=True, type=FILE, metavar="SCENE.mcap",
     help="Scene recording of the sessions, which shows the object in the clips; repeatable.",

@@ -127,11 +127,9 @@ def simulate(
 )
 @trials_option(2)
 @click.option(
-    "--vary",
-    type=NameList(),
-    metavar="NAMES",
+    "--vary", type=NameList(), metavar="NAMES",
     help="Parameters such as vest.weber,motor.aim_sd; a set unless given.",
-)
+)  # fmt: skip
 @workers_options
 @json_option
 def sensitivity(*, folder: Path, vary: list[str] | None, as_json: bool, **requested: Any) -> None:

@@ -176,17 +176,9 @@ class Going:
             at_ns = contact.t_ns
             if self._newest_touch.get(finger) != at_ns >= self._view_zero_ns:
                 self._newest_touch[finger] = at_ns
-                self._touch.append(
-                    TouchRow(
-                        (at_ns - self._view_zero_ns) / 1e9,
-                        finger,
-                        int(contact.in_contact),
-                        contact.eda,
-                        contact.mass,
-                        contact.peak,
-                        *contact.centroid_xy,
-                    )
-                )
+                since_s, places = (at_ns - self._view_zero_ns) / 1e9, contact.centroid_xy
+                seen = int(contact.in_contact), contact.eda, contact.mass, contact.peak
+                self._touch.append(TouchRow(since_s, finger, *seen, *places))
         row = self._hand_row(t_s, view)
         self._hand.append(row)
         fresh_ns = view.t_ns - round(SETTINGS.stale_s * 1e9)

@@ -153,13 +153,9 @@ class Observing:
             )
         if end is not None and self._of(mine, "trial_end", *key) is None:
             away = any(event.kind == "session_start" for event in mine[saw.n :])
+            text = PART if away or saw.text else WHOLE
             self.journal.add(
-                "trial_end",
-                t_ns=end.t_ns,
-                trial=key[0],
-                attempt=key[1],
-                source=self.rater,
-                text=PART if away or saw.text else WHOLE,
+                "trial_end", t_ns=end.t_ns, trial=key[0], attempt=key[1], source=self.rater, text=text
             )
 
     @staticmethod
