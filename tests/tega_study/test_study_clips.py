@@ -27,7 +27,7 @@ from tega.records import Picture
 from tega.runtime.files.boris import read_boris
 from tega_study.detecting import DETECTOR, detected_path
 from tega_study.journal import Journal, events_path, read_events
-from tega_study.observe import Observing
+from tega_study.observe.observing import Observing
 from tega_study.observers import observer_path, read_observers, saw_whole
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw

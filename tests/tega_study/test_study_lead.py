@@ -24,12 +24,12 @@ from tega.runtime.clock import SystemClock
 from tega_study.analyse import analyse_study
 from tega_study.coupling import read_course
 from tega_study.journal import Journal, JournalEvent, counting, events_path, read_events
-from tega_study.lead import lead_session
 from tega_study.lead.benches import LabBench, SimulatedBench
 from tega_study.lead.experimenter import ENTER, LineDesk, Screen
 from tega_study.lead.questions import KEYS, QUESTIONS, BlockQuestions, answer_of, blocks_to_ask, raw_tlx
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega_study.lead.running_trial import Going
+from tega_study.lead.session import lead_session
 from tega_study.lead.tell import board_path, read_board
 from tega_study.lead.trial import LedTrial
 from tega_study.page import report_html
@@ -399,7 +399,7 @@ KILLED = """
 import sys
 from pathlib import Path
 from tega_study.plan import read_plan
-from tega_study.lead import lead_session
+from tega_study.lead.session import lead_session
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import LineDesk
 folder = Path(sys.argv[1])

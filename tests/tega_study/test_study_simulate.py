@@ -24,9 +24,9 @@ pytest.importorskip("mujoco")
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega_sim.operator import draw_person, load_parameters
 from tega_sim.plan import TrialResult
-from tega_study.silico import ensure_plan, read_assumptions, simulate, unfinished
-from tega_study.silico.assumptions import PARAMETERS
+from tega_study.silico.assumptions import PARAMETERS, read_assumptions
 from tega_study.silico.sensitivity import read_sensitivity, run_sensitivity
+from tega_study.silico.simulate import ensure_plan, simulate, unfinished
 from tega_study.touch_picture import read_touch_picture
 from tega_study.trials import study_trials
 

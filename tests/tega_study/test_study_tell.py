@@ -19,8 +19,8 @@ from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.clock import ManualClock, SystemClock
 from tega_study.cli.run import COMMANDS
 from tega_study.journal import events_path, read_events
-from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER
+from tega_study.lead.session import lead_session
 from tega_study.lead.tell import KEYS, CommandFile, board_path, commands_path, notify, read_board
 from tega_study.trials import study_trials
 

@@ -90,8 +90,8 @@ def run(
     --json: {"participant", "over", "trials", "next"}.
     """
     from tega.safety.ctrl_c import CtrlC
-    from tega_study.lead import lead_session
     from tega_study.lead.experimenter import desk_for
+    from tega_study.lead.session import lead_session
     from tega_study.plan import read_plan
 
     if (lab is not None) + emulated + simulated != 1:

@@ -59,7 +59,8 @@ def score(
     import msgspec
 
     from tega_study.plan import read_plan
-    from tega_study.score import agreements, export_boris, export_elan, import_boris
+    from tega_study.score.accounts import agreements
+    from tega_study.score.boris import export_boris, export_elan, import_boris
 
     if (taken is None) != (rater is None):
         raise click.UsageError("--import FILE and --rater ID belong together")

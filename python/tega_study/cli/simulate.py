@@ -92,8 +92,8 @@ def simulate(
     """
     from tega_sim.world import crossed
     from tega_study.cli.apart import report_apart
-    from tega_study.silico import simulate as run
-    from tega_study.silico import unfinished
+    from tega_study.silico.simulate import simulate as run
+    from tega_study.silico.simulate import unfinished
 
     specs = crossed(
         list(chosen_objects(objects, objects_file).values()),
@@ -141,8 +141,8 @@ def sensitivity(*, folder: Path, vary: list[str] | None, as_json: bool, **reques
     """
     from tega_study.cli.apart import report_apart
     from tega_study.plan import read_plan
-    from tega_study.silico import unfinished
     from tega_study.silico.sensitivity import VARIED, run_sensitivity
+    from tega_study.silico.simulate import unfinished
 
     with trials_displayed() as progress:
         left = run_sensitivity(folder, varied=vary or VARIED, progress=progress, **requested)

@@ -4,9 +4,3 @@ A console reads the session's files, and writes only the rater's file. So it nee
 stop and restart at any moment. Raters do not see one another, nor the condition. Recordings are coded in BORIS:
 :mod:`tega_study.score.clips`.
 """
-
-from __future__ import annotations
-
-from tega_study.observe.observing import Observing
-
-__all__ = ["Observing"]
