@@ -69,14 +69,10 @@ def figure_7(analysis: Analysis) -> Figure:
     metrics = (("duration_s", "completion time, s"), ("slips", "slips per trial"))
     for row, (metric, label) in enumerate(metrics):
         for column, name in enumerate(analysis.objects):
+            mine = [t for t in analysis.trials if t.counts and t.object == name]
+            found = [(t.condition, getattr(t, metric)) for t in mine]
             values = [
-                [
-                    float(getattr(t, metric))
-                    for t in analysis.trials
-                    if t.counts
-                    and (t.object, t.condition) == (name, condition)
-                    and getattr(t, metric) is not None
-                ]
+                [float(value) for one, value in found if one == condition and value is not None]
                 for condition in analysis.conditions
             ]
             ax = axes[row, column]

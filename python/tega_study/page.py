@@ -50,6 +50,7 @@ _UNITS = {
 def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
     """Return the page; ``MissingExtraError`` without Jinja2."""
     sizes = sorted({(row.people, row.trials) for row in analysis.sensitivity})
+    n_people = max((cell.people for cell in analysis.cells), default=0)
     return (
         report_templates()
         .get_template("report.html")
@@ -64,14 +65,10 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             paper_objects=PAPER_OBJECTS,
             paper_setup=PAPER_SETUP,
             paper_values=_paper_values(analysis),
-            most_people=max((cell.people for cell in analysis.cells), default=0),
+            most_people=n_people,
             least_for_p=SMALLEST_FOR_P,
             most_planned=MOST_PEOPLE,
-            hopeless=too_few(
-                analysis.family,
-                people=max((cell.people for cell in analysis.cells), default=0),
-                alpha=analysis.alpha,
-            ),
+            hopeless=too_few(analysis.family, people=n_people, alpha=analysis.alpha),
             fewest=_FEWEST,
             cells={(cell.object, cell.condition): cell for cell in analysis.cells},
             trials={trial.id: trial for trial in analysis.trials},

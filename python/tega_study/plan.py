@@ -205,14 +205,8 @@ def make_plan(
 def _rows(
     settings: StudySettings, person: str, objects: Sequence[str], conditions: Sequence[str]
 ) -> list[PlannedTrial]:
-    slots = lay_out(
-        objects,
-        conditions,
-        trials=settings.trials,
-        layout=settings.layout,
-        seed=settings.seed or 0,
-        person=person,
-    )
+    seed, trials = settings.seed or 0, settings.trials
+    slots = lay_out(objects, conditions, trials=trials, layout=settings.layout, seed=seed, person=person)
     rows: list[PlannedTrial] = []
     seen: dict[tuple[str, str], int] = {}
     for index, slot in enumerate(slots):
@@ -232,12 +226,10 @@ def _signed(settings: StudySettings, rows: Sequence[PlannedTrial]) -> StudySetti
 
 def _plan_csv(rows: Sequence[PlannedTrial]) -> bytes:
     lines = [",".join(PlannedTrial.__struct_fields__)]
-    lines += [",".join(_plain(value) for value in msgspec.structs.astuple(row)) for row in rows]
+    for row in rows:
+        values = msgspec.structs.astuple(row)
+        lines.append(",".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values))
     return ("\n".join(lines) + "\n").encode()
-
-
-def _plain(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _toml(settings: StudySettings) -> str:

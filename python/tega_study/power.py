@@ -191,9 +191,8 @@ def _draw(
     level = random.normal(0, spread.sd_level, shape) - spread.sd_level**2 / 2
     effect = random.normal(0, spread.sd_effect, shape) - spread.sd_effect**2 / 2
     second = _sums(random, test.reference * np.exp(level), trials, spread.dispersion)
-    return _sums(
-        random, test.mean * np.exp(level + effect), trials, spread.dispersion
-    ) / trials, second / trials
+    first = _sums(random, test.mean * np.exp(level + effect), trials, spread.dispersion)
+    return first / trials, second / trials
 
 
 def _sums(

@@ -189,11 +189,8 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     if not stay:
         raise RecordingError(f"{folder}: everybody has withdrawn", "there is nothing to export")
     new = {person: person_id(number) for number, person in enumerate(stay, start=1)}
-    trials = tuple(
-        msgspec.structs.replace(trial, participant=new[person])
-        for person in stay
-        for trial in plan.of(person)
-    )
+    planned = [(person, trial) for person in stay for trial in plan.of(person)]
+    trials = tuple(msgspec.structs.replace(trial, participant=new[person]) for person, trial in planned)
     settings = msgspec.structs.replace(plan.settings, seed=None)
     known = {name: msgspec.structs.replace(facts, photo="") for name, facts in read_objects(folder).items()}
     registry = {OBJECTS: objects_text(known).encode()} if known else {}

@@ -155,9 +155,8 @@ def shift(x: ArrayLike, y: ArrayLike) -> Shift:
     k = int(np.searchsorted(below, (1 - CONFIDENCE) / 2 + 1e-12, side="right"))
     if k == 0:
         return Shift(estimate, -math.inf, math.inf, 1.0)
-    return Shift(
-        estimate, float(differences[k - 1]), float(differences[n * m - k]), float(1 - 2 * below[k - 1])
-    )
+    low, high = float(differences[k - 1]), float(differences[n * m - k])
+    return Shift(estimate, low, high, float(1 - 2 * below[k - 1]))
 
 
 def holm(p: Sequence[float | None]) -> list[float | None]:

@@ -122,9 +122,8 @@ def trial_medians(seen: Sequence[MuscleCondition]) -> dict[str, float]:
     n_channels = max((len(one.median_hz) for one in seen), default=0)
     found = {}
     for k in range(n_channels):
-        known = [
-            one.median_hz[k] for one in seen if k < len(one.median_hz) and math.isfinite(one.median_hz[k])
-        ]
+        all_hz = [one.median_hz[k] for one in seen if k < len(one.median_hz)]
+        known = [hz for hz in all_hz if math.isfinite(hz)]
         if known:
             found[f"ch{k + 1}"] = statistics.median(known)
     return found

@@ -41,12 +41,8 @@ def withdrawn_ids(folder: Path) -> set[str]:
     ids = {line for line in lines_of(path) if re.fullmatch(r"p\d+", line)}
     for person in sorted(ids):
         if os.path.lexists(events_path(folder, person).parent):
-            _LOG.warning(
-                "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s",
-                person,
-                folder,
-                person,
-            )
+            said = "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s"
+            _LOG.warning(said, person, folder, person)
     return ids
 
 

@@ -108,13 +108,13 @@ def status(*, folder: Path, as_json: bool) -> None:
         events = read_events(events_path(folder, person))
         state = derive(mine, events)
         subject = "complete" if state.next is None else "under way" if events else "not begun"
+        lacks = {"without_data": list(state.without_data), "broken_off": state.broken_off}
         row: dict[str, Any] = {
             "participant": person,
             "state": subject,
             "over": state.n_over,
             "trials": len(mine),
-            "without_data": list(state.without_data),
-            "broken_off": state.broken_off,
+            **lacks,
         }
         if state.next is not None and events:
             number, attempt = state.next

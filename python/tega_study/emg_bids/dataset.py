@@ -31,7 +31,7 @@ _EVENTS: Final = {
     "onset": {"Description": "Time since the first sample of the EMG file.", "Units": "s"},
     "duration": {"Description": "Duration; 0 for an instant.", "Units": "s"},
     "trial_type": {
-        "Description": "Kind of the event in the session's journal; lost, padding: samples that were not measured.",
+        "Description": "Kind of the event in the session's journal; lost, padding: samples that were not measured."
     },
     "source": {"Description": "Role or rater that reported the event; n/a for none."},
 }

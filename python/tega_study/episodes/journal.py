@@ -63,12 +63,8 @@ class EpisodeJournal(JsonLines[EpisodeLine]):
     def _close_cut(self) -> None:
         """Note an episode that the program did not live to end; its recording was finished before."""
         if self.entries and (last := self.entries[-1]).step == "begun":
-            self.add(
-                "cut" if self.folder.finished(last.file) else "discarded",
-                last.file,
-                last.task,
-                why="the program had stopped",
-            )
+            step: EpisodeStep = "cut" if self.folder.finished(last.file) else "discarded"
+            self.add(step, last.file, last.task, why="the program had stopped")
 
     @property
     def n_episodes(self) -> int:

@@ -124,13 +124,13 @@ class TrialBefore:
         if self._repeated is not None:
             keys.append((GIVE_UP, f"give up trial {self._repeated[0]}"))
         if self.which is not None:
-            keys = [
+            before = [
                 ("y", "it was a success"),
                 ("f", "it was a failure"),
                 ("u", "undo"),
                 ("r", "do it again"),
-                *keys,
             ]
+            keys = before + keys
         return keys
 
     @property
@@ -144,7 +144,10 @@ class TrialBefore:
             self.note(self._desk.line("note:"), source=EXPERIMENTER)
             return
         if key == GIVE_UP and self._repeated is not None:
-            self._give_up(*self._repeated)
+            number, attempt = self._repeated
+            over: dict[str, Any] = {"status": "skipped", "success": False}
+            if self._explained("trial_end", "given up", number, attempt, **over):
+                self._desk.say(f"trial {number} is given up and has no data")
         if self.which is None:
             return
         trial, attempt = self.which
@@ -169,11 +172,6 @@ class TrialBefore:
             return
         if self._explained("redo", "done again", trial, attempt):
             self._desk.say(f"trial {trial} comes again at the end of its block; this attempt does not count")
-
-    def _give_up(self, trial: int, attempt: int) -> None:
-        """Give up a trial that was broken off: it is not repeated, and has no data."""
-        if self._explained("trial_end", "given up", trial, attempt, status="skipped", success=False):
-            self._desk.say(f"trial {trial} is given up and has no data")
 
     def _explained(self, kind: Kind, what: str, trial: int, attempt: int, **fields: Any) -> bool:
         """Ask for a reason, and add the event with it; return whether a reason was given."""

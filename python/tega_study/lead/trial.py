@@ -148,10 +148,8 @@ class LedTrial:
         if not self._thread.is_alive() and going.started_ns is None:
             self._stop_bench()
             error = self._raised[0] if self._raised else None
-            self.phase, self.broke = (
-                "over",
-                _reported(error) if error else "the bench ended before the trial began",
-            )
+            self.phase = "over"
+            self.broke = _reported(error) if error else "the bench ended before the trial began"
             if error is not None and not isinstance(error, TegaError | OSError):
                 raise error
             return True

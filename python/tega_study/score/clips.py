@@ -132,7 +132,12 @@ def make_clips(
         events = _proposals(folder, person, trial) if proposals else []
         clips.append(RaterClip(name, person, trial.trial, trial.attempt, length_s, events))
         observations[name] = boris_observation(
-            [_proposed(k, one, trial.object) for k, one in enumerate(events)],
+            [
+                CodedEvent(
+                    one.t_s, trial.object, one.kind, ("None", OPEN), f"#{k} {one.source} {one.confidence:.2f}"
+                )
+                for k, one in enumerate(events)
+            ],
             length_s=length_s,
             variables={"object": trial.object},
             media=video.name,
@@ -201,11 +206,6 @@ def _proposals(folder: Path, person: str, trial: RecordedTrial) -> list[Proposal
                 confidence = 1.0 if event.value is None or source == RULE else event.value
                 found.append(Proposal(source, event.kind, round(t_s, 3), confidence))
     return sorted(found, key=lambda one: one.t_s)
-
-
-def _proposed(n: int, one: Proposal, subject: str) -> CodedEvent:
-    comment = f"#{n} {one.source} {one.confidence:.2f}"
-    return CodedEvent(one.t_s, subject, one.kind, ("None", OPEN), comment)
 
 
 def decode_key(path: Path) -> ClipKey:

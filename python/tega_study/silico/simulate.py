@@ -214,14 +214,8 @@ def made_study(
                 raise InvalidValueError(
                     f"{subject}: {name!r} cannot be simulated", f"choose from {', '.join(map(str, known))}"
                 )
-    plan = make_plan(
-        participants=operators,
-        seed=seed,
-        objects=list(objects),
-        conditions=conditions,
-        trials=trials,
-        simulated=True,
-    )
+    settings: dict[str, Any] = {"objects": list(objects), "conditions": conditions, "trials": trials}
+    plan = make_plan(participants=operators, seed=seed, simulated=True, **settings)
     specs = objects if isinstance(objects, Mapping) else {name: OBJECTS[name] for name in objects}
     stated, content = assume(specs, **assumed)
     ensure_plan(plan, folder, assumption_files(stated, content))
@@ -236,11 +230,9 @@ def jobs_of(
     still = set(unfinished(folder, plan))
     first = plan.participants[0]
     return [
-        SessionJob(
-            folder, person, plan.settings, plan.of(person), stated, loaded, pictures and person == first
-        )
-        for person in people
-        if person in still
+        SessionJob(folder, one, plan.settings, plan.of(one), stated, loaded, pictures and one == first)
+        for one in people
+        if one in still
     ]
 
 
