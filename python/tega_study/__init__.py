@@ -10,7 +10,7 @@
     score/                agreement between accounts of the same trials; BORIS files
     study_notes.py privacy.py    withdrawal and the anonymised copy
     side_scores.py ratings.py    beeps, squeezes, tiring muscles, questions
-    rank.py people.py counts.py coupling.py power.py    the statistics, each with its source
+    rank.py people.py coupling.py power.py    the statistics, each with its source
     analyse.py            all numbers of a report in one record
     figures.py tables.py page.py report.py    the record as figures, CSV and one HTML file
     silico/               the whole study with simulated people

@@ -10,8 +10,16 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tega_study.counts import adjusted_ratio, poisson_rates, shares
-from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
+from tega_study.people import (
+    adjusted_ratio,
+    cross_over,
+    paired_log_ratio,
+    poisson_rates,
+    ratio_of_means,
+    shares,
+    sign_flip,
+    within_person,
+)
 from tega_study.rank import holm, mann_whitney, shift
 from tega_study.trials import Trial
 

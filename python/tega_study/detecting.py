@@ -106,10 +106,9 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
                 continue
             touch = read_touch(path)
             hand = read_hand(hand_path(folder, person, trial.id, start.attempt))
+            fields = {"closure": "closure", "height": "height_m"}
             missing = tuple(
-                name
-                for name, field in (("closure", "closure"), ("height", "height_m"))
-                if all(getattr(row, field) is None for row in hand)
+                name for name, field in fields.items() if all(getattr(row, field) is None for row in hand)
             )
             done = TrialEvents(person, start.trial, start.attempt, trial.object, (), missing)
             events = tuple(
@@ -136,13 +135,9 @@ def _write(path: Path, signed: str, rows: Sequence[tuple[JournalEvent, JournalEv
         journal.add("session_start", t_ns=rows[0][0].t_ns, source=DETECTOR, text=signed)
         for start, end, done in rows:
             events: list[dict[str, Any]] = [
-                {
-                    "kind": event.kind,
-                    "t_ns": start.t_ns + round(event.t_s * 1e9),
-                    "value": round(event.confidence, 3),
-                }
-                for event in done.events
-                if event.kind in DETECTED
+                {"kind": e.kind, "t_ns": start.t_ns + round(e.t_s * 1e9), "value": round(e.confidence, 3)}
+                for e in done.events
+                if e.kind in DETECTED
             ]
             notes = [
                 {"kind": "note", "t_ns": end.t_ns, "item": kind, "text": NOT_OBSERVABLE}

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from tega.runtime.scientific import scipy_stats
-from tega_study.counts import clopper_pearson, dispersion
+from tega_study.people import clopper_pearson, dispersion
 from tega_study.trials import Trial
 
 PAPER_OBJECTS = ("bottle", "container", "bag")

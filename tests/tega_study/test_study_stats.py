@@ -12,10 +12,20 @@ pytest.importorskip("scipy")
 pytest.importorskip("statsmodels")
 
 from tega_study.compare import compare as study_compare
-from tega_study.counts import adjusted_ratio, clopper_pearson, dispersion, poisson_rates, shares
 from tega_study.coupling import correlate, effective_n, fisher_mean, lag_sweep, response_slope
 from tega_study.figures import p_text
-from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
+from tega_study.people import (
+    adjusted_ratio,
+    clopper_pearson,
+    cross_over,
+    dispersion,
+    paired_log_ratio,
+    poisson_rates,
+    ratio_of_means,
+    shares,
+    sign_flip,
+    within_person,
+)
 from tega_study.power import SPREADS, PlannedTest, people_for, power_of
 from tega_study.rank import holm, mann_whitney, shift
 from tega_study.trials import Trial
