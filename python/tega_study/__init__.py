@@ -2,22 +2,18 @@
 
 ::
 
-    plan.py      study.toml and plan.csv, never changed once written
-    order.py     order of conditions and objects for each participant, from a seed
-    journal.py   a session's events, appended and synced one by one
-    state.py     state derived from the events: finished trials, next trial
-    lead/        leading a session through its trials
-    observe/     a rater's console during a session
-    observers.py the raters' files
-    score/       agreement between accounts of the same trials; BORIS files
-    ratings.py   participants' ratings
-    attempt_rows.py each fingertip, frame by frame; hand and arm
-    privacy.py   withdrawal and the anonymised copy
-    trials.py    one row a trial, with the events it comes from
-    rank.py people.py counts.py coupling.py power.py    the statistics, each with its source
-    analyse.py   all numbers of a report in one record
+    plan.py order.py      study.toml and plan.csv, never changed once written; orders from a seed
+    journal.py            a session's events, appended and synced one by one
+    state.py trials.py    from the events: which trial is next; one row a trial
+    observers.py detecting.py    accounts of others: raters, scene camera, detector
+    lead/ observe/        leading a session through its trials; a rater's console meanwhile
+    score/                agreement between accounts of the same trials; BORIS files
+    study_notes.py privacy.py    withdrawal and the anonymised copy
+    side_scores.py ratings.py    beeps, squeezes, tiring muscles, questions
+    rank.py people.py coupling.py power.py    the statistics, each with its source
+    analyse.py            all numbers of a report in one record
     figures.py tables.py page.py report.py    the record as figures, CSV and one HTML file
-    silico/      the whole study with simulated people
+    silico/               the whole study with simulated people
 
 Example::
 

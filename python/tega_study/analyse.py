@@ -12,27 +12,21 @@ import msgspec
 from tega.errors import RecordingError
 from tega_sim.operator.person import Parameter
 from tega_study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
-from tega_study.cells import Cell, cells_of
 from tega_study.compare import Test, compare
 from tega_study.coupling import TouchCourse, read_course
-from tega_study.difference import OutcomeDifference, outcomes
-from tega_study.directions import Direction, directions
-from tega_study.finger_rows import FingerRow, finger_rows
+from tega_study.difference import Cell, Direction, OutcomeDifference, cells_of, directions, outcomes
 from tega_study.journal import events_path, read_events
-from tega_study.objects import ObjectFacts, read_objects
 from tega_study.plan import default_family
-from tega_study.planner import Planner, next_study
-from tega_study.probe import ProbeUse, probe_uses
-from tega_study.ratings import RatingUse, ratings
+from tega_study.power import Planner, next_study
+from tega_study.ratings import ProbeUse, RatingUse, probe_uses, ratings
 from tega_study.score.accounts import agreements
 from tega_study.score.agree import Agreement
 from tega_study.silico.assumptions import Assumptions, read_assumptions, read_parameters
 from tega_study.silico.sensitivity import SensitivityRow, read_sensitivity
 from tega_study.state import derive, rehearsed
-from tega_study.touch_picture import FingerPicture, pictures_of
+from tega_study.study_notes import ObjectFacts, note_unblinding, read_objects, staying, unblindings
+from tega_study.touch_picture import FingerPicture, FingerRow, finger_rows, pictures_of
 from tega_study.trials import Trial, bench_trials, course_path, study_trials
-from tega_study.unblinding import note_unblinding, unblindings
-from tega_study.withdrawn import staying
 
 FORMAT = "tega-study-analysis"
 
@@ -44,7 +38,6 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
         planned_people: ``None`` without a plan, like ``planned_trials``.
         withdrawn: People whose data were deleted.
         people: With at least one trial.
-        complete: People with all their trials over.
         planned_trials: Of people who have not withdrawn.
         status: Trials by how they ended; ``not run`` for the rest.
         redone: The experimenter's reason, by id of a trial of which an attempt that took place does not
@@ -68,18 +61,10 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         interim: Whether the plan is not complete yet.
         blind: Whether results are withheld for that reason: no trial, mean, test, effect or course is in it.
         unblinded: When results were looked at before the plan was complete, and how far it was then.
-        objects: In the order of the tables.
         conditions: The first is compared with the second.
         family: Tests that were corrected together.
         plan_sha256: Empty without a plan.
-        cells: Table I.
-        planner: Sample sizes for the next study.
-        agreements: Of raters, experimenter and, in simulation, the truth.
-        ratings: What participants answered after blocks.
         probes: The second task, where the plan has one.
-        directions: The paper's differences and the study's, where its people are simulated.
-        assumptions: Of a study in silico.
-        parameters: Of the simulated people, by section and name.
         sensitivity: Which directions hold when an assumption is changed.
         fingers: The contacts that Fig 3 shows.
         outcomes: Each outcome's difference between the first two conditions, over people.
@@ -140,9 +125,9 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
     """
     plan, trials = study_trials(folder)
     settings, stay = plan.settings, staying(folder, plan)
-    complete = sum(
-        derive(plan.of(person), read_events(events_path(folder, person))).next is None for person in stay
-    )
+    sessions = {person: read_events(events_path(folder, person)) for person in stay}
+    complete = sum(derive(plan.of(person), events).next is None for person, events in sessions.items())
+    people_rehearsed = tuple(person for person, events in sessions.items() if rehearsed(events))
     planned = sum(len(plan.of(person)) for person in stay)
     status = _status(trials)
     if planned > len(trials):
@@ -171,7 +156,7 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
         assumptions=read_assumptions(folder),
         parameters=read_parameters(folder),
         object_facts=read_objects(folder),
-        rehearsed=_rehearsed(folder, stay) if not settings.simulated else (),
+        rehearsed=() if settings.simulated else people_rehearsed,
         counted_by=_counted_by(trials),
         unblinded=unblindings(folder),
     )
@@ -277,10 +262,6 @@ def analyse(
 def _need_trials(trials: Sequence[Trial]) -> None:
     if not any(trial.counts for trial in trials):
         raise RecordingError("there is no finished trial yet", "run some trials first")
-
-
-def _rehearsed(folder: Path, people: Sequence[str]) -> tuple[str, ...]:
-    return tuple(person for person in people if rehearsed(read_events(events_path(folder, person))))
 
 
 def _counted_by(trials: Sequence[Trial]) -> dict[str, int]:

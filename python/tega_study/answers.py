@@ -33,8 +33,6 @@ class TrialCoupling(msgspec.Struct, frozen=True, kw_only=True):
     """One trial's correlation of the pose with one signal.
 
     Attributes:
-        signal: ``cci`` or ``eda``.
-        samples: On the grid.
         n_eff: Independent samples that they are worth.
         r: Pearson, lag 0; ``None`` where a series does not change.
         low: Lower end of the 95 % interval with ``n_eff``.
@@ -62,14 +60,11 @@ class ArmCoupling(msgspec.Struct, frozen=True, kw_only=True):
     """One condition's correlations of the pose with one signal.
 
     Attributes:
-        signal: ``cci`` or ``eda``.
         trials: With a correlation; ``people`` are those in them.
         r: Mean by Fisher's z over each person's trials, then over people.
-        lowest: Lowest r of all trials.
         positive: Share of trials with r above 0.
         r_pooled: Over all samples of all trials in one; mixes differences between trials into it.
         r_others: As ``r``, with the touch of other trials: the part that the shared course alone explains.
-        slope: Mean answer over people.
         lags_s: Above 0 touch follows the pose.
         lag_r: Mean by Fisher's z over trials at each lag, highest at ``peak_lag_s``.
     """
@@ -93,7 +88,6 @@ class Contrast(msgspec.Struct, frozen=True, kw_only=True):
     """Mean over people of the first condition less the second.
 
     Attributes:
-        signal: ``cci`` or ``eda``.
         what: ``r`` (in Fisher's z) or ``slope``.
         people: With both.
         p: Sign-flip; ``None`` below six people.
@@ -168,11 +162,9 @@ def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str
         ):
             found = correlate(pose, touch)
             null = [r for r in others if not math.isnan(r)]
-            p = (
-                None
-                if not null or math.isnan(found.r)
-                else (1 + sum(r >= found.r for r in null)) / (1 + len(null))
-            )
+            p = None
+            if null and not math.isnan(found.r):
+                p = (1 + sum(r >= found.r for r in null)) / (1 + len(null))
             rows.append(
                 TrialCoupling(
                     trial=trial.id,

@@ -24,17 +24,15 @@ from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
 from tega.recording.origin import versions
 from tega.runtime.files.foreign_file import MIB, check_file, parse_json, path_below, reports_damage
 from tega.runtime.files.whole_file import LOCK_SUFFIX, new_file
-from tega_study.bids_names import bids_names
+from tega_study.emg_bids.dataset import bids_names
 from tega_study.journal import events_path, read_events
-from tega_study.lead.status_file import board_path
-from tega_study.objects import OBJECTS, read_objects
+from tega_study.lead.tell import board_path
 from tega_study.plan import read_plan
 from tega_study.privacy import ELSEWHERE, REPORTS, check_not_led, note_elsewhere, own_name
 from tega_study.silico.assumptions import PARAMETERS, SIMULATION
 from tega_study.state import rehearsed
+from tega_study.study_notes import JOURNAL, OBJECTS, read_objects, withdrawn_ids
 from tega_study.trials import Trial, study_trials
-from tega_study.unblinding import JOURNAL
-from tega_study.withdrawn import withdrawn_ids
 
 MANIFEST: Final = "manifest.json"
 _OF_THE_STUDY = ("study.toml", "plan.csv", JOURNAL, OBJECTS, SIMULATION, PARAMETERS)
@@ -70,10 +68,7 @@ class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     """Manifest of a bundle, ``manifest.json``.
 
     Attributes:
-        participant: Anonymous id.
         rehearsed: Whether the session, or a part of it, did not run in the lab.
-        written_by: Versions of TEGA, Python and packages.
-        trials: Their outcome when the bundle was written.
         files: All but the manifest.
     """
 
@@ -114,7 +109,7 @@ def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = Fals
 
     Muscle signals are in it, and can identify the person. ``out`` must be new and outside of the study's
     folder; its place is noted, for a withdrawal. ``bids`` names the files in it as BIDS does
-    (:mod:`tega_study.bids_names`); opened, they have their own names again. A person without a session, or
+    (:mod:`tega_study.emg_bids.dataset`); opened, they have their own names again. A person without a session, or
     who has withdrawn, is a ``RecordingError``; a session that is open in another program is a
     ``DeviceUnavailableError``.
     """
@@ -197,7 +192,10 @@ def _photos(folder: Path) -> set[str]:
 
 
 def _check_belongs(folder: Path, manifest: BundleManifest, source: str) -> None:
-    """Refuse a bundle with an unexpected file, because opened files are trusted like local recordings."""
+    """Refuse a bundle with an unexpected file, because opened files are trusted like local recordings.
+
+    Also one with another plan than the session's.
+    """
     photos = _photos(folder)
     for one in manifest.files:
         if one.path not in {*_OF_THE_STUDY, *photos} and not _belongs(Path(one.path), manifest.participant):
@@ -205,6 +203,8 @@ def _check_belongs(folder: Path, manifest: BundleManifest, source: str) -> None:
                 f"{source}: {one.path} is no file of a session",
                 "nothing was unpacked; ask for the bundle again",
             )
+    if read_plan(folder).settings.plan_sha256 != manifest.plan_sha256:
+        raise RecordingError(f"{source}: the plan is not the session's", "ask for the bundle again")
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
@@ -251,7 +251,7 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
             for one in manifest.files:
                 _unpack(packed, one, path_below(beside, one.path, subject="file", source=bundle.name), bundle)
             _check_belongs(beside, manifest, bundle.name)
-            trials = _work_out(beside, manifest, bundle)
+            trials = tuple(study_trials(beside)[1])
             beside.chmod(out.parent.stat().st_mode & 0o777)
             if out.exists():
                 out.rmdir()  # refuses if somebody has put something there meanwhile
@@ -329,9 +329,3 @@ def _unpack(packed: zipfile.ZipFile, one: BundledFile, path: Path, bundle: Path)
             f"{bundle.name}: {one.path} is not as it was written: another length or SHA-256",
             "nothing was unpacked; ask for the bundle again",
         )
-
-
-def _work_out(folder: Path, manifest: BundleManifest, bundle: Path) -> tuple[Trial, ...]:
-    if read_plan(folder).settings.plan_sha256 != manifest.plan_sha256:
-        raise RecordingError(f"{bundle.name}: the plan is not the session's", "ask for the bundle again")
-    return tuple(study_trials(folder)[1])

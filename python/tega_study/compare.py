@@ -10,8 +10,16 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tega_study.counts import adjusted_ratio, poisson_rates, shares
-from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
+from tega_study.people import (
+    adjusted_ratio,
+    cross_over,
+    paired_log_ratio,
+    poisson_rates,
+    ratio_of_means,
+    shares,
+    sign_flip,
+    within_person,
+)
 from tega_study.rank import holm, mann_whitney, shift
 from tega_study.trials import Trial
 
@@ -25,16 +33,12 @@ class Test(msgspec.Struct, frozen=True, kw_only=True):
     """One row of the table of tests.
 
     Attributes:
-        metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
-        level: Level of the claim that the row supports.
         test: Its name, with how p was got.
         n: Trials under the first and the second condition.
-        statistic: As the test defines it.
         p: Two-sided; ``None`` where the data allow no test, or p-values are withheld.
         p_holm: Corrected over the family that the plan names.
         p_exact: Given the ties that are there.
         effect: First condition against the second; ``low`` and ``high`` are its 95 % interval.
-        note: Caveats for the reader.
     """
 
     __test__ = False  # it is no class of tests for pytest
@@ -69,6 +73,11 @@ class _Data(NamedTuple):
     second: dict[str, list[float]]
     places: dict[str, list[float]]
     began_first: dict[str, bool]
+
+    @property
+    def common(self) -> dict[str, Any]:
+        people = len(self.first.keys() | self.second.keys())
+        return {"metric": self.metric, "object": self.object, "people": people}
 
     @property
     def both(self) -> list[str]:
@@ -116,11 +125,7 @@ def _data(trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str
 def _tests(data: _Data, *, crossed: bool) -> list[Test]:
     x, y = (_joined(side.values()) for side in (data.first, data.second))
     counted = data.metric != "duration_s"
-    common: dict[str, Any] = {
-        "metric": data.metric,
-        "object": data.object,
-        "people": len(data.first.keys() | data.second.keys()),
-    }
+    common = data.common
     ranks, moved = mann_whitney(x, y), shift(x, y)
     reach = f"{moved.low:g} to {moved.high:g}" if math.isfinite(moved.low) else "interval not estimable"
     note = f"A = {ranks.a:.3f}; median difference {moved.estimate:g} ({reach})"
@@ -146,11 +151,10 @@ def _tests(data: _Data, *, crossed: bool) -> list[Test]:
     if counted and sum(x) + sum(y) > 0 and len(x) == len(y):
         p, ratio, low, high = poisson_rates(int(sum(x)), int(sum(y)))
         text = f"totals {sum(x):g} and {sum(y):g}; too sure where variance over mean is above 1"
-        tests.append(
-            _row(
-                common, "these trials", "conditional Poisson", x, y, p=p, ratio=(ratio, low, high), note=text
-            )
+        found = _row(
+            common, "these trials", "conditional Poisson", x, y, p=p, ratio=(ratio, low, high), note=text
         )
+        tests.append(found)
     both = data.both
     common["people"] = len(both)
     if not both:
@@ -213,41 +217,24 @@ def _by_people(
         counts=counted,
     )
     if adjusted is not None:
-        family = "Poisson" if counted else "log-normal"
-        tests.append(
-            _row(
-                common,
-                "adjusted",
-                f"GEE, {family}, log of place in session",
-                x,
-                y,
-                p=adjusted.p if enough else None,
-                ratio=adjusted[:3],
-                statistic=adjusted.t,
-                note="sensitivity: learning taken out" + ("; " + few if few else ""),
-            )
-        )
+        name = f"GEE, {'Poisson' if counted else 'log-normal'}, log of place in session"
+        text = "sensitivity: learning taken out" + ("; " + few if few else "")
+        p, ratio = adjusted.p if enough else None, adjusted[:3]
+        tests.append(_row(common, "adjusted", name, x, y, p=p, ratio=ratio, statistic=adjusted.t, note=text))
     if crossed and (
         order := cross_over(first, second, [data.began_first.get(person, False) for person in both])
     ):
         text = f"period effect {order.period:.3g}" + ("" if counted else " (log)")
         row = _row(common, "cross-over", "Hills-Armitage", x, y, p=order.p, statistic=order.t, note=text)
-        tests.append(
-            msgspec.structs.replace(
-                row, effect_name="difference" + " of logs" * (not counted), effect=order.effect
-            )
-        )
+        name = "difference" if counted else "difference of logs"
+        tests.append(msgspec.structs.replace(row, effect_name=name, effect=order.effect))
     return tests
 
 
 def _success(data: _Data) -> list[Test]:
     x, y = (_joined(side.values()) for side in (data.first, data.second))
     found = shares(int(sum(x)), len(x), int(sum(y)), len(y))
-    common: dict[str, Any] = {
-        "metric": data.metric,
-        "object": data.object,
-        "people": len(data.first.keys() | data.second.keys()),
-    }
+    common = data.common
     tests = [
         Test(
             **common,

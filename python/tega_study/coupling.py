@@ -136,9 +136,8 @@ def correlate(x: NDArray[np.float64], y: NDArray[np.float64]) -> Correlation:
     t = abs(r) * math.sqrt((n_eff - 2) / (1 - r * r))
     reach = float(stats.norm.ppf(0.975)) / math.sqrt(n_eff - 3)
     z = math.atanh(r)
-    return Correlation(
-        r, n, n_eff, math.tanh(z - reach), math.tanh(z + reach), 2 * float(stats.t.sf(t, n_eff - 2))
-    )
+    low, high = math.tanh(z - reach), math.tanh(z + reach)
+    return Correlation(r, n, n_eff, low, high, 2 * float(stats.t.sf(t, n_eff - 2)))
 
 
 def lag_sweep(pose: NDArray[np.float64], touch: NDArray[np.float64], *, most: int) -> list[tuple[int, float]]:

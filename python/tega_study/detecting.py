@@ -21,7 +21,7 @@ from tega.stages.events.settings import SETTINGS
 from tega_study.attempt_rows import HandRow, TouchRow, hand_path, read_hand, read_touch, touch_path
 from tega_study.journal import JournalEvent, Kind, attempts, events_path, read_events, replaced_journal
 from tega_study.plan import read_plan
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 DETECTOR = "detector"
 DETECTED = ("lift_off", "slip")
@@ -62,10 +62,7 @@ def read_detected(folder: Path, participant: str) -> list[JournalEvent]:
 
 
 def events_of(
-    touch: Sequence[TouchRow],
-    hand: Sequence[HandRow],
-    *,
-    live: bool = False,
+    touch: Sequence[TouchRow], hand: Sequence[HandRow], *, live: bool = False
 ) -> list[DetectedEvent]:
     """Find the events of a trial; ``live``: only those that could be known at the time, as in the run."""
     detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
@@ -109,10 +106,9 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
                 continue
             touch = read_touch(path)
             hand = read_hand(hand_path(folder, person, trial.id, start.attempt))
+            fields = {"closure": "closure", "height": "height_m"}
             missing = tuple(
-                name
-                for name, field in (("closure", "closure"), ("height", "height_m"))
-                if all(getattr(row, field) is None for row in hand)
+                name for name, field in fields.items() if all(getattr(row, field) is None for row in hand)
             )
             done = TrialEvents(person, start.trial, start.attempt, trial.object, (), missing)
             events = tuple(
@@ -139,13 +135,9 @@ def _write(path: Path, signed: str, rows: Sequence[tuple[JournalEvent, JournalEv
         journal.add("session_start", t_ns=rows[0][0].t_ns, source=DETECTOR, text=signed)
         for start, end, done in rows:
             events: list[dict[str, Any]] = [
-                {
-                    "kind": event.kind,
-                    "t_ns": start.t_ns + round(event.t_s * 1e9),
-                    "value": round(event.confidence, 3),
-                }
-                for event in done.events
-                if event.kind in DETECTED
+                {"kind": e.kind, "t_ns": start.t_ns + round(e.t_s * 1e9), "value": round(e.confidence, 3)}
+                for e in done.events
+                if e.kind in DETECTED
             ]
             notes = [
                 {"kind": "note", "t_ns": end.t_ns, "item": kind, "text": NOT_OBSERVABLE}

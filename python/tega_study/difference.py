@@ -1,14 +1,48 @@
-"""Measure each outcome's difference between two conditions, with its interval over people."""
+"""Average the trials as the paper's Table I does, measure differences over people, and compare with the paper's.
+
+The paper's numbers are those of its Table I and text; its objects 1 to 3 are bottle, container and bag here.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Literal
 
 import msgspec
 import numpy as np
 
 from tega.runtime.lifecycle import scipy_stats
+from tega_study.people import clopper_pearson, dispersion
 from tega_study.trials import Trial
+
+PAPER_OBJECTS = ("bottle", "container", "bag")
+
+PAPER_TABLE_1 = {
+    "haptic": {
+        # without a unit; sums of ten trials fit a 15 s window (A62)
+        "duration_s": ("152.8", "177.4", "151.5"),
+        "slips": ("2.8", "0.7", "0.3"),
+        "deformations": ("0.0", "0.0", "0.5"),
+        "success": ("5/5", "5/5", "5/5"),
+    },
+    "non-haptic": {
+        "duration_s": ("168.5", "171.4", "160.1"),
+        "slips": ("5.9", "4.2", "0.5"),
+        "deformations": ("0.0", "0.0", "1.3"),
+        "success": ("4/5", "4/5", "5/5"),
+    },
+}
+
+PAPER_SETUP = {
+    "objects": "a bottle (rigid, heavy), a box of wipes (medium), a bag of bread (light, soft)",
+    "trials": "ten trials for each object and condition; success is printed as a count of five",
+    "unit": "trials, each taken as a sample of its own",
+    "events": "one trained observer counted visible slips and deformations",
+    "time": "printed without a unit; fits the 15 s window only as sums of ten trials",
+}
+"""The paper's description of its set-up, by row of the report's comparison."""
+
 
 METRICS = ("duration_s", "slips", "deformations", "success")
 
@@ -17,11 +51,8 @@ class OutcomeDifference(msgspec.Struct, frozen=True, kw_only=True):
     """One metric of one object under both conditions; people are the unit.
 
     Attributes:
-        metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
-        condition: The first condition.
         people: With both conditions.
         first: Mean of people's means under the first condition; successes as a share.
-        second: Under the second.
         difference: First less second.
         low: Lower end of its 95 % interval over people, by t; ``None`` where people are one, or all alike.
     """
@@ -83,3 +114,128 @@ def outcomes(
     """Return every metric of every object that at least one person lifted under both conditions."""
     found = (outcome(trials, metric, name, conditions) for metric in METRICS for name in objects)
     return tuple(one for one in found if one.people)
+
+
+Verdict = Literal["as printed", "opposite", "not distinguished", "no data"]
+
+
+class Direction(OutcomeDifference, frozen=True, kw_only=True):
+    """One difference that the paper prints with touch (``paper_first``) and without, and the study's.
+
+    ``paper_sign`` is 1 where the first is more, -1 where it is less. ``verdict`` is ``as printed`` or
+    ``opposite`` where the interval is all on one side of 0.
+    """
+
+    paper_first: str
+    paper_second: str
+    paper_sign: int
+    verdict: Verdict = "no data"
+
+
+def directions(trials: Sequence[Trial], conditions: tuple[str, str]) -> tuple[Direction, ...]:
+    """Compare a study's differences with the paper's, for every number of its Table I that differs.
+
+    The first condition stands for the paper's haptic, the second for its non-haptic.
+    """
+    printed, reference = PAPER_TABLE_1["haptic"], PAPER_TABLE_1["non-haptic"]
+    found = []
+    for metric, texts in printed.items():
+        for name, first, second in zip(PAPER_OBJECTS, texts, reference[metric], strict=True):
+            off = _value(first) - _value(second)
+            if not off:
+                continue
+            seen, sign = outcome(trials, metric, name, conditions), 1 if off > 0 else -1
+            verdict: Verdict = "not distinguished" if seen.people else "no data"
+            if seen.apart:
+                verdict = "as printed" if (seen.difference or 0.0) * sign > 0 else "opposite"
+            found.append(
+                Direction(
+                    **msgspec.structs.asdict(seen),
+                    paper_first=first,
+                    paper_second=second,
+                    paper_sign=sign,
+                    verdict=verdict,
+                )
+            )
+    return tuple(found)
+
+
+def _value(text: str) -> float:
+    part, _, whole = text.partition("/")
+    return float(part) / float(whole or 1)
+
+
+class Cell(msgspec.Struct, frozen=True, kw_only=True):
+    """One object under one condition: what Table I prints, and from which trials.
+
+    Means and standard deviations are over trials, the latter ``None`` below two.
+
+    Attributes:
+        trials: Ids of the trials, which name their events.
+        duration_success_s: Mean over the trials that succeeded: a dropped object ends a trial early.
+        slips_dispersion: Variance over mean of the slips; 1 for Poisson.
+        success_low: Lower end of the exact 95 % interval of the share.
+    """
+
+    object: str
+    condition: str
+    people: int
+    trials: tuple[str, ...]
+    duration_s: float | None
+    duration_sd_s: float | None
+    duration_success_s: float | None
+    slips: float | None
+    slips_sd: float | None
+    slips_dispersion: float | None
+    deformations: float | None
+    deformations_sd: float | None
+    drops: float | None
+    successes: int
+    success_low: float
+    success_high: float
+
+
+def cells_of(trials: Sequence[Trial], objects: Sequence[str], conditions: Sequence[str]) -> list[Cell]:
+    """Average the trials that count, by object and condition."""
+    cells = []
+    for name in objects:
+        for condition in conditions:
+            mine = [t for t in trials if t.counts and (t.object, t.condition) == (name, condition)]
+            durations = [t.duration_s for t in mine if t.duration_s is not None]
+            n_good = sum(t.success for t in mine)
+            low, high = clopper_pearson(n_good, len(mine)) if mine else (0.0, 1.0)
+            cells.append(
+                Cell(
+                    object=name,
+                    condition=condition,
+                    people=len({t.participant for t in mine}),
+                    trials=tuple(t.id for t in mine),
+                    duration_s=_mean(durations),
+                    duration_sd_s=_sd(durations),
+                    duration_success_s=_mean(
+                        [t.duration_s for t in mine if t.success and t.duration_s is not None]
+                    ),
+                    slips=_mean([t.slips for t in mine]),
+                    slips_sd=_sd([t.slips for t in mine]),
+                    slips_dispersion=_finite(dispersion([t.slips for t in mine])),
+                    deformations=_mean([t.deformations for t in mine]),
+                    deformations_sd=_sd([t.deformations for t in mine]),
+                    drops=_mean([t.drops for t in mine]),
+                    successes=n_good,
+                    success_low=low,
+                    success_high=high,
+                )
+            )
+    return cells
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if len(values) else None
+
+
+def _sd(values: Sequence[float]) -> float | None:
+    return float(np.std(values, ddof=1)) if len(values) > 1 else None
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

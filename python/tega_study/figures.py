@@ -69,26 +69,16 @@ def figure_7(analysis: Analysis) -> Figure:
     metrics = (("duration_s", "completion time, s"), ("slips", "slips per trial"))
     for row, (metric, label) in enumerate(metrics):
         for column, name in enumerate(analysis.objects):
+            mine = [t for t in analysis.trials if t.counts and t.object == name]
+            found = [(t.condition, getattr(t, metric)) for t in mine]
             values = [
-                [
-                    float(getattr(t, metric))
-                    for t in analysis.trials
-                    if t.counts
-                    and (t.object, t.condition) == (name, condition)
-                    and getattr(t, metric) is not None
-                ]
+                [float(value) for one, value in found if one == condition and value is not None]
                 for condition in analysis.conditions
             ]
             ax = axes[row, column]
             _violins(ax, values, analysis.conditions)
-            p = next(
-                (
-                    t.p
-                    for t in analysis.tests
-                    if (t.metric, t.object, t.level) == (metric, name, "as printed")
-                ),
-                None,
-            )
+            key = metric, name, "as printed"
+            p = next((t.p for t in analysis.tests if (t.metric, t.object, t.level) == key), None)
             _bracket(ax, values[:2], p_text(p))
             if metric == "slips":
                 ax.yaxis.get_major_locator().set_params(integer=True)
@@ -110,16 +100,7 @@ def _violins(ax: Axes, values: Sequence[Sequence[float]], names: Sequence[str]) 
                 body.set(facecolor=ARMS[(place - 1) % len(ARMS)], edgecolor="black", linewidth=0.6, alpha=0.6)
         ax.plot(_spread(some, place), some, "o", color="black", markersize=2.6 if many else 4.5, zorder=3)
         mean = float(np.mean(some))
-        ax.plot(
-            [place],
-            [mean],
-            "D",
-            color=MEAN_RED,
-            markeredgecolor="black",
-            markeredgewidth=0.5,
-            markersize=6,
-            zorder=4,
-        )
+        ax.plot([place], [mean], "D", color=MEAN_RED, mec="black", mew=0.5, markersize=6, zorder=4)
     ax.set_xticks(range(1, len(names) + 1), names, fontsize=8)
     ax.set_xlim(0.4, len(names) + 0.6)
     ax.tick_params(axis="y", labelsize=8)
@@ -189,15 +170,8 @@ def figure_8(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> Figure |
             (cci,) = ax.plot(course.t_s, course.cci, color=CCI_BLUE, linewidth=1.3, label="CCI")
             (eda,) = ax.plot(course.t_s, course.eda, color=EDA_GREEN, linewidth=1.9, label="EDA")
             right = ax.twinx()
-            (pose,) = right.step(
-                course.t_s,
-                course.pose,
-                where="post",
-                color=POSE_RED,
-                linewidth=1.3,
-                linestyle="--",
-                label="pose",
-            )
+            pose_style: dict[str, Any] = {"color": POSE_RED, "linewidth": 1.3, "linestyle": "--"}
+            (pose,) = right.step(course.t_s, course.pose, where="post", label="pose", **pose_style)
             lines = [cci, eda, pose]
             ax.set_ylim(0, 1.02)
             right.set_ylim(0, 4.08)

@@ -13,28 +13,10 @@ from tega.runtime.files.foreign_file import plain_name
 from tega.runtime.files.json_lines import JsonLines, read_json_lines
 
 Kind = Literal[
-    "session_start",
-    "session_stop",
-    "trial_start",
-    "trial_end",
-    "lift_off",
-    "lifted",
-    "slip",
-    "deformation",
-    "drop",
-    "placed",
-    "note",
-    "override",
-    "redo",
-    "rating",
-    "beep",
-    "answer",
-    "muscles",
-    "squeeze",
-    "undo",
-    "unblind",
-    "behaviour",
-]
+    "session_start", "session_stop", "trial_start", "trial_end", "lift_off", "lifted", "slip", "deformation",
+    "drop", "placed", "note", "override", "redo", "rating", "beep", "answer", "muscles", "squeeze", "undo",
+    "unblind", "behaviour",
+]  # fmt: skip
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
 
@@ -158,9 +140,5 @@ def replaced_journal(path: Path) -> Iterator[Journal]:
 
 def events_path(folder: Path, participant: str) -> Path:
     """Return where a person's events are."""
-    return (
-        folder
-        / "sessions"
-        / plain_name(participant, subject="participant", source=folder.name)
-        / "events.jsonl"
-    )
+    name = plain_name(participant, subject="participant", source=folder.name)
+    return folder / "sessions" / name / "events.jsonl"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -167,3 +168,25 @@ class MaskingSound(Opened):
         if len(self._left):
             part, self._left = np.split(self._left, [n])
             data[: len(part)] = np.clip(data[: len(part)] + part[:, None], -1, 1)
+
+
+class Beeps:
+    """Beeps of one attempt."""
+
+    def __init__(self, sound: MaskingSound, at_s: Sequence[float], *, key: str) -> None:
+        self._sound, self._left_s, self.key = sound, list(at_s), key
+
+    def begin(self) -> None:
+        """Forget beeps of a trial before this one."""
+        self._sound.sounded_ns()
+
+    def check(self, t_s: float, note: Callable[[int], None]) -> None:
+        """Play the beeps that are due ``t_s`` after the trial's start, and report those that have sounded.
+
+        ``note`` is called with the time at which a beep left the loudspeaker, nanoseconds.
+        """
+        while self._left_s and self._left_s[0] <= t_s:
+            self._left_s.pop(0)
+            self._sound.beep()
+        for sounded_ns in self._sound.sounded_ns():
+            note(sounded_ns)

@@ -29,11 +29,10 @@ from tega_study.journal import (
     replaced_journal,
 )
 from tega_study.lead.trial import recording_folder
-from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.observe.observing import checked_rater
-from tega_study.observers import RECORDED, WHOLE, observer_path
+from tega_study.observers import CAMERA, RECORDED, WHOLE, measured_path, observer_path, read_measured
 from tega_study.plan import read_plan
-from tega_study.withdrawn import check_stays
+from tega_study.study_notes import check_stays
 
 CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
 """Kinds of events that a person may add."""

@@ -1,10 +1,16 @@
-"""Read the raters' own files of a session, and find the trials that a rater saw from start to end."""
+"""Read the accounts of a session beside its own events: the raters' files, and a scene camera's measurements.
+
+The camera's events are ``measured.jsonl`` beside the session's, found by rule, overwritten by each measurement. A
+rater confirms a trial or corrects it; that account is a rater's separate file, ``observers/camera+ID.jsonl``, and
+counts as a rater's does. The camera's account stays unchanged, so ``study score`` can compute how far both agree.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+from tega.errors import InvalidValueError
 from tega.runtime.files.foreign_file import plain_name
 from tega_study.journal import JournalEvent, events_path, read_events
 
@@ -22,6 +28,12 @@ def observer_path(folder: Path, participant: str, rater: str) -> Path:
     """Return where a rater's events of a session are."""
     plain_name(rater, subject="rater", source=folder.name)
     return events_path(folder, participant).parent / "observers" / f"{rater}.jsonl"
+
+
+def check_new(folder: Path, participant: str, rater: str) -> None:
+    """Raise ``InvalidValueError`` for a rater who has a file of a session."""
+    if observer_path(folder, participant, rater).exists():
+        raise InvalidValueError(f"{rater} has scored {participant} already", "give another --rater")
 
 
 def read_observers(folder: Path, participant: str) -> dict[str, list[JournalEvent]]:
@@ -44,3 +56,27 @@ def saw_whole(events: Sequence[JournalEvent], trial: int, attempt: int) -> bool:
 def saw_proposals(events: Sequence[JournalEvent]) -> bool:
     """Return whether a rater saw proposals of rule and detector, which raises the agreement with them."""
     return any(e.kind == "session_start" and e.item == PROPOSED for e in events)
+
+
+CAMERA = "camera"
+
+
+def measured_path(folder: Path, participant: str) -> Path:
+    """Return where the camera's events of a session are."""
+    return events_path(folder, participant).with_name("measured.jsonl")
+
+
+def read_measured(folder: Path, participant: str) -> list[JournalEvent]:
+    """Read the camera's events of a session; none before ``scene measure``."""
+    return read_events(measured_path(folder, participant))
+
+
+def camera_success(events: Sequence[JournalEvent], *, dropped: bool) -> bool:
+    """Return whether a trial succeeded by the camera's events, with the drops as a person has corrected them.
+
+    ``dropped``: whether a drop counts.
+    """
+    end = next(event for event in events if event.kind == "trial_end")
+    struck = not dropped and any(event.kind == "drop" for event in events)
+    # The camera's verdict without the drop: it writes "lifted" only for a lift in time.
+    return not dropped and (bool(end.success) or (struck and any(e.kind == "lifted" for e in events)))

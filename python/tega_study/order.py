@@ -78,13 +78,7 @@ def allocate(
 
 
 def lay_out(
-    objects: Sequence[str],
-    conditions: Sequence[str],
-    *,
-    trials: int,
-    layout: Layout,
-    seed: int,
-    person: str,
+    objects: Sequence[str], conditions: Sequence[str], *, trials: int, layout: Layout, seed: int, person: str
 ) -> list[Slot]:
     """Return a person's trials in their order; ``trials`` are per object and condition.
 

@@ -1,21 +1,28 @@
-"""Render an analysis and its drawings as the report's HTML page, by the Jinja2 templates beside this file."""
+"""Render the report as one HTML page, and a study's forms, by the Jinja2 templates beside this file."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
-from tega.errors import MissingExtraError
+from tega.errors import InvalidValueError, MissingExtraError
+from tega.runtime.files.whole_file import write_whole
 from tega_study.analyse import Analysis
-from tega_study.cells import Cell
 from tega_study.compare import SMALLEST_FOR_P, Test
-from tega_study.difference import OutcomeDifference
-from tega_study.directions import Direction
+from tega_study.difference import (
+    PAPER_OBJECTS,
+    PAPER_SETUP,
+    PAPER_TABLE_1,
+    Cell,
+    Direction,
+    OutcomeDifference,
+)
 from tega_study.figures import p_text
 from tega_study.lead.questions import QUESTIONS
-from tega_study.paper import PAPER_OBJECTS, PAPER_SETUP, PAPER_TABLE_1
+from tega_study.plan import read_plan
 from tega_study.power import MOST_PEOPLE, too_few
 from tega_study.silico.sensitivity import SensitivityRow
 from tega_study.tables import PAPER_LABELS
@@ -43,6 +50,7 @@ _UNITS = {
 def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
     """Return the page; ``MissingExtraError`` without Jinja2."""
     sizes = sorted({(row.people, row.trials) for row in analysis.sensitivity})
+    n_people = max((cell.people for cell in analysis.cells), default=0)
     return (
         report_templates()
         .get_template("report.html")
@@ -57,14 +65,10 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             paper_objects=PAPER_OBJECTS,
             paper_setup=PAPER_SETUP,
             paper_values=_paper_values(analysis),
-            most_people=max((cell.people for cell in analysis.cells), default=0),
+            most_people=n_people,
             least_for_p=SMALLEST_FOR_P,
             most_planned=MOST_PEOPLE,
-            hopeless=too_few(
-                analysis.family,
-                people=max((cell.people for cell in analysis.cells), default=0),
-                alpha=analysis.alpha,
-            ),
+            hopeless=too_few(analysis.family, people=n_people, alpha=analysis.alpha),
             fewest=_FEWEST,
             cells={(cell.object, cell.condition): cell for cell in analysis.cells},
             trials={trial.id: trial for trial in analysis.trials},
@@ -227,3 +231,34 @@ def _events(events: Sequence[str]) -> str:
         else:
             runs.append((path, n, n))
     return ", ".join(f"{path}:{i}" + (f"–{j}" if j > i else "") for path, i, j in runs)
+
+
+FORMS: Final = ("consent.md", "data-protection.md")
+
+
+def write_forms(folder: Path, out: Path) -> list[Path]:
+    """Write the forms. Values missing from the plan are left in brackets, for the lab to complete.
+
+    None of them may be in ``out`` already: it may have been completed (``InvalidValueError``).
+    """
+    plan = read_plan(folder)
+    settings, first = plan.settings, plan.of(plan.participants[0])
+    rests_s = sum(trial.rest_s for trial in first)
+    known = {
+        "objects": settings.objects,
+        "conditions": settings.conditions,
+        "participants": settings.participants,
+        "trials": len(first),
+        "window_s": settings.window_s,
+        "rests_min": round(rests_s / 60),
+        "total_min": round((rests_s + len(first) * settings.window_s) / 60),
+        "probe": settings.probe,
+    }
+    paths = [out / name for name in FORMS]
+    for path in paths:
+        if path.exists() or path.is_symlink():
+            raise InvalidValueError(f"{path}: is there already", "name another folder with --out")
+    made = report_templates().overlay(autoescape=False)
+    for path in paths:
+        write_whole(path, made.get_template(path.name).render(known) + "\n")
+    return paths

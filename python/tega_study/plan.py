@@ -52,7 +52,6 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
             level.
         conditions: Vest conditions; the first two are compared, the second is the reference.
         trials: Per person, object and condition.
-        layout: How conditions follow one another, see :func:`tega_study.order.lay_out`.
         rest_s: Between two trials (the paper's minute).
         change_rest_s: Where the condition changes.
         long_rest_s: After every ``long_rest_every`` trials.
@@ -63,9 +62,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
             has measured the trial.
         alpha: Two-sided level of the tests.
         family: The tests that are corrected together, ``metric:object``.
-        probe: Whether a beep now and then is to be answered in every trial (dual task).
         seed: Of all orders; absent in an anonymised copy.
-        plan_sha256: Of ``plan.csv``.
         behaviours: What raters code besides lift-off, slip, deformation and drop.
     """
 
@@ -94,7 +91,6 @@ class PlannedTrial(msgspec.Struct, frozen=True):
     """A row of ``plan.csv``.
 
     Attributes:
-        participant: Anonymous id, such as ``p01``.
         trial: Number within the person, from 1; so is ``block``.
         repeat: Number among those of the same object and condition, from 1.
         rest_s: Before it.
@@ -208,14 +204,8 @@ def make_plan(
 def _rows(
     settings: StudySettings, person: str, objects: Sequence[str], conditions: Sequence[str]
 ) -> list[PlannedTrial]:
-    slots = lay_out(
-        objects,
-        conditions,
-        trials=settings.trials,
-        layout=settings.layout,
-        seed=settings.seed or 0,
-        person=person,
-    )
+    seed, trials = settings.seed or 0, settings.trials
+    slots = lay_out(objects, conditions, trials=trials, layout=settings.layout, seed=seed, person=person)
     rows: list[PlannedTrial] = []
     seen: dict[tuple[str, str], int] = {}
     for index, slot in enumerate(slots):
@@ -235,12 +225,10 @@ def _signed(settings: StudySettings, rows: Sequence[PlannedTrial]) -> StudySetti
 
 def _plan_csv(rows: Sequence[PlannedTrial]) -> bytes:
     lines = [",".join(PlannedTrial.__struct_fields__)]
-    lines += [",".join(_plain(value) for value in msgspec.structs.astuple(row)) for row in rows]
+    for row in rows:
+        values = msgspec.structs.astuple(row)
+        lines.append(",".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values))
     return ("\n".join(lines) + "\n").encode()
-
-
-def _plain(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _toml(settings: StudySettings) -> str:

@@ -1,4 +1,4 @@
-"""Compute the power of the report's own tests over people, by running its code on drawn studies.
+"""Compute the power of the report's own tests over people, run on drawn studies, and plan the next study.
 
 Counts are negative binomial with the mean ``m * exp(b_i + s_i * haptic)``, scaled so that the given means are the
 marginal ones; people differ in level (``b``) and in effect (``s``). Times are log-normal; a person's level cancels.
@@ -13,11 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega_study.compare import people_p
+from tega_study.difference import Cell
 from tega_study.rank import holm
 
 
@@ -80,10 +82,8 @@ def least_people(metric: str, *, tests: int, alpha: float = 0.05) -> int | None:
     """Return the fewest people with whom a test can be significant at all, however large the effect.
 
     The report's test is run on the most extreme data: every person differs in the same direction. The other tests of
-    the family are taken to find nothing, so that the correction is the strongest.
-
-    Returns:
-        ``None`` if :data:`MOST_PEOPLE` are too few.
+    the family are taken to find nothing, so that the correction is the strongest. ``None`` if
+    :data:`MOST_PEOPLE` are too few.
 
     Example:
         >>> least_people("slips", tests=7)
@@ -191,9 +191,8 @@ def _draw(
     level = random.normal(0, spread.sd_level, shape) - spread.sd_level**2 / 2
     effect = random.normal(0, spread.sd_effect, shape) - spread.sd_effect**2 / 2
     second = _sums(random, test.reference * np.exp(level), trials, spread.dispersion)
-    return _sums(
-        random, test.mean * np.exp(level + effect), trials, spread.dispersion
-    ) / trials, second / trials
+    first = _sums(random, test.mean * np.exp(level + effect), trials, spread.dispersion)
+    return first / trials, second / trials
 
 
 def _sums(
@@ -215,3 +214,73 @@ def _significant(tests: Sequence[Callable[[], float | None]], target: int, alpha
         return p is not None and p < alpha
     corrected = holm([one() for one in tests])[target]
     return corrected is not None and corrected < alpha
+
+
+_RUNS = 300
+"""Studies drawn for each number of people."""
+
+
+class Planner(msgspec.Struct, frozen=True, kw_only=True):
+    """Number of people a next study needs to find an effect on slips or deformations as large as this one's.
+
+    Attributes:
+        mean: Under the first condition; ``reference`` is under the second.
+        least: Fewest people with whom the test can be significant; ``None`` for more than are tried.
+        people: For 80 % power of the report's test over people, corrected over the plan's family; ``None``
+            for more than :data:`tega_study.power.MOST_PEOPLE`.
+        power_at_12: Power with twelve people, one full set of orders.
+        error: Two standard errors of that, at most.
+    """
+
+    metric: str
+    object: str
+    mean: float
+    reference: float
+    spread: str
+    least: int | None
+    people: int | None
+    power_at_12: float
+    error: float
+
+
+def next_study(
+    cells: Sequence[Cell], family: Sequence[str], conditions: tuple[str, str], *, trials: int, alpha: float
+) -> tuple[Planner, ...]:
+    """Return sample sizes for the next study, a row for each differing count of the family and each spread.
+
+    The next study is assumed to have the means of ``cells``. ``family`` holds ``metric:object``; of
+    ``conditions`` the first is compared with the second. ``trials`` are per person, object and condition;
+    ``alpha`` is two-sided.
+    """
+    of = {(cell.object, cell.condition): cell for cell in cells}
+    tests = [_planned(test, of, conditions) for test in family]
+    found = []
+    for place, (name, test) in enumerate(zip(family, tests, strict=True)):
+        if test.metric == "duration_s" or not test.mean or not test.reference or test.mean == test.reference:
+            continue
+        for label, spread in SPREADS.items():
+            at_12 = power_of(tests, place, people=12, trials=trials, spread=spread, alpha=alpha, runs=_RUNS)
+            needed = people_for(tests, place, trials=trials, spread=spread, alpha=alpha, runs=_RUNS)
+            found.append(
+                Planner(
+                    metric=test.metric,
+                    object=name.partition(":")[2],
+                    mean=test.mean,
+                    reference=test.reference,
+                    spread=label,
+                    least=least_people(test.metric, tests=len(family), alpha=alpha),
+                    people=None if needed is None else needed.people,
+                    power_at_12=at_12.found,
+                    error=at_12.error,
+                )
+            )
+    return tuple(found)
+
+
+def _planned(test: str, of: dict[tuple[str, str], Cell], conditions: tuple[str, str]) -> PlannedTest:
+    """Return a test with this study's means; without trials it finds nothing."""
+    metric, _, name = test.partition(":")
+    mean, reference = (getattr(of.get((name, one)), metric, None) for one in conditions)
+    if mean is None or reference is None or (metric == "duration_s" and not (mean and reference)):
+        return PlannedTest(metric, 1.0, 1.0)
+    return PlannedTest(metric, mean, reference)

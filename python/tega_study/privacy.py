@@ -22,12 +22,18 @@ from tega.recording.origin import NOTES
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import open_to_append, write_whole
 from tega_study.journal import Journal, JournalEvent, events_path, read_events
-from tega_study.measured import CAMERA, measured_path, read_measured
-from tega_study.objects import OBJECTS, objects_text, read_objects
-from tega_study.observers import PART, observer_path, read_observers
+from tega_study.observers import CAMERA, PART, measured_path, observer_path, read_measured, read_observers
 from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
-from tega_study.unblinding import copy_unblindings
-from tega_study.withdrawn import WITHDRAWN, lines_of, staying, withdrawn_ids
+from tega_study.study_notes import (
+    OBJECTS,
+    WITHDRAWN,
+    copy_unblindings,
+    lines_of,
+    objects_text,
+    read_objects,
+    staying,
+    withdrawn_ids,
+)
 
 ELSEWHERE = NOTES
 REPORTS = ("report", "report.html")
@@ -40,7 +46,6 @@ class Withdrawal(NamedTuple):
     """Files deleted, changed and left by a withdrawal.
 
     Attributes:
-        deleted: Files, folders and links of the study's folder.
         changed: BORIS projects that the person's observations were taken out of.
         left: Paths to check by hand: targets of links, files that the program made of the person elsewhere,
             and other people's files that bear the person's ID.
@@ -184,11 +189,8 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     if not stay:
         raise RecordingError(f"{folder}: everybody has withdrawn", "there is nothing to export")
     new = {person: person_id(number) for number, person in enumerate(stay, start=1)}
-    trials = tuple(
-        msgspec.structs.replace(trial, participant=new[person])
-        for person in stay
-        for trial in plan.of(person)
-    )
+    planned = [(person, trial) for person in stay for trial in plan.of(person)]
+    trials = tuple(msgspec.structs.replace(trial, participant=new[person]) for person, trial in planned)
     settings = msgspec.structs.replace(plan.settings, seed=None)
     known = {name: msgspec.structs.replace(facts, photo="") for name, facts in read_objects(folder).items()}
     registry = {OBJECTS: objects_text(known).encode()} if known else {}

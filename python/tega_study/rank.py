@@ -34,7 +34,6 @@ class MannWhitney(NamedTuple):
         p_conditional: Exact given the ties; ``None`` for large groups. Equals ``p`` without ties.
         a: Share of pairs in which the first group is larger, ties as halves (Vargha and Delaney's A).
         rank_biserial: ``2 a - 1``; positive where the first group is larger.
-        low: Lower end of its confidence interval.
     """
 
     u: float
@@ -156,9 +155,8 @@ def shift(x: ArrayLike, y: ArrayLike) -> Shift:
     k = int(np.searchsorted(below, (1 - CONFIDENCE) / 2 + 1e-12, side="right"))
     if k == 0:
         return Shift(estimate, -math.inf, math.inf, 1.0)
-    return Shift(
-        estimate, float(differences[k - 1]), float(differences[n * m - k]), float(1 - 2 * below[k - 1])
-    )
+    low, high = float(differences[k - 1]), float(differences[n * m - k])
+    return Shift(estimate, low, high, float(1 - 2 * below[k - 1]))
 
 
 def holm(p: Sequence[float | None]) -> list[float | None]:

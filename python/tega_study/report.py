@@ -17,10 +17,9 @@ from tega.runtime.files.foreign_file import read_words
 from tega.ui.view.figures import draw_map
 from tega_study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_study
 from tega_study.figures import figure_7, figure_8, lag_figure, new_figure, pose_figure, svg
-from tega_study.finger_rows import FingerRow
 from tega_study.page import report_html
 from tega_study.tables import csv_files
-from tega_study.touch_picture import FingerPicture
+from tega_study.touch_picture import FingerPicture, FingerRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +81,8 @@ def write_report(source: Path, out: Path | None = None, *, unblind: bool = False
     folder = out or (source if source.is_dir() else source.parent)
     folder.mkdir(parents=True, exist_ok=True)
     tables = folder / "report"
-    if tables.is_symlink() or (tables.exists() and not _is_report(tables)):
+    is_report = all((tables / name).is_file() for name in ("analysis.json", "provenance.csv"))
+    if tables.is_symlink() or (tables.exists() and not is_report):
         raise InvalidValueError(f"{tables}: is there, and is no report", "name another folder with --out")
     beside = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
     try:
@@ -105,10 +105,6 @@ def write_report(source: Path, out: Path | None = None, *, unblind: bool = False
         shutil.rmtree(beside, ignore_errors=True)
         raise
     return Report(folder / "report.html", tables, analysis)
-
-
-def _is_report(folder: Path) -> bool:
-    return all((folder / name).is_file() for name in ("analysis.json", "provenance.csv"))
 
 
 def _keep_others(old: Path, new: Path) -> None:

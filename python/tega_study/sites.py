@@ -11,7 +11,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.bundle import OpenedBundle, open_bundle
-from tega_study.cells import cells_of
+from tega_study.difference import cells_of
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.state import derive
@@ -24,7 +24,6 @@ class Site(NamedTuple):
 
     Attributes:
         name: Its number in the order of the bundles, such as ``site 1``.
-        planned: People in the plan.
         complete: People whose session is here and has no trial left.
         rehearsed: Whether these are no data of persons.
         trials: With ids that differ between sites.

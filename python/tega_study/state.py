@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import WITH_DATA, Journal, JournalEvent, Status, events_path, undone_numbers
 from tega_study.plan import PlannedTrial, StudyPlan
-from tega_study.withdrawn import check_stays
+from tega_study.study_notes import check_stays
 
 Where = Literal["lab", "emulated", "simulated"]
 """Kind of a session's devices."""
@@ -139,15 +139,9 @@ def resume(
         state = derive(trials, journal.events)
         if state.running is not None:
             number, attempt = state.running
-            journal.add(
-                "trial_end",
-                t_ns=t_ns,
-                trial=number,
-                attempt=attempt,
-                status="aborted_technical",
-                source="auto",
-                text="the program had stopped",
-            )
+            why = "the program had stopped"
+            own: dict[str, Any] = {"trial": number, "attempt": attempt, "source": "auto", "text": why}
+            journal.add("trial_end", t_ns=t_ns, status="aborted_technical", **own)
         journal.add("session_start", t_ns=t_ns, source="auto", text=signed, item=where)
         return journal, derive(trials, journal.events)
     except BaseException:

@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from tega_study.analyse import Analysis
-from tega_study.cells import Cell
 from tega_study.coupling import TouchCourse, on_grid
-from tega_study.directions import Direction
+from tega_study.difference import Cell, Direction
 
 PAPER_LABELS = {
     "duration_s": "Completion Time",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,21 +84,12 @@ def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
 
 def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
     """Return a frame with its measurements from the arrays of its file."""
-    numbers = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
+    numbers: dict[str, Any] = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
+    numbers["eda"] = int(numbers["eda"])
     x, y, peak_x, peak_y = (float(one) for one in file["places"])
-    contact = Contact(
-        finger=str(file["finger"]),
-        t_ns=0,
-        mass=numbers["mass"],
-        centroid_xy=(x, y),
-        spread=numbers["spread"],
-        threshold=numbers["threshold"],
-        eda=int(numbers["eda"]),
-        cci=numbers["cci"],
-        peak=numbers["peak"],
-        peak_xy=(int(peak_x), int(peak_y)),
-        in_contact=bool(file["in_contact"]),
-    )
+    places: dict[str, Any] = {"centroid_xy": (x, y), "peak_xy": (int(peak_x), int(peak_y))}
+    finger, touched = str(file["finger"]), bool(file["in_contact"])
+    contact = Contact(finger=finger, t_ns=0, in_contact=touched, **places, **numbers)
     if "mask" not in file:
         return TouchImage(frame, contact)
     touch_map = TouchMap(file["height"].astype(np.float32), str(file["unit"]), file["mask"].astype(np.bool_))
@@ -222,3 +214,53 @@ def _picture_of(folder: Path, trial: Trial) -> FingerPicture | None:
         return recorded_picture(attempts[-1]) if attempts else None
     except MissingExtraError:  # the numbers do not need it; the page then has no Fig 3
         return None
+
+
+class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One fingertip's contact.
+
+    Attributes:
+        eda: Contact area, pixels (Eq 4).
+        cci_norm: Share of the calibrated press, at most 1; ``None`` where there is none; ``eda_norm`` too.
+        peak_x: Peak, pixels; so is ``peak_y``.
+    """
+
+    trial: str
+    object: str
+    condition: str
+    finger: str
+    preset: str
+    cci: float
+    eda: int
+    cci_norm: float | None
+    eda_norm: float | None
+    peak_x: int
+    peak_y: int
+
+
+def finger_rows(pictures: Mapping[str, FingerPicture], trials: Sequence[Trial]) -> tuple[FingerRow, ...]:
+    """Return the contacts that the loop measured in the pictures, by trial id."""
+    of = {trial.id: trial for trial in trials}
+    rows = []
+    for trial, picture in pictures.items():
+        contact = picture.touch.contact
+        rows.append(
+            FingerRow(
+                trial=trial,
+                object=of[trial].object,
+                condition=of[trial].condition,
+                finger=picture.finger,
+                preset=picture.preset,
+                cci=float(contact.cci),
+                eda=int(contact.eda),
+                cci_norm=_share(contact.cci, picture.cci_max),
+                eda_norm=_share(contact.eda, picture.eda_max),
+                peak_x=int(contact.peak_xy[0]),
+                peak_y=int(contact.peak_xy[1]),
+            )
+        )
+    return tuple(rows)
+
+
+def _share(value: float, full: float) -> float | None:
+    return min(float(value) / full, 1.0) if full > 0 else None

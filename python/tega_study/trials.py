@@ -8,13 +8,18 @@ from pathlib import Path
 import msgspec
 
 from tega.errors import RecordingError
-from tega_study.beep_score import score_beeps
 from tega_study.journal import WITH_DATA, JournalEvent, Status, counting, events_path, read_events
-from tega_study.measured import CAMERA, camera_success, measured_path, read_measured
-from tega_study.observers import read_observers, saw_whole
+from tega_study.observers import (
+    CAMERA,
+    camera_success,
+    measured_path,
+    read_measured,
+    read_observers,
+    saw_whole,
+)
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
-from tega_study.squeeze_score import squeeze_shares
-from tega_study.withdrawn import staying
+from tega_study.side_scores import score_beeps, squeeze_shares
+from tega_study.study_notes import staying
 
 _CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo", "rating"}
 
@@ -24,17 +29,14 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         id: Such as ``p01-t07``, or file and line of a bench's results.
-        participant: Anonymous id.
         trial: Number within the person.
         repeat: Its number among those of the same person, object and condition.
-        condition: Vest condition.
         status: ``done`` and ``failed_task`` are data; the others are reported in the flow and left out of the
             statistics.
         success: Lifted, held and not dropped; as corrected, if it was.
         slips: After lift-off, as the paper counts them (reading A68).
         slips_before: Before lift-off.
         deformations: In the whole trial (reading A69).
-        drops: In the whole trial.
         duration_s: From the start to the end of the trial; ``None`` where it did not run to its end.
         lift_off_s: From the start.
         rater: The rater who counted slips, deformations and drops at a separate console; empty if the
@@ -43,7 +45,6 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         redone: Why an attempt that had taken place does not count, as the experimenter reported; ``""`` where
             none.
         beeps: Of the second task, those that count; ``beeps_answered`` of them were answered in time.
-        false_answers: Presses that answered no beep.
         reaction_s: Median from beep to press; ``None`` where none was answered.
         squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first;
             ``None`` where there was none.
@@ -155,13 +156,12 @@ def trials_of_events(
             is_first = first[plan.object] == plan.condition
             done = _trial(plan, runs[-1], undone, where=where, first=is_first, by_bench=by_bench)
             redone = [e for run in runs for e in run if e.kind == "redo" and e.n not in undone]
-            if redone:
-                done = msgspec.structs.replace(done, redone=redone[-1].text)
+            squeezed = [None, *(shares[event.n] for event in runs[-1] if event.n in shares)]
+            why = redone[-1].text if redone else ""
+            done = msgspec.structs.replace(done, redone=why, squeeze_share=squeezed[-1])
             if any(event in redone for event in runs[-1]):
                 # It was to be done again and was not: nothing of it is data.
                 done = msgspec.structs.replace(done, status="aborted_technical")
-            squeezed = [None, *(shares[event.n] for event in runs[-1] if event.n in shares)]
-            done = msgspec.structs.replace(done, squeeze_share=squeezed[-1])
             trials.append(_counted(done, runs[-1], observers, measured, where=where))
     return trials
 

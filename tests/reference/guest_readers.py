@@ -44,12 +44,11 @@ from tega_study.bundle import open_bundle, write_bundle
 from tega_study.coupling import TouchCourse, read_course, write_course
 from tega_study.episodes.journal import EpisodeLine, read_episodes
 from tega_study.journal import Journal, events_path, read_events
-from tega_study.lead.status_file import SessionBoard, read_board
-from tega_study.lead.tell import CommandFile
-from tega_study.objects import read_objects
+from tega_study.lead.tell import CommandFile, SessionBoard, read_board
 from tega_study.plan import make_plan, read_plan, write_plan
-from tega_study.score import clips, recorded, trial_pictures
+from tega_study.score import clips, recorded
 from tega_study.silico.assumptions import read_assumptions, read_parameters
+from tega_study.study_notes import read_objects
 from tega_study.touch_picture import read_touch_picture
 
 _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
@@ -198,7 +197,7 @@ def _read_authority(path: Path) -> None:
 
 def _read_truth(path: Path) -> None:
     trial = recorded.RecordedTrial("p01-t01", 1, 1, "bag", 0, 300_000_000, 0, path.parent)
-    trial_pictures._of_bench(trial)
+    recorded._of_bench(trial)
 
 
 _TRUTH = b"t_s,object_height_m,slip_m,deformation_m\n0.1,0.0,0.0,0.0\n0.2,0.1,0.001,0.002\n0.3,0.2,0.0,0.0\n"

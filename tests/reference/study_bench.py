@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import lzma
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tega_study.journal import Journal, JournalEvent, events_path, read_events
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.running_trial import Going
+from tega_study.observers import observer_path
 from tega_study.plan import PlannedTrial, StudyPlan, make_plan, write_plan
 from tega_study.state import Where
 
@@ -90,3 +94,58 @@ class StandingBench:
             if going.may_go():
                 going.begin(0)
             time.sleep(0.001)
+
+
+class Experimenter(ScriptedDesk):
+    """Presses Enter when asked to begin, and what else is to be pressed in each phase.
+
+    Args:
+        presses: By phase of the screen, keys to press once each time the phase is entered.
+        answer: To every line that is asked for.
+    """
+
+    def __init__(self, presses: dict[str, str] | None = None, answer: str = "40") -> None:
+        super().__init__(rating="i", answer=answer)
+        self._presses = presses or {}
+        self.phases: list[str] = []
+
+    def observe(self, screen: Screen) -> None:
+        if self.phases[-1:] != [screen.phase]:
+            self.phases.append(screen.phase)
+            self.waiting += list(self._presses.get(screen.phase, ""))
+            if screen.phase == "ready":
+                self.waiting.append(ENTER)
+
+
+def study(folder: Path, **settings: Any) -> Path:
+    quick_study(folder / "study", **{"change_rest_s": 0.3, "long_rest_s": 0.3, **settings})
+    return folder / "study"
+
+
+def events_of(folder: Path) -> list[JournalEvent]:
+    return read_events(events_path(folder, "p01"))
+
+
+def kinds(events: Sequence[JournalEvent]) -> list[str]:
+    return [event.kind for event in events]
+
+
+GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "1-paper.mcap.xz"
+RECORDING = "recordings/p01/p01-t01-a1/trial-001.mcap"
+
+
+def led(folder: Path, plan: StudyPlan, person: str) -> None:
+    """Write what a session leaves: events, a rater's, a recording."""
+    with Journal(events_path(folder, person)) as journal:
+        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
+        for trial in plan.of(person):
+            at_ns = trial.trial * 20 * 10**9
+            journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
+            journal.add("lift_off", t_ns=at_ns + 10**9, trial=trial.trial)
+            journal.add("slip", t_ns=at_ns + 2 * 10**9, trial=trial.trial, source="experimenter")
+            journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
+    with Journal(observer_path(folder, person, "r1")) as journal:
+        journal.add("note", t_ns=1, text="the gel is new", source="r1")
+    target = folder / RECORDING.replace("p01", person)
+    target.parent.mkdir(parents=True)
+    target.write_bytes(lzma.decompress(GOLDEN.read_bytes()))

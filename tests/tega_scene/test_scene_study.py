@@ -16,12 +16,11 @@ from tega_scene.lens import Lens
 from tega_scene.outcomes import SceneEvent, SceneOutcome
 from tega_scene.resting import SceneRest
 from tega_study.journal import Journal, events_path, read_events
-from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.measuring import MeasuredTrial, between, confirm_trial, measure_session, write_measured
-from tega_study.observers import read_observers, saw_whole
+from tega_study.observers import CAMERA, measured_path, read_measured, read_observers, saw_whole
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export
-from tega_study.score import agreements
+from tega_study.score.accounts import agreements
 from tega_study.trials import study_trials
 
 BEGIN_NS = 5_000_000_000

@@ -17,8 +17,7 @@ from tega_sim.operator import RulesVersion, ViewName
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.trials import plan_trials, summarise_trials
 from tega_sim.world import OBJECTS, crossed, read_objects
-from tega_study.silico import read_assumptions
-from tega_study.silico.assumptions import code_sha256
+from tega_study.silico.assumptions import code_sha256, read_assumptions
 from tega_study.silico.simulate import made_study
 
 TIN = """

@@ -25,7 +25,8 @@ from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega_study.journal import Journal, JournalEvent, events_path
 from tega_study.observers import read_observers
 from tega_study.plan import make_plan, write_plan
-from tega_study.score import agreements, export_boris, export_elan, import_boris
+from tega_study.score.accounts import agreements
+from tega_study.score.boris import export_boris, export_elan, import_boris
 
 CODES = ["slip", "deformation", "drop", "lift_off"]
 HEAD = (

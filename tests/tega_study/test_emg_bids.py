@@ -17,8 +17,8 @@ pytest.importorskip("foxglove")
 pytest.importorskip("edfio", reason="needs the extra formats")
 
 import edfio
-from test_study_clips import LEAD_NS, LENGTH_NS, planned, study
 
+from reference.clipped import LEAD_NS, LENGTH_NS, clipped_study, planned
 from reference.command import call
 from reference.sessions import record, rewritten
 from tega.errors import RecordingError
@@ -35,7 +35,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(tmp_path: Path, recording: Path) -> Path:
-    return study(tmp_path / "study", planned(), recording)
+    return clipped_study(tmp_path / "study", planned(), recording)
 
 
 def table(path: Path) -> list[dict[str, str]]:

@@ -15,7 +15,7 @@ from tega.config import load_config
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 from tega_emulators.sound_port import SoundPort
 from tega_study.journal import events_path, read_events
-from tega_study.lead import lead_session
+from tega_study.lead.session import lead_session
 from tega_study.masking_settings import MaskingSection
 from tega_study.masking_sound import BAND_HZ, RATE_HZ, MaskingSound, pink_loop
 

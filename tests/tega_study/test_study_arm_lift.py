@@ -15,9 +15,8 @@ from tega.runtime.clock import SystemClock
 from tega.stages.metrics import contact_record
 from tega.tactile import ContactMetrics, contact_metrics
 from tega_study.journal import Journal, JournalEvent, events_path, read_events
-from tega_study.lead.arm_lift import ARM, ArmLift
 from tega_study.lead.benches import SimulatedBench
-from tega_study.lead.running_trial import Going
+from tega_study.lead.running_trial import ARM, ArmLift, Going
 from tega_study.lead.trial import LedTrial, undo_last
 from tega_study.plan import PlannedTrial, read_plan
 from tega_study.trials import study_trials

@@ -16,38 +16,24 @@ from typing import Any
 import pytest
 
 from reference.command import call
+from reference.study_bench import GOLDEN, RECORDING, led
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
 from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.remake import encode_session, merge_sessions
 from tega.recording.trim import trim_session
-from tega_study.bids_names import BIDS_NAME, bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle
+from tega_study.emg_bids.dataset import bids_names
 from tega_study.journal import Journal, events_path
-from tega_study.observers import observer_path
-from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
 from tega_study.trials import study_trials
 
-GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "1-paper.mcap.xz"
-RECORDING = "recordings/p01/p01-t01-a1/trial-001.mcap"
-
-
-def led(folder: Path, plan: StudyPlan, person: str) -> None:
-    """Write what a session leaves: events, a rater's, a recording."""
-    with Journal(events_path(folder, person)) as journal:
-        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
-        for trial in plan.of(person):
-            at_ns = trial.trial * 20 * 10**9
-            journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
-            journal.add("lift_off", t_ns=at_ns + 10**9, trial=trial.trial)
-            journal.add("slip", t_ns=at_ns + 2 * 10**9, trial=trial.trial, source="experimenter")
-            journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
-    with Journal(observer_path(folder, person, "r1")) as journal:
-        journal.add("note", t_ns=1, text="the gel is new", source="r1")
-    target = folder / RECORDING.replace("p01", person)
-    target.parent.mkdir(parents=True)
-    target.write_bytes(lzma.decompress(GOLDEN.read_bytes()))
+BIDS_NAME = re.compile(
+    r"sub-(?P<sub>[A-Za-z0-9]+)/ses-01/beh/sub-(?P=sub)_ses-01"
+    r"(_task-[A-Za-z0-9]+(_acq-a[0-9]+)?_run-[0-9]{2,})?(_desc-[A-Za-z0-9]+)?_[A-Za-z0-9]+(\.[A-Za-z0-9]+)?"
+)
+# Name of a person's file; other files keep their path below sourcedata/, which BIDS leaves free.
 
 
 @pytest.fixture
@@ -379,53 +365,3 @@ def test_a_recording_outside_of_studies_gets_no_list_of_copies(tmp_path: Path) -
     source.write_bytes(lzma.decompress(GOLDEN.read_bytes()))
     export_file(source, tmp_path / "tables")
     assert not list(tmp_path.rglob("elsewhere.txt"))
-
-
-def site(folder: Path, seed: int, n_people: int = 2, **plan: Any) -> list[Path]:
-    """Return the bundles of a study that was led to its end."""
-    made = make_plan(
-        participants=n_people, seed=seed, trials=2, simulated=True, **{"objects": ["bag"]} | plan
-    )
-    write_plan(made, folder / "study")
-    for person in made.participants:
-        led(folder / "study", made, person)
-        write_bundle(folder / "study", person, folder / f"{person}.zip")
-    return [folder / f"{person}.zip" for person in made.participants]
-
-
-def test_bundles_of_two_sites_are_one_table_of_each_and_of_all(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    here, there = site(tmp_path / "here", 3), site(tmp_path / "there", 4, 3)
-    out = tmp_path / "table1.csv"
-    message = json.loads(call(capsys, "study", "sites", *here, *there, "--out", out, "--json")[0])
-    assert [one["complete"] for one in message["sites"]] == [2, 3]
-    assert (message["interim"], message["rehearsed"]) == (False, True)
-    rows = [line.split(",") for line in out.read_text().splitlines()]
-    assert rows == message["table1"]
-    assert rows[0] == ["Site", "People", "Condition", "Metric", "bag"]
-    # Two trials a person and condition, each of 9 s with one slip and lifted.
-    n = {"site 1": 2, "site 2": 3, "all": 5}
-    wanted = [
-        [name, str(n[name]), condition, metric, value.format(2 * n[name])]
-        for name in n
-        for condition in ("haptic", "non-haptic")
-        for metric, value in (
-            ("Completion Time", "9.0"),
-            ("Slippage", "1.0"),
-            ("Deformation", "0.0"),
-            ("Success Rate", "{0}/{0}"),
-        )
-    ]
-    assert rows[1:] == wanted
-
-
-def test_no_table_of_sites_before_their_plans_are_complete_nor_of_unlike_ones(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    here, there = site(tmp_path / "here", 3), site(tmp_path / "there", 4, objects=["egg"])
-    reported = call(capsys, "study", "sites", here[0], code=1)[1]
-    assert "site 1: 1 of 2 people of its plan are complete and here" in reported
-    assert "interim" in call(capsys, "study", "sites", here[0], "--unblind")[0]
-    assert "p01 of this plan is given twice" in call(capsys, "study", "sites", here[0], here[0], code=1)[1]
-    assert "sites differ" in call(capsys, "study", "sites", *here, *there, code=1)[1]

@@ -21,12 +21,13 @@ from tega_study.attempt_rows import HandRow, hand_path, read_hand, read_touch, t
 from tega_study.cli import study
 from tega_study.detecting import detect_study, detected_path, events_of, read_detected
 from tega_study.journal import Journal, events_path
-from tega_study.lead import lead_session
 from tega_study.lead.benches import SimulatedBench
+from tega_study.lead.session import lead_session
 from tega_study.observers import read_observers
 from tega_study.page import report_html
 from tega_study.plan import make_plan, read_plan, write_plan
-from tega_study.score import agreements, export_boris, import_boris
+from tega_study.score.accounts import agreements
+from tega_study.score.boris import export_boris, import_boris
 from tega_study.trials import study_trials
 
 

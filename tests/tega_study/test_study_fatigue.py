@@ -15,14 +15,13 @@ from tega.errors import DeviceUnavailableError
 from tega.records import MuscleCondition
 from tega_study.analyse import analyse_study
 from tega_study.journal import JournalEvent, events_path, read_events
-from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
-from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence, trial_medians
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
+from tega_study.lead.session import lead_session
 from tega_study.page import report_html
 from tega_study.plan import read_plan
 from tega_study.privacy import export
-from tega_study.squeeze_score import squeeze_shares
+from tega_study.side_scores import muscle_sentence, squeeze_sentence, squeeze_shares, trial_medians
 from tega_study.trials import study_trials
 
 

@@ -30,8 +30,8 @@ from tega_study.journal import (  # noqa: E402
     events_path,
     read_events,
 )
-from tega_study.lead.status_file import board_path, read_board  # noqa: E402
-from tega_study.measured import CAMERA, measured_path  # noqa: E402
+from tega_study.lead.tell import board_path, read_board  # noqa: E402
+from tega_study.observers import CAMERA, measured_path  # noqa: E402
 from tega_study.plan import make_plan, read_plan, write_plan  # noqa: E402
 from tega_study.score.clips import read_key  # noqa: E402
 

@@ -11,7 +11,7 @@ pytest.importorskip("jinja2")
 
 from reference.command import call
 from tega.errors import InvalidValueError
-from tega_study.forms import FORMS, write_forms
+from tega_study.page import FORMS, write_forms
 from tega_study.plan import make_plan, write_plan
 
 

@@ -13,9 +13,9 @@ from reference.command import call
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
 from tega_study.bundle import open_bundle, write_bundle
 from tega_study.journal import Journal, events_path
-from tega_study.objects import OBJECTS, ObjectFacts, note_object, read_objects
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export
+from tega_study.study_notes import OBJECTS, ObjectFacts, note_object, read_objects
 
 PHOTO = b"\xff\xd8\xff\xe0" + bytes(200)
 

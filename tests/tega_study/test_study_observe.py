@@ -16,8 +16,8 @@ import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega_study.journal import Journal, events_path, read_events
-from tega_study.lead.status_file import SessionBoard, board_path, write_board
-from tega_study.observe import Observing
+from tega_study.lead.tell import SessionBoard, board_path, write_board
+from tega_study.observe.observing import Observing
 from tega_study.observers import observer_path, read_observers, saw_whole
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export, withdraw

@@ -18,8 +18,8 @@ from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.score.boris import export_boris
 from tega_study.state import derive, resume
+from tega_study.study_notes import withdrawn_ids
 from tega_study.trials import study_trials, trials_of_events
-from tega_study.withdrawn import withdrawn_ids
 
 START_NS = 1_763_720_000_123_456_789
 

@@ -14,15 +14,15 @@ import pytest
 from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega_emulators.sound_port import SoundPort
-from tega_study.beep_score import score_beeps
 from tega_study.journal import JournalEvent, Kind, events_path, read_events
-from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
+from tega_study.lead.session import lead_session
 from tega_study.masking_settings import MaskingSection
 from tega_study.masking_sound import BEEP_HZ, RATE_HZ, MaskingSound, beep_tone
 from tega_study.plan import StudyPlan, make_plan, read_plan
 from tega_study.privacy import export
-from tega_study.probe import APART_S, FIRST_S, beep_times, probe_uses
+from tega_study.ratings import probe_uses
+from tega_study.side_scores import APART_S, FIRST_S, beep_times, score_beeps
 from tega_study.trials import study_trials
 
 

@@ -12,8 +12,8 @@ from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from tega.errors import DeviceUnavailableError
 from tega.ui.cli.main import cli
 from tega_study.journal import events_path, read_events
-from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
+from tega_study.lead.session import lead_session
 from tega_study.plan import read_plan
 from tega_study.state import derive
 from tega_study.trials import study_trials

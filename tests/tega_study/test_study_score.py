@@ -11,11 +11,13 @@ pytest.importorskip("scipy")
 
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
-from tega_study.observe import Observing
+from tega_study.observe.observing import Observing
 from tega_study.observers import observer_path, read_observers
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.report import write_report
-from tega_study.score import agreement, agreements, export_boris, icc, import_boris, kappa, match_events
+from tega_study.score.accounts import agreements
+from tega_study.score.agree import agreement, icc, kappa, match_events
+from tega_study.score.boris import export_boris, import_boris
 from tega_study.state import resume
 from tega_study.trials import study_trials
 

@@ -16,7 +16,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
 from tega.errors import RecordingError
-from tega_study.directions import directions
+from tega_study.difference import directions
 from tega_study.journal import Journal, events_path
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.report import write_report

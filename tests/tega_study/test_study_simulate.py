@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,9 @@ pytest.importorskip("mujoco")
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega_sim.operator import draw_person, load_parameters
 from tega_sim.plan import TrialResult
-from tega_study.silico import ensure_plan, read_assumptions, simulate, unfinished
-from tega_study.silico.assumptions import PARAMETERS
+from tega_study.silico.assumptions import PARAMETERS, read_assumptions
 from tega_study.silico.sensitivity import read_sensitivity, run_sensitivity
+from tega_study.silico.simulate import ensure_plan, simulate, unfinished
 from tega_study.touch_picture import read_touch_picture
 from tega_study.trials import study_trials
 
@@ -215,9 +216,7 @@ def tables_of(folder: Path) -> dict[str, str]:
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="needs the extra tega[dask]")
-    from tega_study.silico import spread
-
-    monkeypatch.setattr(spread, "_CONNECT_S", 0.3)
+    monkeypatch.setattr(import_module("tega_study.silico.simulate"), "_CONNECT_S", 0.3)
     with pytest.raises(DeviceUnavailableError, match="no scheduler answers"):
         simulate(tmp_path / "s", operators=1, objects=["bag"], trials=1, dask="tcp://127.0.0.1:9")
 

@@ -17,12 +17,11 @@ from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from reference.waiting import until
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.clock import ManualClock, SystemClock
-from tega_study.cli.tell import COMMANDS
+from tega_study.cli.run import COMMANDS
 from tega_study.journal import events_path, read_events
-from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER
-from tega_study.lead.status_file import board_path, read_board
-from tega_study.lead.tell import KEYS, CommandFile, commands_path, notify
+from tega_study.lead.session import lead_session
+from tega_study.lead.tell import KEYS, CommandFile, board_path, commands_path, notify, read_board
 from tega_study.trials import study_trials
 
 

@@ -18,7 +18,7 @@ from tega.runtime.files import whole_file as file_lock
 from tega.runtime.files.whole_file import lock_file
 from tega_study.journal import Journal, read_events
 from tega_study.plan import make_plan, read_plan, write_plan
-from tega_study.score import export_boris
+from tega_study.score.boris import export_boris
 from tega_study.state import resume
 
 _HOLD = (

@@ -31,12 +31,11 @@ from tega_study.attempt_rows import read_hand, read_touch
 from tega_study.coupling import read_course
 from tega_study.episodes.journal import EPISODES, EpisodeJournal
 from tega_study.journal import Journal, events_path
-from tega_study.lead.status_file import board_path, read_board
-from tega_study.lead.tell import commands_path, notify
+from tega_study.lead.tell import board_path, commands_path, notify, read_board
 from tega_study.plan import make_plan, write_plan
 from tega_study.privacy import export, note_elsewhere, withdraw
+from tega_study.study_notes import withdrawn_ids
 from tega_study.touch_picture import read_touch_picture
-from tega_study.withdrawn import withdrawn_ids
 
 pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such links and pipes"),

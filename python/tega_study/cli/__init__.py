@@ -4,22 +4,12 @@ from __future__ import annotations
 
 import click
 
-from tega_study.cli.bundle import bundle, open_
-from tega_study.cli.clips import clips
-from tega_study.cli.detect import detect
-from tega_study.cli.forms import forms
-from tega_study.cli.object import object_
-from tega_study.cli.observe import observe
-from tega_study.cli.plan import plan, status
-from tega_study.cli.power import power
-from tega_study.cli.privacy import export, withdraw
-from tega_study.cli.report import report
-from tega_study.cli.run import run
-from tega_study.cli.score import score
-from tega_study.cli.sensitivity import sensitivity
-from tega_study.cli.simulate import simulate
-from tega_study.cli.sites import sites
-from tega_study.cli.tell import tell
+from tega_study.cli.plan import forms, object_, plan, status
+from tega_study.cli.privacy import bundle, export, open_, withdraw
+from tega_study.cli.report import power, report, sites
+from tega_study.cli.run import observe, run, tell
+from tega_study.cli.score import clips, detect, score
+from tega_study.cli.simulate import sensitivity, simulate
 
 __all__ = ["study"]
 
@@ -29,25 +19,8 @@ def study() -> None:
     """Plan, lead, score and report a user study."""
 
 
-for _verb in (
-    plan,
-    object_,
-    forms,
-    run,
-    tell,
-    observe,
-    detect,
-    clips,
-    status,
-    score,
-    report,
-    withdraw,
-    export,
-    bundle,
-    open_,
-    sites,
-    power,
-    simulate,
-    sensitivity,
-):
+_LED = (plan, object_, forms, run, tell, observe, detect, clips, status)
+_DONE = (score, report, withdraw, export, bundle, open_, sites, power, simulate, sensitivity)
+
+for _verb in (*_LED, *_DONE):
     study.add_command(_verb)

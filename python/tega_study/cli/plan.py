@@ -1,4 +1,4 @@
-"""Write a study's plan and show how far it is: ``tega-teleop study plan`` and ``status``."""
+"""Write a plan, its forms and objects, and show how far it is: ``study plan``, ``forms``, ``object``, ``status``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import click
 
 from tega.errors import InvalidValueError
 from tega.ui.cli.options import NameList, echo_json, json_option
-from tega_study.cli.options import FOLDER, design_options, folder_argument, shown_option
+from tega_study.cli.options import FILE, FOLDER, design_options, folder_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.plan import StudyPlan
@@ -34,10 +34,9 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--anyway", is_flag=True, help="Write a plan with too few people for a significant result.")
 @click.option(
-    "--behaviours",
-    type=NameList(),
+    "--behaviours", type=NameList(),
     help="Behaviours that raters code besides lift-off, slip, deformation and drop, such as regrasp,contact.",
-)
+)  # fmt: skip
 @click.option(
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )
@@ -96,7 +95,7 @@ def status(*, folder: Path, as_json: bool) -> None:
     from tega_study.journal import events_path, read_events
     from tega_study.plan import read_plan
     from tega_study.state import derive
-    from tega_study.withdrawn import withdrawn_ids
+    from tega_study.study_notes import withdrawn_ids
 
     made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []
@@ -109,13 +108,13 @@ def status(*, folder: Path, as_json: bool) -> None:
         events = read_events(events_path(folder, person))
         state = derive(mine, events)
         subject = "complete" if state.next is None else "under way" if events else "not begun"
+        lacks = {"without_data": list(state.without_data), "broken_off": state.broken_off}
         row: dict[str, Any] = {
             "participant": person,
             "state": subject,
             "over": state.n_over,
             "trials": len(mine),
-            "without_data": list(state.without_data),
-            "broken_off": state.broken_off,
+            **lacks,
         }
         if state.next is not None and events:
             number, attempt = state.next
@@ -136,3 +135,70 @@ def status(*, folder: Path, as_json: bool) -> None:
         if by_person.get(row["participant"]):
             text += f"  ({by_person[row['participant']]})"
         click.echo(text)
+
+
+@click.command(epilog="Example: tega-teleop study forms my-study --out forms")
+@folder_argument
+@click.option("--out", type=FOLDER, required=True, help="Folder for the forms; no form in it is overwritten.")
+@json_option
+def forms(*, folder: Path, out: Path, as_json: bool) -> None:
+    """Write templates of a consent form and a data protection sheet, filled in from the plan.
+
+    The forms are templates, not legal advice. Complete the parts in brackets, and have the forms approved.
+    """
+    from tega_study.page import write_forms
+
+    paths = write_forms(folder, out)
+    if as_json:
+        echo_json({"forms": [str(path) for path in paths]})
+        return
+    for path in paths:
+        click.echo(f"{path}: complete what stands in [brackets], and have it approved")
+
+
+@click.command(
+    "object", epilog="Example: tega-teleop study object my-study bag --mass-g 32 --measured 'kitchen scale'"
+)
+@folder_argument
+@click.argument("name")
+@click.option("--mass-g", type=float, help="Mass as it is lifted, grams.")
+@click.option(
+    "--stiffness-n-per-mm", type=float, help="Stiffness where it is grasped: force over indentation, N/mm."
+)
+@click.option("--friction", type=float, help="Static friction against the gel.")
+@click.option("--measured", help="How these were measured.")
+@click.option("--photo", type=FILE, help="JPEG or PNG; it is copied.")
+@json_option
+def object_(
+    *,
+    folder: Path,
+    name: str,
+    mass_g: float | None,
+    stiffness_n_per_mm: float | None,
+    friction: float | None,
+    measured: str | None,
+    photo: Path | None,
+    as_json: bool,
+) -> None:
+    """Record properties of one of the plan's objects in objects.toml; the report shows them.
+
+    Properties that are not given stay unchanged. Without any, the recorded ones are shown.
+    """
+    import msgspec
+
+    from tega_study.study_notes import note_object
+
+    given: dict[str, Any] = {
+        "mass_g": mass_g,
+        "stiffness_n_per_mm": stiffness_n_per_mm,
+        "friction": friction,
+        "measured": measured,
+    }
+    changes = {key: value for key, value in given.items() if value is not None}
+    facts = msgspec.to_builtins(note_object(folder, name, photo=photo, **changes))
+    if as_json:
+        echo_json({"object": name, **facts})
+        return
+    click.echo(
+        f"{name}: " + ", ".join(f"{key} {'not known' if v in {None, ''} else v}" for key, v in facts.items())
+    )

@@ -1,14 +1,15 @@
-"""Analyse a study and write its report: ``tega-teleop study report``."""
+"""Analyse studies and plan their size: ``tega-teleop study report``, ``sites`` and ``power``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from tega.errors import InvalidValueError
 from tega.ui.cli.options import echo_json, json_option
-from tega_study.cli.options import FOLDER
+from tega_study.cli.options import FILE, FOLDER, shown_option
 
 if TYPE_CHECKING:
     from tega_study.analyse import Analysis
@@ -18,10 +19,9 @@ if TYPE_CHECKING:
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("--out", type=FOLDER, help="Folder for report.html and report/; the study's own unless given.")
 @click.option(
-    "--unblind",
-    is_flag=True,
+    "--unblind", is_flag=True,
     help="Compare conditions before the plan is complete; the study's journal and report keep that.",
-)
+)  # fmt: skip
 @json_option
 def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> None:
     """Analyse a study's folder, or a file of sim trials, and write one HTML page with tables and figures.
@@ -39,15 +39,9 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
         tests = [
             test for test in done.analysis.tests if f"{test.metric}:{test.object}" in done.analysis.family
         ]
-        echo_json(
-            {
-                "page": str(done.page),
-                "tables": str(done.tables),
-                "blind": done.analysis.blind,
-                "table1": [] if done.analysis.blind else table_1(done.analysis),
-                "tests": msgspec.to_builtins(tests),
-            }
-        )
+        first = [] if done.analysis.blind else table_1(done.analysis)
+        where = {"page": str(done.page), "tables": str(done.tables), "blind": done.analysis.blind}
+        echo_json({**where, "table1": first, "tests": msgspec.to_builtins(tests)})
         return
     _print(done.analysis)
     click.echo(f"{done.page}")
@@ -74,3 +68,98 @@ def _print(analysis: Analysis) -> None:
     for row in rows:
         displayed.add_row(*row)
     out.print(displayed)
+
+
+@click.command(epilog="Example: tega-teleop study sites here/*.zip there/*.zip --out table1.csv")
+@click.argument("bundles", type=FILE, nargs=-1, required=True)
+@click.option("--out", type=FILE, help="CSV file for the table; new.")
+@click.option("--unblind", is_flag=True, help="Compare conditions before the plan of every site is complete.")
+@json_option
+def sites(*, bundles: tuple[Path, ...], out: Path | None, unblind: bool, as_json: bool) -> None:
+    """Average the sessions of several sites as Table I: each site, and all together.
+
+    BUNDLES are files of study bundle; those of one plan are one site. Every hash is checked and every trial is worked
+    out again. --json prints {sites, interim, rehearsed, table1}.
+    """
+    from tega_study.sites import sites_table
+    from tega_study.tables import csv_text
+
+    if out is not None and out.exists():
+        raise InvalidValueError(f"{out}: is there already", "name a new file")
+    found = sites_table(bundles, unblind=unblind)
+    text = csv_text(found.rows)
+    if out is not None:
+        out.write_text(text, encoding="utf-8", newline="\n")
+    rehearsed = found.sites[0].rehearsed
+    if as_json:
+        of = [{"site": s.name, "plan_sha256": s.plan_sha256, "complete": s.complete} for s in found.sites]
+        echo_json({"sites": of, "interim": found.interim, "rehearsed": rehearsed, "table1": found.rows})
+        return
+    for site in found.sites:
+        click.echo(
+            f"{site.name}: {site.complete} of {site.planned} people complete, plan {site.plan_sha256[:12]}"
+        )
+    if rehearsed:
+        click.echo("not data of persons: the sessions ran on simulated or emulated devices")
+    if found.interim:
+        click.echo("interim: conditions are compared before every plan is complete")
+    click.echo(text if out is None else f"{out}", nl=out is not None)
+
+
+_SIZES = (6, 9, 12, 18, 24)
+_ALPHA = 0.05
+"""Two-sided level of the report's tests."""
+
+
+@click.command(epilog="Example: tega-teleop study power --slips 5.9,2.8 --trials 10")
+@shown_option("--slips", default="5.9,2.8", help="Mean per trial without and with touch.")
+@shown_option("--trials", type=click.IntRange(1, 1000), default=10, help="Trials of each condition.")
+@shown_option(
+    "--tests", type=click.IntRange(1, 100), default=7,
+    help="Number of tests in the plan's family, for Holm's correction. The others find nothing.",
+)  # fmt: skip
+@json_option
+def power(*, slips: str, trials: int, tests: int, as_json: bool) -> None:
+    """Compute how many people a study needs to find a difference in counts.
+
+    Draws studies with people who hardly differ, who differ, and who differ a lot, and analyses each as the report does:
+    sign-flips of people's means, corrected by Holm's method.
+    """
+    from tega_study.power import MOST_PEOPLE, SPREADS, PlannedTest, least_people, people_for, power_of
+
+    try:
+        reference, mean = (float(part) for part in slips.split(","))
+    except ValueError as error:
+        raise click.BadParameter("give two numbers, such as 5.9,2.8", param_hint="--slips") from error
+    family = [
+        PlannedTest("slips", mean, reference),
+        *[PlannedTest("slips", reference, reference)] * (tests - 1),
+    ]
+    least = least_people("slips", tests=tests)
+    rows: list[dict[str, Any]] = []
+    for name, spread in SPREADS.items():
+        needed = people_for(family, trials=trials, spread=spread)
+        some = [power_of(family, people=n, trials=trials, spread=spread) for n in _SIZES]
+        rows.append(
+            {
+                "people_differ": name,
+                "people_for_80": None if needed is None else needed.people,
+                "power": {one.people: one.found for one in some},
+            }
+        )
+    if as_json:
+        given = {"reference": reference, "mean": mean, "trials": trials, "alpha": _ALPHA, "tests": tests}
+        echo_json({**given, "least_people": least, "rows": rows})
+        return
+    click.echo(
+        f"{reference:g} against {mean:g} per trial, {trials} trials per condition; sign-flips over people, "
+        f"Holm over {tests} tests, p < {_ALPHA:g}"
+    )
+    message = f"over {MOST_PEOPLE}" if least is None else str(least)
+    click.echo(f"least number of people: {message}; with fewer no result can be significant")
+    click.echo(f"people differ   for 80 %   power with {', '.join(map(str, _SIZES))} people")
+    for row in rows:
+        needed_text = f"over {MOST_PEOPLE}" if row["people_for_80"] is None else str(row["people_for_80"])
+        text = "  ".join(f"{found:.2f}" for found in row["power"].values())
+        click.echo(f"{row['people_differ']:<14}  {needed_text:>8}   {text}")
+    click.echo("effects seen in a small pilot are too large on average: plan for less")

@@ -1,21 +1,23 @@
-"""Lead a participant through the planned trials: ``tega-teleop study run``."""
+"""Lead a participant through the planned trials: ``tega-teleop study run``, ``tell`` and ``observe``."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import click
 
 from tega.config import check_tree, load_config, override_tree
+from tega.errors import InvalidValueError, MissingExtraError
 from tega.ui.cli.options import echo_json, json_option
 from tega_sim.cli.options import loop_sets
 from tega_study.cli.options import FILE, folder_argument, participant_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.lead.benches import TrialBench
+    from tega_study.lead.tell import Command
     from tega_study.masking_sound import MaskingSound
     from tega_study.plan import StudyPlan
     from tega_study.state import Where
@@ -25,36 +27,28 @@ if TYPE_CHECKING:
 @folder_argument
 @participant_argument
 @click.option(
-    "--lab",
-    type=click.Path(path_type=Path),
-    metavar="LAB.toml",
+    "--lab", type=click.Path(path_type=Path), metavar="LAB.toml",
     help="Settings file of the lab's devices, as for run.",
-)
+)  # fmt: skip
 @click.option(
     "--emulated", is_flag=True, help="Run on emulated devices; only in a plan made with --simulated."
 )
 @click.option(
-    "--simulated",
-    is_flag=True,
+    "--simulated", is_flag=True,
     help="Run on the simulated bench, with a simulated participant; only in such a plan.",
-)
+)  # fmt: skip
 @click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="KEY=VALUE",
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
     help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout. Repeatable.",
-)
+)  # fmt: skip
 @click.option(
     "--config", type=FILE, metavar="LAB.toml",
     help="With --simulated: take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
 )  # fmt: skip
 @shown_option(
-    "--preset",
-    type=click.Choice(["paper", "live"]),
-    default="live",
+    "--preset", type=click.Choice(["paper", "live"]), default="live",
     help="Preset of the loop, with --simulated.",
-)
+)  # fmt: skip
 @shown_option(
     "--task", type=click.Choice(["lift", "place"]), default="lift",
     help="lift: a trial ends when the object is held up. place: it ends when the object is put down again (Enter).",
@@ -96,8 +90,8 @@ def run(
     --json: {"participant", "over", "trials", "next"}.
     """
     from tega.safety.ctrl_c import CtrlC
-    from tega_study.lead import lead_session
     from tega_study.lead.experimenter import desk_for
+    from tega_study.lead.session import lead_session
     from tega_study.plan import read_plan
 
     if (lab is not None) + emulated + simulated != 1:
@@ -108,14 +102,7 @@ def run(
     plan.of(participant)
     with (
         _bench(
-            folder,
-            plan,
-            participant,
-            lab=lab,
-            emulated=emulated,
-            sets=sets,
-            preset=preset,
-            config=config,
+            folder, plan, participant, lab=lab, emulated=emulated, sets=sets, preset=preset, config=config
         ) as bench,
         CtrlC() as stop,
         desk_for(stop, alone=yes) as desk,
@@ -136,14 +123,8 @@ def run(
         click.echo(f"tega-teleop scene measure {folder} {participant} scores the trials by rule", err=True)
     if as_json:
         following = None if state.next is None else state.next[0]
-        echo_json(
-            {
-                "participant": participant,
-                "over": state.n_over,
-                "trials": len(plan.of(participant)),
-                "next": following,
-            }
-        )
+        n_trials = len(plan.of(participant))
+        echo_json({"participant": participant, "over": state.n_over, "trials": n_trials, "next": following})
 
 
 @contextmanager
@@ -217,3 +198,58 @@ def _bench(
                 )
     else:
         yield SimulatedBench(plan, participant, preset=preset, settings=loop_sets(config, sets))
+
+
+# As in tega_study.lead.tell, which takes long to import.
+COMMANDS: Final = ("start", "mark", "slip", "deformation", "drop", "undo", "end", "break", "safety", "quit")
+
+
+@click.command(epilog="Example: tega-teleop study tell my-study p01 start")
+@folder_argument
+@participant_argument
+@click.argument("command", type=click.Choice(COMMANDS))
+@json_option
+def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> None:
+    """Give the session that study run leads on this machine a command, as if its key had been pressed.
+
+    A command has the effect of the key at that moment: start does not begin a trial during a rest. The answer
+    contains the session's state. A program that does not want to start a process appends a line such as {"do":
+    "start"} to FOLDER/sessions/ID/told.jsonl.
+    """
+    from tega.runtime.clock import SystemClock
+    from tega_study.lead.tell import notify as give
+    from tega_study.plan import read_plan
+
+    read_plan(folder).of(participant)
+    board = give(folder, participant, command, clock=SystemClock())
+    if as_json:
+        echo_json({"participant": participant, "phase": board.phase, "trial": board.trial})
+    else:
+        click.echo(f"{participant}: {board.phase}, trial {board.trial} of {board.n_trials}")
+
+
+@click.command(epilog="Example: tega-teleop study observe my-study p01 --rater r1")
+@folder_argument
+@participant_argument
+@shown_option("--rater", default="r1", metavar="ID", help="Who observes: a code, no name.")
+@click.option("--recorded", "--no-view", is_flag=True, hidden=True)
+def observe(*, folder: Path, participant: str, rater: str, recorded: bool) -> None:
+    """Score a session as it goes on: one key an event, in a terminal of its own.
+
+    Start it before or after study run, on the same machine, also over SSH. The same command goes on after a stop.
+    Recordings are coded in BORIS: see study clips.
+
+    Each rater has a file of their own. Neither the condition nor another rater is shown. Needs the extra observe.
+    """
+    from importlib.util import find_spec
+
+    if recorded:
+        raise InvalidValueError(
+            "--recorded: recordings are coded in BORIS, no more in this console",
+            f"tega-teleop study clips {folder} OUT --rater {rater}",
+        )
+    if find_spec("textual") is None:
+        raise MissingExtraError("textual is not installed", "pip install 'tega[observe]'")
+    from tega_study.observe.console import Console
+
+    Console(folder, participant, rater).run()

@@ -101,8 +101,8 @@ def confirm(
 
     With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now; with --list those that were measured.
     """
-    from tega_study.measured import read_measured
     from tega_study.measuring import CORRECTED, confirm_trial
+    from tega_study.observers import read_measured
 
     if only_list:
         events = [

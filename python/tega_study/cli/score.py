@@ -1,28 +1,23 @@
-"""Compare raters of the same trials: ``tega-teleop study score``."""
+"""Compare accounts of the same trials and add some: ``tega-teleop study score``, ``detect`` and ``clips``."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
-from tega_study.cli.options import folder_argument, shown_option
+from tega.ui.cli.options import echo_json, json_option, progress_bar
+from tega_study.cli.options import FILE, FOLDER, folder_argument, shown_option
+
+if TYPE_CHECKING:
+    from tega_study.detecting import TrialEvents
+
 
 _COLUMNS = {
-    "event": "kind",
-    "first": "a",
-    "second": "b",
-    "trials": "trials",
-    "n first": "n_a",
-    "n second": "n_b",
-    "F1": "f1",
-    "chance": "chance_f1",
-    "delay s": "delay_s",
-    "kappa 1 s": "kappa",
-    "ICC": "icc",
-    "": "note",
-}
+    "event": "kind", "first": "a", "second": "b", "trials": "trials", "n first": "n_a", "n second": "n_b",
+    "F1": "f1", "chance": "chance_f1", "delay s": "delay_s", "kappa 1 s": "kappa", "ICC": "icc", "": "note",
+}  # fmt: skip
 """Attributes of an agreement in the printed table, by heading."""
 
 
@@ -34,11 +29,9 @@ _COLUMNS = {
 )  # fmt: skip
 @click.option("--boris", type=click.Path(path_type=Path), metavar="OUT.boris", help="Write a BORIS project.")
 @click.option(
-    "--elan",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
+    "--elan", type=click.Path(path_type=Path), metavar="FOLDER",
     help="Write an ELAN file for each trial into a new folder.",
-)
+)  # fmt: skip
 @click.option(
     "--import", "taken", type=click.Path(path_type=Path), metavar="FILE",
     help="Events to import: a BORIS project (.boris, .boris.gz), its tabular or aggregated events as TSV or CSV, or an "
@@ -66,7 +59,8 @@ def score(
     import msgspec
 
     from tega_study.plan import read_plan
-    from tega_study.score import agreements, export_boris, export_elan, import_boris
+    from tega_study.score.accounts import agreements
+    from tega_study.score.boris import export_boris, export_elan, import_boris
 
     if (taken is None) != (rater is None):
         raise click.UsageError("--import FILE and --rater ID belong together")
@@ -102,3 +96,136 @@ def _cell(value: str | float | None) -> str:
     if value is None:
         return "–"
     return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+@click.command(epilog="Example: tega-teleop study detect my-study p01")
+@folder_argument
+@click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
+@click.option(
+    "--live", is_flag=True,
+    help="Use only earlier data at each moment (causal), as event-gated feedback must.",
+)  # fmt: skip
+@json_option
+def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:
+    """Find lift-off and slip in the signals of the trials that were run.
+
+    Fingertips, hand and arm are looked at, and nothing that anybody has said. Each event has a time and a confidence of
+    0 to 1; they are written beside the session (sessions/ID/detected.jsonl) and compared with observers by study score
+    and study report. They replace no observer's counts. With --json: {"trials": [{"participant", "trial", "attempt",
+    "object", "events": [{"kind", "t_s", "confidence", "known_s", "finger"}], "missing",
+    "unobservable"}]}.
+    """
+    import msgspec
+
+    from tega_study.detecting import detect_study
+
+    found = detect_study(folder, participants, live=live)
+    if as_json:
+        rows = msgspec.to_builtins(found)
+        for row, one in zip(rows, found, strict=True):
+            row["events"] = [event._asdict() for event in one.events]
+            row["unobservable"] = one.unobservable
+        echo_json({"trials": rows})
+        return
+    for one in found:
+        again = " again" if one.attempt > 1 else ""
+        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {_reported(one)}")
+    for subject, lacks in _LACKS.items():
+        if n_lack := sum(subject in one.missing for one in found):
+            click.echo(f"{n_lack} of {len(found)} trials have no {lacks}")
+
+
+_LACKS = {
+    "closure": "closure of the hand on record: slips are not observable on this rig",
+    "height": "height of the arm on record: lift-off and slips are not observable on this rig",
+}
+
+
+def _reported(one: TrialEvents) -> str:
+    words = [
+        f"{event.kind.replace('_', '-')} {event.t_s:.2f} s ({event.confidence:.2f})"
+        for event in one.events
+        if not event.finger
+    ]
+    fingers = sum(event.kind == "contact" for event in one.events)
+    return ", ".join([*words, f"{fingers} contact{'' if fingers == 1 else 's'} of fingers"])
+
+
+@click.command(epilog="Example: tega-teleop study clips my-study r3-clips --rater r3")
+@folder_argument
+@click.argument("out", type=FOLDER, required=False)
+@click.option(
+    "--rater", metavar="ID", required=True, help="Code of the rater who gets the clips; it must be new."
+)
+@click.option(
+    "--proposals", is_flag=True,
+    help="Put the events that rule and detector found into the project, for the rater to decide.",
+)  # fmt: skip
+@click.option(
+    "--scene", "scenes", multiple=True, type=FILE, metavar="SCENE.mcap",
+    help="Scene recording of the sessions, which shows the object in the clips; repeatable.",
+)  # fmt: skip
+@click.option(
+    "--take", type=FILE, metavar="FILE.boris", help="BORIS project with the rater's codes to take in."
+)
+@json_option
+def clips(
+    *,
+    folder: Path,
+    out: Path | None,
+    rater: str,
+    proposals: bool,
+    scenes: tuple[Path, ...],
+    take: Path | None,
+    as_json: bool,
+) -> None:
+    """Make blind, shuffled clips of the recorded trials with a BORIS project, or take one back with --take.
+
+    Clips show fingertips, and what scene cameras of the settings or --scene filmed, in an order of the rater's own.
+    With --proposals events of rule and detector stand in the project; the modifier "proposal" confirms or rejects each,
+    and a shifted time moves it. Then study score compares; a rater who saw proposals is not compared with rule or
+    detector.
+
+    With --json: {"project", "clips", "left_out"}, or with --take {"trials", "unfinished", "added", "proposals"}.
+    """
+    import msgspec
+
+    if (out is None) == (take is None):
+        raise click.UsageError("name the folder OUT to make clips, or --take FILE.boris to take them back")
+    if take is not None:
+        from tega_study.score.clips_coded import take_clips
+
+        taken = take_clips(folder, take, rater)
+        if as_json:
+            echo_json(msgspec.to_builtins(taken))
+            return
+        for person, n in taken.trials.items():
+            click.echo(f"{person}: {n} trials of rater {rater} taken in")
+        for source, counts in taken.proposals.items():
+            click.echo(
+                f"proposed by {source}: {', '.join(f'{n} {verdict}' for verdict, n in counts.items())}"
+            )
+        click.echo(f"added by {rater}: {taken.added}")
+        if taken.unfinished:
+            click.echo(f"with open proposals, counted in no comparison: {', '.join(taken.unfinished)}")
+        return
+    assert out is not None
+    from tega_study.score.clips import make_clips
+
+    with progress_bar(enabled=not as_json) as displayed:
+        key = make_clips(
+            folder,
+            out,
+            rater,
+            proposals=proposals,
+            scenes=scenes,
+            reported=lambda done, total: displayed("clips", done, total),
+        )
+    project = out / f"{rater}.boris"
+    if as_json:
+        echo_json({"project": str(project), "clips": len(key.clips), "left_out": key.left_out})
+        return
+    click.echo(f"{len(key.clips)} clips; open {project} in BORIS, save it there, then:")
+    click.echo(f"  tega-teleop study clips {folder} --rater {rater} --take {project}")
+    for line in key.left_out:
+        click.echo(f"left out: {line}")

@@ -1,4 +1,4 @@
-"""Run a whole study with simulated people: ``tega-teleop study simulate``."""
+"""Run a whole study with simulated people, and vary its assumptions: ``study simulate`` and ``sensitivity``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,16 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, progress_bar
+from tega.ui.cli.options import NameList, echo_json, json_option, progress_bar
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
-from tega_study.cli.options import FOLDER, design_options, workers_options
+from tega_study.cli.options import (
+    FOLDER,
+    design_options,
+    folder_argument,
+    shown_option,
+    trials_option,
+    workers_options,
+)
 
 LINE_EVERY_S = 30.0
 
@@ -85,8 +92,8 @@ def simulate(
     """
     from tega_sim.world import crossed
     from tega_study.cli.apart import report_apart
-    from tega_study.silico import simulate as run
-    from tega_study.silico import unfinished
+    from tega_study.silico.simulate import simulate as run
+    from tega_study.silico.simulate import unfinished
 
     specs = crossed(
         list(chosen_objects(objects, objects_file).values()),
@@ -111,3 +118,40 @@ def simulate(
         click.echo(f"{out}: {len(left)} of {operators} sessions are left to other shards")
     else:
         click.echo(f"{page}: simulated, {operators} people, {len(plan.trials)} trials")
+
+
+@click.command(epilog="Example: tega-teleop study sensitivity in-silico")
+@folder_argument
+@shown_option(
+    "--operators", type=click.IntRange(2, 999), default=4, help="Simulated people in each small study."
+)
+@trials_option(2)
+@click.option(
+    "--vary", type=NameList(), metavar="NAMES",
+    help="Parameters such as vest.weber,motor.aim_sd; a set unless given.",
+)  # fmt: skip
+@workers_options
+@json_option
+def sensitivity(*, folder: Path, vary: list[str] | None, as_json: bool, **requested: Any) -> None:
+    """Vary the simulated study's assumptions and print where the paper's directions hold.
+
+    FOLDER is a study in silico. One assumption at a time is changed: a parameter to either end of its range, the vest
+    to a sham, the readings to those printed; each change is a small study in FOLDER/sensitivity. The table goes into
+    FOLDER's report. Run it again to go on where it was stopped.
+    """
+    from tega_study.cli.apart import report_apart
+    from tega_study.plan import read_plan
+    from tega_study.silico.sensitivity import VARIED, run_sensitivity
+    from tega_study.silico.simulate import unfinished
+
+    with trials_displayed() as progress:
+        left = run_sensitivity(folder, varied=vary or VARIED, progress=progress, **requested)
+    page = None if unfinished(folder, read_plan(folder)) else report_apart(folder)
+    if as_json:
+        echo_json({"out": str(folder), "left": left, "report": page and str(page)})
+        return
+    if left:
+        click.echo(f"{folder}: {len(left)} changes are left to other shards")
+    click.echo(
+        f"{page}" if page else f"{folder}: the study itself is not done; its report will have the table"
+    )

@@ -88,12 +88,9 @@ def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -
 @click.argument("session", type=_PATH)
 @click.option("--out", type=_PATH, required=True, help="Folder: new or empty.")
 @click.option(
-    "--quality",
-    type=click.IntRange(1, 100),
-    default=90,
-    show_default=True,
+    "--quality", type=click.IntRange(1, 100), default=90, show_default=True,
     help="Quality of the JPEG pictures.",
-)
+)  # fmt: skip
 @json_option
 def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:
     """Copy recordings with their frames encoded as JPEG; everything else stays unchanged.

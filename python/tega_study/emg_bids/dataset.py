@@ -1,12 +1,16 @@
-"""Write the muscle signals of all people of a study as one BIDS data set: EDF+, channels, electrodes, events."""
+"""Write the muscle signals of a study as one BIDS data set: EDF+, channels, electrodes, events; or name its files so.
+
+In a bundle only the names follow BIDS: ``sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a1_run-07_touch.csv``. Those
+files have TEGA's own formats, so they are no BIDS data set.
+"""
 
 from __future__ import annotations
 
 import json
 import re
 import shutil
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path, PurePosixPath
 from typing import Any, Final, NamedTuple
 
 import tega
@@ -14,10 +18,11 @@ from tega.errors import RecordingError
 from tega.recording.origin import NOTES, new_session, note_copy
 from tega_study.emg_bids.signal import Gap, Muscles, columns_of, read_muscles, write_edf
 from tega_study.journal import JournalEvent, counting, events_path, read_events
-from tega_study.plan import read_plan
+from tega_study.plan import StudyPlan, read_plan
+from tega_study.privacy import own_name
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.state import rehearsed
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 BIDS_VERSION: Final = "1.11.1"
 _UNKNOWN: Final = "unknown: TEGA does not record it"
@@ -25,7 +30,7 @@ _EVENTS: Final = {
     "onset": {"Description": "Time since the first sample of the EMG file.", "Units": "s"},
     "duration": {"Description": "Duration; 0 for an instant.", "Units": "s"},
     "trial_type": {
-        "Description": "Kind of the event in the session's journal; lost, padding: samples that were not measured.",
+        "Description": "Kind of the event in the session's journal; lost, padding: samples that were not measured."
     },
     "source": {"Description": "Role or rater that reported the event; n/a for none."},
 }
@@ -69,20 +74,12 @@ def export_bids(folder: Path, out: Path) -> BidsExport:
                 runs += written
                 in_lab = "no" if rehearsed(events) else "yes"
                 is_rehearsed |= rehearsed(events)
-                rows.append(f"sub-{_label(person)}\t{in_lab}\t{len(written)}")
-        _check_some(runs)
+                rows.append(f"sub-{label(person)}\t{in_lab}\t{len(written)}")
         _head(out, rows, is_rehearsed=is_rehearsed)
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)
         raise
     return BidsExport(tuple(row.partition("\t")[0] for row in rows), tuple(runs), tuple(left_out))
-
-
-def _check_some(runs: Sequence[Path]) -> None:
-    if not runs:
-        raise RecordingError(
-            "no muscle signals: no recorded trial that counts has EMG", "run the study with recordings"
-        )
 
 
 def _run(
@@ -94,14 +91,14 @@ def _run(
     if path is None or muscles is None:
         left_out.append(f"{trial.id}: its recording has no EMG")
         return None
-    where = out / f"sub-{_label(person)}" / "emg"
+    where = out / f"sub-{label(person)}" / "emg"
     where.mkdir(parents=True, exist_ok=True)
-    stem = f"sub-{_label(person)}_task-{_label(trial.object)}_run-{trial.trial:02d}"
+    stem = f"sub-{label(person)}_task-{label(trial.object)}_run-{trial.trial:02d}"
     file = where / f"{stem}_emg.edf"
     gaps = write_edf(file, muscles)
     _write_json(where / f"{stem}_emg.json", _sidecar(muscles, trial))
     _write_table(where / f"{stem}_channels.tsv", "name\ttype\tunits\tsampling_frequency", columns_of(muscles))
-    electrodes = where / f"sub-{_label(person)}_electrodes.tsv"
+    electrodes = where / f"sub-{label(person)}_electrodes.tsv"
     known = electrodes.read_text(encoding="utf-8").splitlines()[1:] if electrodes.is_file() else []
     rows = dict.fromkeys([*known, *(f"{name}\tn/a\tn/a" for name in muscles.names)])
     _write_table(electrodes, "name\tx\ty", list(rows))
@@ -133,7 +130,7 @@ def _events(
 
 def _sidecar(muscles: Muscles, trial: RecordedTrial) -> dict[str, Any]:
     return {
-        "TaskName": _label(trial.object),
+        "TaskName": label(trial.object),
         "TaskDescription": f"Grasp, lift and hold the object {trial.object!r} with a teleoperated hand.",
         "ManufacturersModelName": muscles.device or "n/a",
         "SoftwareVersions": f"TEGA {tega.__version__}",
@@ -150,7 +147,11 @@ def _sidecar(muscles: Muscles, trial: RecordedTrial) -> dict[str, Any]:
 
 
 def _head(out: Path, rows: Sequence[str], *, is_rehearsed: bool) -> None:
-    """Write the files of the whole data set."""
+    """Write the files of the whole data set; ``RecordingError`` without any rows of people."""
+    if not rows:
+        raise RecordingError(
+            "no muscle signals: no recorded trial that counts has EMG", "run the study with recordings"
+        )
     name = "Rehearsal with TEGA, not data of people" if is_rehearsed else "Study with TEGA"
     _write_json(
         out / "dataset_description.json",
@@ -185,6 +186,57 @@ def _write_table(path: Path, head: str, rows: Sequence[str]) -> None:
     path.write_text("".join(f"{row}\n" for row in (head, *rows)), encoding="utf-8")
 
 
-def _label(text: str) -> str:
+_SESSION = "ses-01"
+_TRIAL = re.compile(r"-t(\d+)(?:-a(\d+))?")
+
+
+def bids_names(paths: Iterable[str], plan: StudyPlan) -> dict[str, str]:
+    """Return a name for each file, no two alike where capitals do not count.
+
+    ``paths`` are relative to the study's folder, with ``/`` as separator. The plan has the people, and the
+    object of each trial.
+    """
+    own = {person: own_name(person) for person in plan.participants}
+    things = {trial.id: trial.object for trial in plan.trials}
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for path in sorted(paths):
+        parts = PurePosixPath(path).parts
+        person = next((who for who, mine in own.items() if any(map(mine.fullmatch, parts))), None)
+        stem, ending = f"sourcedata/{path}", ""
+        if person is not None:
+            stem, ending = _of_a_person(parts, person, things)
+        name, n = f"{stem}{ending}", 2
+        while name.casefold() in taken:
+            name, n = f"{stem}{n}{ending}", n + 1
+        taken.add(name.casefold())
+        found[path] = name
+    return found
+
+
+def _of_a_person(parts: tuple[str, ...], person: str, things: dict[str, str]) -> tuple[str, str]:
+    """Return a file's name and its ending: entities in the order of BIDS, then what kind of file it is."""
+    *folders, last = parts
+    stem, dot, ending = last.rpartition(".") if "." in last[1:] else (last, "", "")
+    entities = [f"sub-{label(person)}", _SESSION]
+    trial = next((t for part in (*folders, stem) if (t := _TRIAL.match(part, len(person)))), None)
+    if trial is not None and (thing := things.get(f"{person}-t{trial[1]}")) is not None:
+        entities.append(f"task-{label(thing)}")
+        if trial[2] is not None:
+            entities.append(f"acq-a{int(trial[2])}")
+        entities.append(f"run-{int(trial[1]):02d}")
+    # What says neither whose nor which trial says what it is.
+    more = [part.removeprefix(person) for part in (*folders, stem) if part != person]
+    kinds = [name for part in more if (name := label(_TRIAL.sub("", part, count=1)))]
+    *where, kind = kinds or ["file"]
+    if len(where) > 1:  # the first is the folder of all files of a kind, such as sessions
+        entities.append(f"desc-{''.join(where[1:])}")
+    elif where and kind.isdigit():
+        kind = where[0] + kind
+    folder = f"{entities[0]}/{_SESSION}/beh"
+    return f"{folder}/{'_'.join([*entities, kind])}", f".{label(ending)}" if dot and label(ending) else ""
+
+
+def label(text: str) -> str:
     """Return a text as BIDS wants labels: letters and digits alone."""
     return re.sub(r"[^A-Za-z0-9]", "", text)

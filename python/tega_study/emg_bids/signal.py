@@ -48,9 +48,7 @@ class Muscles(NamedTuple):
     Attributes:
         samples: float64 (samples, channels), in ``unit``; 0 where they were lost.
         unit: Such as ``uV``; ``n/a`` where the amplifier does not state it.
-        device: The amplifier in words.
         begin_ns: Time of the first sample, since the start of the session.
-        gaps: Samples that were lost.
     """
 
     samples: NDArray[np.float64]
@@ -99,13 +97,12 @@ def read_muscles(path: Path) -> Muscles | None:
         expected = int(chunk.first_index) + len(blocks[-1])
     n_first = len(chunks[0].samples) // n_channels
     names = source.channels if len(source.channels) == n_channels else ()
+    known = source.unit in {"µV", "μV", "uV", "mV", "V"}
     return Muscles(
         np.concatenate(blocks),
         rate_hz,
         names or tuple(f"ch{number}" for number in range(1, n_channels + 1)),
-        source.unit.replace("µ", "u").replace("μ", "u")
-        if source.unit in {"µV", "μV", "uV", "mV", "V"}
-        else "n/a",
+        source.unit.replace("µ", "u").replace("μ", "u") if known else "n/a",
         source.label,
         int(chunks[0].t_ns) - round((n_first - 1) / rate_hz * 1e9),
         tuple(gaps),

@@ -63,12 +63,8 @@ class EpisodeJournal(JsonLines[EpisodeLine]):
     def _close_cut(self) -> None:
         """Note an episode that the program did not live to end; its recording was finished before."""
         if self.entries and (last := self.entries[-1]).step == "begun":
-            self.add(
-                "cut" if self.folder.finished(last.file) else "discarded",
-                last.file,
-                last.task,
-                why="the program had stopped",
-            )
+            step: EpisodeStep = "cut" if self.folder.finished(last.file) else "discarded"
+            self.add(step, last.file, last.task, why="the program had stopped")
 
     @property
     def n_episodes(self) -> int:
@@ -76,13 +72,7 @@ class EpisodeJournal(JsonLines[EpisodeLine]):
         return sum(line.step == "begun" for line in self.entries)
 
     def add(
-        self,
-        step: EpisodeStep,
-        file: str,
-        task: str,
-        *,
-        duration_s: float | None = None,
-        why: str = "",
+        self, step: EpisodeStep, file: str, task: str, *, duration_s: float | None = None, why: str = ""
     ) -> EpisodeLine:
         """Add a line; when this returns it is on the disk. A discarded episode's recording is deleted first."""
         if step == "discarded":

@@ -15,7 +15,7 @@ from tega.config import SessionConfig
 from tega.errors import TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.snapshot import LoopView, Snapshot
+from tega.loop.snapshot import Snapshot
 from tega.recording.mcap_folder import SessionFolder
 from tega.records import RunState
 from tega.records.bus import Bus
@@ -44,7 +44,10 @@ class _Running:
         self.state, self.alerts = "devices start", tuple[str, ...]()
         self.file = ""
 
-        bus.subscribe(Snapshot, lambda snapshot: self._observe(snapshot.view), name="episodes", vital=True)
+        def observe(snapshot: Snapshot) -> None:
+            self.alerts = tuple(snapshot.view.alerts)
+
+        bus.subscribe(Snapshot, observe, name="episodes", vital=True)
         bus.subscribe(RunState, self._change, name="episodes", vital=True)
 
         def run() -> None:
@@ -62,9 +65,6 @@ class _Running:
     def _prepare(self, subject: str, done: int, total: int) -> None:
         if self._began_s is None:
             self.state = f"{subject} {done} of {total}" if total else subject
-
-    def _observe(self, view: LoopView) -> None:
-        self.alerts = tuple(view.alerts)
 
     def _change(self, change: RunState) -> None:
         self.state = change.state
@@ -172,7 +172,9 @@ class EpisodeTaker:
         file = self._folder.new_trial().name
         journal.add("begun", file, self._task)
         self._pedal.close()
-        running = _Running(self._config, self._settings, self._bus())
+        bus = Bus()
+        self._pedal.watch(bus)
+        running = _Running(self._config, self._settings, bus)
         wanted, why = "", ""
         try:
             wanted = self._watch(running, journal.n_episodes)
@@ -193,11 +195,6 @@ class EpisodeTaker:
             line = journal.add(step, file, self._task, duration_s=round(running.elapsed_s, 3), why=why)
         self._desk.say(f"episode {line.episode}: {line.step}" + (f": {why}" if why else ""))
         return line, wanted == AGAIN
-
-    def _bus(self) -> Bus:
-        bus = Bus()
-        self._pedal.watch(bus)
-        return bus
 
     @property
     def _wrong(self) -> list[str]:

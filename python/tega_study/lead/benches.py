@@ -51,9 +51,7 @@ class TrialBench(Protocol):
     Attributes:
         sees_height: Whether it knows the object's height; else that is measured, or a person marks it.
         measures_height: Whether arm and fingertips measure lift and drop.
-        own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
-        where: Kind of the devices, as recorded in the session's events.
         measurable: Whether a scene camera records enough to measure the trials.
     """
 

@@ -35,8 +35,6 @@ class RestTask(NamedTuple):
     """Task that a bench offers in a rest.
 
     Attributes:
-        words: Description for the screen, a few words.
-        kind: Kind of event that its end is recorded as.
         run: Called with the running task, on which it shows its progress. The task ends it by raising
             :class:`RestTaskEndedError`.
         after_trials: Whether it begins by itself after each trial, if an experimenter leads.

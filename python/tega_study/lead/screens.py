@@ -1,16 +1,17 @@
-"""Compose the experimenter's screens: while a trial is waited for, and while it goes on."""
+"""Compose what the experimenter sees: screens, and how the last trial went, with corrections and notes on it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from tega_study.beep_score import beep_sentence
-from tega_study.journal import JournalEvent
+from tega.runtime.clock import Clock
+from tega_study.journal import WITH_DATA, Journal, JournalEvent, Kind, counting
 from tega_study.lead.benches import TrialBench
-from tega_study.lead.experimenter import Screen
-from tega_study.lead.keys import keys_of
+from tega_study.lead.experimenter import Desk, Screen, keys_of
 from tega_study.lead.rest_tasks import RunningTask
-from tega_study.lead.trial import LedTrial
+from tega_study.lead.trial import EXPERIMENTER, LedTrial, undo_last
+from tega_study.side_scores import beep_sentence
 
 
 def waiting(
@@ -81,3 +82,136 @@ def _about(led: LedTrial) -> str:
 def _clock(left_s: float) -> str:
     whole = max(0, int(left_s + 0.999))
     return f"{whole // 60}:{whole % 60:02d}"
+
+
+GIVE_UP = "k"
+"""Key that gives up a trial that was broken off, or that was to be done again."""
+
+
+class TrialBefore:
+    """Corrections and notes of the trial that ended last.
+
+    ``following`` is number and attempt of the trial that comes next; ``None`` after the last.
+    """
+
+    def __init__(self, journal: Journal, desk: Desk, clock: Clock) -> None:
+        self._journal, self._desk, self._clock = journal, desk, clock
+        self.following: tuple[int, int] | None = None
+
+    @property
+    def which(self) -> tuple[int, int] | None:
+        """Trial and attempt that ended last; ``None`` before the first."""
+        ends = (event for event in reversed(self._journal.events) if event.kind == "trial_end")
+        return next(((event.trial, event.attempt) for event in ends), None)
+
+    def ended_ns(self, now_ns: int) -> int | None:
+        """Return when that trial ended, by the session's clock; ``None`` before the first trial.
+
+        ``now_ns`` is the time now, and the answer where the end cannot be known.
+        """
+        ended = (event for event in reversed(self._journal.events) if event.kind == "trial_end")
+        ended_ns = next((event.t_ns for event in ended if event.status != "skipped"), None)
+        if ended_ns is None:
+            return None
+        # After a restart of the machine its clock begins anew: nobody knows how long ago the end was.
+        renewed = any(event.t_ns > now_ns for event in self._journal.events[-1:])
+        return now_ns if renewed else min(ended_ns, now_ns)
+
+    @property
+    def keys(self) -> list[tuple[str, str]]:
+        """Keys that :meth:`take` accepts now, with their descriptions."""
+        keys = [("n", "note")]
+        if self._repeated is not None:
+            keys.append((GIVE_UP, f"give up trial {self._repeated[0]}"))
+        if self.which is not None:
+            before = [
+                ("y", "it was a success"),
+                ("f", "it was a failure"),
+                ("u", "undo"),
+                ("r", "do it again"),
+            ]
+            keys = before + keys
+        return keys
+
+    @property
+    def _repeated(self) -> tuple[int, int] | None:
+        """The trial that comes next, if that is a repetition."""
+        return None if self.following is None or self.following[1] == 1 else self.following
+
+    def take(self, key: str) -> None:
+        """Take in a correction, or a note."""
+        if key == "n":
+            self.note(self._desk.line("note:"), source=EXPERIMENTER)
+            return
+        if key == GIVE_UP and self._repeated is not None:
+            number, attempt = self._repeated
+            over: dict[str, Any] = {"status": "skipped", "success": False}
+            if self._explained("trial_end", "given up", number, attempt, **over):
+                self._desk.say(f"trial {number} is given up and has no data")
+        if self.which is None:
+            return
+        trial, attempt = self.which
+        now_ns = self._clock.now_ns()
+        if key in {"y", "f"}:
+            self._add("override", trial, attempt, success=key == "y")
+        elif key == "r":
+            self._again(trial, attempt)
+        elif key == "u" and (done := undo_last(self._journal, trial, attempt, t_ns=now_ns)) is not None:
+            subject = self._journal.events[(done.undone or 1) - 1]
+            self._desk.say(f"undone: {subject.kind} of trial {trial}")
+
+    def _again(self, trial: int, attempt: int) -> None:
+        """Have the trial done once more; the reason is kept, and the attempt that took place does not count."""
+        events = counting(self._journal.events, trial, attempt)
+        ended = next((event.status for event in events if event.kind == "trial_end"), None)
+        twice = any(
+            e.kind == "redo" for n in range(1, attempt + 1) for e in counting(self._journal.events, trial, n)
+        )
+        if ended not in WITH_DATA or twice:
+            self._desk.say(f"trial {trial} cannot be done again: {'twice is the most' if twice else ended}")
+            return
+        if self._explained("redo", "done again", trial, attempt):
+            self._desk.say(f"trial {trial} comes again at the end of its block; this attempt does not count")
+
+    def _explained(self, kind: Kind, what: str, trial: int, attempt: int, **fields: Any) -> bool:
+        """Ask for a reason, and add the event with it; return whether a reason was given."""
+        why = self._desk.line(f"why trial {trial} is {what} (empty: it is not):").strip()
+        if why:
+            self._add(kind, trial, attempt, text=why, **fields)
+        return bool(why)
+
+    def note(self, text: str, *, source: str = "auto") -> None:
+        """Write a note; before the first trial it belongs to none."""
+        self._add("note", *(self.which or (0, 1)), text=text, source=source)
+
+    def _add(
+        self, kind: Kind, trial: int, attempt: int, *, source: str = EXPERIMENTER, **fields: Any
+    ) -> None:
+        self._journal.add(
+            kind, t_ns=self._clock.now_ns(), trial=trial, attempt=attempt, source=source, **fields
+        )
+
+    def lines(self) -> list[str]:
+        """Return how that trial went, to be shown."""
+        if self.which is None:
+            return []
+        trial, attempt = self.which
+        events = counting(self._journal.events, trial, attempt)
+        end = next((event for event in events if event.kind == "trial_end"), None)
+        if end is None or end.status is None:
+            return []
+        if end.status not in WITH_DATA:
+            how = "given up" if end.status == "skipped" else end.status.replace("_", " ")
+            return [f"trial {trial}: {how}, {end.text}"]
+        success = bool(end.success)
+        for event in events:
+            if event.kind == "override" and event.success is not None:
+                success = event.success
+        n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation")}
+        how = "success" if success else "failure"
+        if any(event.kind == "redo" for event in events):
+            how = "to be done again"
+        return [
+            f"trial {trial}: {how}; slips {n['slip']}, deformations {n['deformation']}; {end.text}"
+            + beep_sentence(events, end.t_ns)
+        ]

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.clock import Clock, SystemClock
 from tega_study.journal import Journal
-from tega_study.lead.asking import BlockQuestions
-from tega_study.lead.beeps import Beeps, check_answer_key
 from tega_study.lead.benches import TrialBench
-from tega_study.lead.between_trials import TrialBefore
-from tega_study.lead.experimenter import ENTER, Desk
-from tega_study.lead.fatigue import muscle_sentence, squeeze_sentence
-from tega_study.lead.keys import pedal_keys
-from tega_study.lead.questions import blocks_to_ask
+from tega_study.lead.experimenter import ENTER, Desk, check_answer_key, pedal_keys
+from tega_study.lead.questions import BlockQuestions, blocks_to_ask
 from tega_study.lead.rest_tasks import RestTask, RunningTask
-from tega_study.lead.screens import doing, ended, running, waiting
-from tega_study.lead.status_file import SessionBoard, Telling, board_path
-from tega_study.lead.tell import CommandFile, commands_path
+from tega_study.lead.screens import TrialBefore, doing, ended, running, waiting
+from tega_study.lead.tell import CommandFile, SessionBoard, Telling, board_path, commands_path
 from tega_study.lead.trial import LedTrial, Task
-from tega_study.masking_sound import MaskingSound
+from tega_study.masking_sound import Beeps, MaskingSound
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
-from tega_study.probe import beep_times
+from tega_study.side_scores import beep_times, muscle_sentence, squeeze_sentence
 from tega_study.state import SessionState, derive, resume
 
 INSTRUCTION = (
@@ -43,7 +37,6 @@ class LeadOptions(NamedTuple):
     """Options of a session.
 
     Attributes:
-        task: When a trial is over, see :class:`tega_study.lead.trial.LedTrial`.
         time_scale: Scale of all waits; below 1 for rehearsals, as noted in the events.
         answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
         auto: Go on by the clock and pass over the questions.
@@ -75,7 +68,7 @@ def lead_session(
     """Lead a session, new or after a stop at any moment.
 
     Without ``clock`` it goes by the machine's monotonic one. ``pedals`` are the keys that foot pedals type,
-    see :func:`tega_study.lead.keys.pedal_keys`. It stops after so many ``trials``; ``None`` for all.
+    see :func:`tega_study.lead.experimenter.pedal_keys`. It stops after so many ``trials``; ``None`` for all.
     ``options`` are those of :class:`LeadOptions`.
 
     Raises:
@@ -180,7 +173,8 @@ class _Lead:
         if self._led is not None:
             self._led.break_off("the session was stopped")
         self._journal.add("session_stop", t_ns=self._clock.now_ns(), source="auto")
-        self._board("over" if self._state.next is None else "stopped", at_once=True)
+        phase = "over" if self._state.next is None else "stopped"
+        self._telling.put(self._as_board(phase, None), at_once=True)
 
     # The parts of a session.
 
@@ -213,8 +207,9 @@ class _Lead:
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
         self._before.following = None if trial is None else (trial.trial, attempt)
-        if ended_ns is not None:
-            self._by_itself(list(tasks.values()), heading)
+        for task in tasks.values():
+            if task.after_trials and ended_ns is not None and not self._auto:
+                self._rest_task(task, heading)
         while True:
             now_ns = self._clock.now_ns()
             left_s = (until_ns - now_ns) / 1e9
@@ -244,12 +239,6 @@ class _Lead:
             )
             time.sleep(_POLL_S)
 
-    def _by_itself(self, tasks: Sequence[RestTask], heading: str) -> None:
-        """Begin the tasks that begin by themselves after a trial, if an experimenter leads."""
-        for task in tasks:
-            if task.after_trials and not self._auto:
-                self._rest_task(task, heading)
-
     def _rest_task(self, task: RestTask, heading: str) -> None:
         """Have the bench do something of a rest, and write down what came of it."""
         found = RunningTask(task).watch(
@@ -259,15 +248,9 @@ class _Lead:
             self._desk.say(f"{task.words}: {found}")
             return
         number, attempt = self._before.which or (0, 1)
-        self._journal.add(
-            task.kind,
-            t_ns=self._clock.now_ns(),
-            trial=number,
-            attempt=attempt,
-            source="auto",
-            text=found.text,
-            value=found.value,
-        )
+        now_ns = self._clock.now_ns()
+        own: dict[str, Any] = {"trial": number, "attempt": attempt, "source": "auto"}
+        self._journal.add(task.kind, t_ns=now_ns, text=found.text, value=found.value, **own)
         self._desk.say(f"{task.words}: {found.text or 'done'}")
 
     def _trial(self, trial: PlannedTrial, attempt: int) -> bool:
@@ -382,6 +365,3 @@ class _Lead:
             n_told=self._reported.n_taken,
             health=health,
         )
-
-    def _board(self, phase: str, *, at_once: bool = False) -> None:
-        self._telling.put(self._as_board(phase, None), at_once=at_once)

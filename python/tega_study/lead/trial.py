@@ -14,13 +14,12 @@ from tega.stages.events.outcomes import LIFT_M, OFF_TABLE_M, LiftRule, StableRea
 from tega_study.attempt_rows import touch_path, write_hand, write_touch
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import WITH_DATA, Journal, JournalEvent, Kind, Status, counting
-from tega_study.lead.arm_lift import ARM
-from tega_study.lead.beeps import Beeps
 from tega_study.lead.benches import TrialBench
-from tega_study.lead.fatigue import trial_medians
-from tega_study.lead.keys import END
-from tega_study.lead.running_trial import Going, in_thread
+from tega_study.lead.experimenter import END
+from tega_study.lead.running_trial import ARM, Going, in_thread
+from tega_study.masking_sound import Beeps
 from tega_study.plan import PlannedTrial
+from tega_study.side_scores import trial_medians
 from tega_study.trials import course_path
 
 EXPERIMENTER = "experimenter"
@@ -149,10 +148,8 @@ class LedTrial:
         if not self._thread.is_alive() and going.started_ns is None:
             self._stop_bench()
             error = self._raised[0] if self._raised else None
-            self.phase, self.broke = (
-                "over",
-                _reported(error) if error else "the bench ended before the trial began",
-            )
+            self.phase = "over"
+            self.broke = _reported(error) if error else "the bench ended before the trial began"
             if error is not None and not isinstance(error, TegaError | OSError):
                 raise error
             return True

@@ -1,17 +1,6 @@
 """Observe a running session: one key an event, in a separate file for each rater.
 
-::
-
-    observing.py    a rater's events, and the trials that the rater saw from start to end; no display
-    console.py      a separate program in a terminal
-
 A console reads the session's files, and writes only the rater's file. So it needs no connection, and either side can
 stop and restart at any moment. Raters do not see one another, nor the condition. Recordings are coded in BORIS:
 :mod:`tega_study.score.clips`.
 """
-
-from __future__ import annotations
-
-from tega_study.observe.observing import Observing
-
-__all__ = ["Observing"]

@@ -19,20 +19,10 @@ from tega_study.observe.observing import Now, Observing
 _POLL_S = 0.1
 _REPEAT_NS = 80_000_000
 _KEYS: dict[str, Kind] = {"l": "lift_off", "s": "slip", "d": "deformation", "x": "drop"}
-_NAMES: dict[str, str] = {
-    "lift_off": "lift-off",
-    "slip": "slip",
-    "deformation": "deformation",
-    "drop": "drop",
-}
+_NAMES = {"lift_off": "lift-off", "slip": "slip", "deformation": "deformation", "drop": "drop"}
+_SCORED = [(key, _NAMES[_KEYS[key]]) for key in "sdxl"]
 _HELP = "   ".join(
-    f"[b]{key}[/] {subject}"
-    for key, subject in (
-        *((key, _NAMES[_KEYS[key]]) for key in "sdxl"),
-        ("u", "undo"),
-        ("n", "note"),
-        ("q q", "quit"),
-    )
+    f"[b]{key}[/] {subject}" for key, subject in (*_SCORED, ("u", "undo"), ("n", "note"), ("q q", "quit"))
 )
 _QUIT = "q once more to quit; your scores are on the disk"
 

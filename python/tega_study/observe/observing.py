@@ -8,10 +8,10 @@ from typing import NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
-from tega_study.lead.status_file import SessionBoard, board_path, read_board
+from tega_study.lead.tell import SessionBoard, board_path, read_board
 from tega_study.observers import PART, RECORDED, WHOLE, observer_path
 from tega_study.plan import PlannedTrial, read_plan
-from tega_study.withdrawn import check_stays
+from tega_study.study_notes import check_stays
 
 OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 """Kinds of events that a rater can see."""
@@ -37,11 +37,9 @@ class Now(NamedTuple):
 
     Attributes:
         board: The session's newest board; ``None`` before it was first led.
-        led: Whether the session is led now.
         running: The trial that goes on, its attempt, and when it began on the session's clock; or ``None``.
         newest: The trial that goes on or was the last one, and its attempt; or ``None``.
         events: The rater's events of that trial, without undone ones.
-        following: The trial that comes next, as far as the board knows.
     """
 
     board: SessionBoard | None
@@ -155,13 +153,9 @@ class Observing:
             )
         if end is not None and self._of(mine, "trial_end", *key) is None:
             away = any(event.kind == "session_start" for event in mine[saw.n :])
+            text = PART if away or saw.text else WHOLE
             self.journal.add(
-                "trial_end",
-                t_ns=end.t_ns,
-                trial=key[0],
-                attempt=key[1],
-                source=self.rater,
-                text=PART if away or saw.text else WHOLE,
+                "trial_end", t_ns=end.t_ns, trial=key[0], attempt=key[1], source=self.rater, text=text
             )
 
     @staticmethod

@@ -11,12 +11,11 @@ import msgspec
 
 from tega_study.detecting import DETECTOR, NOT_OBSERVABLE, read_detected
 from tega_study.journal import JournalEvent, Kind, attempts, counting, events_path, read_events
-from tega_study.lead.arm_lift import ARM
-from tega_study.measured import CAMERA, read_measured
-from tega_study.observers import read_observers, saw_proposals, saw_whole
+from tega_study.lead.running_trial import ARM
+from tega_study.observers import CAMERA, read_measured, read_observers, saw_proposals, saw_whole
 from tega_study.plan import read_plan
 from tega_study.score.agree import Agreement, agreement
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
 _PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, ARM: 4, DETECTOR: 5}
@@ -99,24 +98,16 @@ def _scored(
     return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()}, blind)
 
 
-def _displayed_proposals(folder: Path) -> set[str]:
-    """Return the raters who were shown what rule and detector say."""
-    plan = read_plan(folder)
-    return {
-        rater
-        for person in staying(folder, plan)
-        for rater, events in read_observers(folder, person).items()
-        if saw_proposals(events)
-    }
-
-
 def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreement]:
     """Compare every two accounts over the trials that both have, for each kind of event that either has.
 
     A rater who was shown proposals is compared with other people alone.
     """
     accounts = scored_trials(folder)
-    displayed, own = _displayed_proposals(folder), read_plan(folder).settings.behaviours
+    plan = read_plan(folder)
+    own = plan.settings.behaviours
+    everybody = [read_observers(folder, person) for person in staying(folder, plan)]
+    displayed = {rater for raters in everybody for rater, events in raters.items() if saw_proposals(events)}
     names = sorted(accounts, key=lambda name: (_PLACES.get(name, 1), name))
     found = []
     for a, b in combinations(names, 2):
@@ -135,11 +126,8 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
             able = [key for key in both if kind not in first[key].unobservable | second[key].unobservable]
             times_a = [first[key].times_s[kind] for key in able]
             times_b = [second[key].times_s[kind] for key in able]
-            blind = (
-                bool(both)
-                and not able
-                and any(second[key].times_s[kind] or first[key].times_s[kind] for key in both)
-            )
+            seen = any(second[key].times_s[kind] or first[key].times_s[kind] for key in both)
+            blind = seen and not able
             if any(times_a) or any(times_b) or blind:
                 lengths_s = [first[key].length_s for key in able]
                 one = agreement(kind, (a, b), times_a, times_b, lengths_s, tolerance_s=tolerance_s)

@@ -33,8 +33,6 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         a: Source of the first account, the reference of the delay.
         b: Source of the second account.
-        trials: That both have.
-        n_a: Events of the first; ``n_b`` are of the second.
         matched: Pairs within the tolerance, one to one.
         f1: ``2 matched / (n_a + n_b)``; ``None`` without any event.
         chance_f1: Mean of that when the second's events are turned round within each trial.
@@ -43,7 +41,6 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
         kappa: Cohen's, in bins of a second, all trials together; ``None`` where it is not defined.
         icc: ICC(A,1) of the counts by trial.
         icc_low: Lower end of its 95 % interval; ``icc_high`` is the upper.
-        note: Why no event is matched, if none is.
     """
 
     kind: str
@@ -68,8 +65,7 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
 def match_events(a: Sequence[float], b: Sequence[float], *, tolerance_s: float) -> list[tuple[int, int]]:
     """Pair events one to one: as many pairs as there can be, and among these the least time apart.
 
-    Returns:
-        Places in both, in the order of the first.
+    Places in both, in the order of the first.
 
     Example:
         >>> match_events([1.0, 1.4], [1.35, 1.9], tolerance_s=0.5)

@@ -16,7 +16,7 @@ from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_pr
 from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega_study.detecting import DETECTOR, read_detected
 from tega_study.journal import Journal, JournalEvent, attempts, counting, events_path, read_events
-from tega_study.observers import PART, WHOLE, observer_path, read_observers
+from tega_study.observers import PART, WHOLE, check_new, observer_path, read_observers
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import note_elsewhere
 
@@ -33,7 +33,7 @@ def export_boris(folder: Path, path: Path) -> int:
     if path.exists():
         raise InvalidValueError(f"{path}: is there already", "name a new file")
     accounts = list(_accounts(folder, read_plan(folder)))
-    states = _states([one.events for one in accounts])
+    states = sorted({event.code for one in accounts for event in one.events if event.duration_s})
     behaviours = _behaviours(read_plan(folder))
     project = boris_project(
         name=folder.name,
@@ -115,11 +115,6 @@ def _code(event: JournalEvent) -> str:
     return event.item if event.kind == "behaviour" else event.kind if event.kind in CODES else ""
 
 
-def _states(accounts: Sequence[Sequence[CodedEvent]]) -> list[str]:
-    """Return the behaviours of which an account has a state."""
-    return sorted({event.code for events in accounts for event in events if event.duration_s})
-
-
 def _behaviours(plan: StudyPlan) -> dict[str, str]:
     """Return the behaviours of a study, each with its key."""
     free = [key for key in "123456789abcefghijkmnopqrtuvwyz" if key not in CODES.values()]
@@ -148,8 +143,7 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
     ready: dict[str, list[CodedTrial]] = {}
     for person, trials in by_person.items():
         plan.of(person)
-        if observer_path(folder, person, rater).exists():
-            raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")
+        check_new(folder, person, rater)
         ran = {(s.trial, s.attempt): (s, e) for s, e in attempts(read_events(events_path(folder, person)))}
         for key, accounts in trials.items():
             if key not in ran:

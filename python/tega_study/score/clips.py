@@ -24,15 +24,14 @@ from tega.runtime.files.whole_file import write_whole
 from tega_scene.own_film import filmed_cameras, own_recording
 from tega_study.detecting import DETECTOR, read_detected
 from tega_study.journal import counting, events_path, read_events
-from tega_study.observers import observer_path
+from tega_study.observers import check_new
 from tega_study.order import shuffled
 from tega_study.plan import read_plan
 from tega_study.privacy import note_elsewhere
 from tega_study.score.boris import CODES
-from tega_study.score.clip_video import RATE_HZ, write_clip
+from tega_study.score.clip_video import RATE_HZ, SceneReel, write_clip
 from tega_study.score.recorded import RecordedTrial, recorded_trials
-from tega_study.score.scene_reel import SceneReel
-from tega_study.withdrawn import staying
+from tega_study.study_notes import staying
 
 RULE: Final = "rule"
 """Name under which the events of the session's own rule are proposed."""
@@ -74,8 +73,6 @@ class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         plan: Fingerprint of the study's plan.
-        proposed: Whether the rater is shown proposals.
-        clips: All of them, in the rater's order.
         left_out: Trials without a recording that can be shown, and why.
     """
 
@@ -134,7 +131,12 @@ def make_clips(
         events = _proposals(folder, person, trial) if proposals else []
         clips.append(RaterClip(name, person, trial.trial, trial.attempt, length_s, events))
         observations[name] = boris_observation(
-            [_proposed(k, one, trial.object) for k, one in enumerate(events)],
+            [
+                CodedEvent(
+                    one.t_s, trial.object, one.kind, ("None", OPEN), f"#{k} {one.source} {one.confidence:.2f}"
+                )
+                for k, one in enumerate(events)
+            ],
             length_s=length_s,
             variables={"object": trial.object},
             media=video.name,
@@ -177,8 +179,7 @@ def _displayed(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]
     for person in staying(folder, plan):
         if not events_path(folder, person).exists():
             continue
-        if observer_path(folder, person, rater).exists():
-            raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")
+        check_new(folder, person, rater)
         trials, unseen = recorded_trials(folder, person)
         found += [(person, trial) for trial in trials]
         left_out += unseen
@@ -204,11 +205,6 @@ def _proposals(folder: Path, person: str, trial: RecordedTrial) -> list[Proposal
                 confidence = 1.0 if event.value is None or source == RULE else event.value
                 found.append(Proposal(source, event.kind, round(t_s, 3), confidence))
     return sorted(found, key=lambda one: one.t_s)
-
-
-def _proposed(n: int, one: Proposal, subject: str) -> CodedEvent:
-    comment = f"#{n} {one.source} {one.confidence:.2f}"
-    return CodedEvent(one.t_s, subject, one.kind, ("None", OPEN), comment)
 
 
 def decode_key(path: Path) -> ClipKey:

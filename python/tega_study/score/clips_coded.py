@@ -8,14 +8,14 @@ from typing import Final
 
 import msgspec
 
-from tega.errors import InvalidValueError, RecordingError
+from tega.errors import RecordingError
 from tega.runtime.files.annotations import CodedEvent
 from tega.runtime.files.boris import read_boris
 from tega_study.journal import attempts, events_path, read_events
-from tega_study.observers import PROPOSED, RECORDED, observer_path
+from tega_study.observers import PROPOSED, RECORDED, check_new
 from tega_study.score.boris import CODES, CodedTrial, write_coded
 from tega_study.score.clips import OPEN, VERDICTS, RaterClip, key_path, read_key
-from tega_study.withdrawn import withdrawn_ids
+from tega_study.study_notes import withdrawn_ids
 
 _SAME_S: Final = 0.05
 """Moved by less than that, an event was not moved: a picture and a half."""
@@ -58,8 +58,7 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
     for clip in key.clips:
         if clip.participant in gone:
             continue
-        if observer_path(folder, clip.participant, rater).exists():
-            raise InvalidValueError(f"{rater} has scored {clip.participant} already", "give another --rater")
+        check_new(folder, clip.participant, rater)
         ran = {
             (start.trial, start.attempt): (start, end)
             for start, end in attempts(read_events(events_path(folder, clip.participant)))

@@ -36,13 +36,10 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Attributes:
         version: Of the program that ran it.
-        parameters_sha256: Of ``parameters.toml``.
         frozen: Whether that is the file that was frozen before the first run; else it is a changed one.
         everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the
             population's.
-        preset: Readings of the loop.
         settings: Of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
-        rules: Version of the rules that the people followed.
         people_sha256: Of the people's parameters and, from version 2, the version of their rules; empty in
             older studies.
         objects: Attributes by name, as in :class:`tega_sim.world.ObjectSpec`.

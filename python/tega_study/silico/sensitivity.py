@@ -16,32 +16,21 @@ import msgspec
 
 from tega.errors import ConfigError, InvalidValueError, RecordingError
 from tega_sim.operator import load_parameters
-from tega_study.directions import Direction, directions
+from tega_study.difference import Direction, directions
 from tega_study.plan import read_plan
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions, read_parameters
 from tega_study.silico.session import RUNNING, SessionJob
-from tega_study.silico.simulate import jobs_of, made_study, unfinished
-from tega_study.silico.spread import Progress, run_sessions
+from tega_study.silico.simulate import Progress, jobs_of, made_study, run_sessions, unfinished
 from tega_study.trials import study_trials
 
 SENSITIVITY = "sensitivity"
 """Folder in the study's folder."""
 
 VARIED = (
-    "vest.threshold",
-    "vest.weber",
-    "vest.rt_ms",
-    "vest.dual_ms",
-    "vision.rt_ms",
-    "vision.motion_c",
-    "vision.gaze_grasp",
-    "vision.deform_theta",
-    "motor.aim_sd",
-    "motor.slack_per_s",
-    "emg.drive_share",
-    "grip.harm_cost",
-    "grip.effort_cost",
-)
+    "vest.threshold", "vest.weber", "vest.rt_ms", "vest.dual_ms", "vision.rt_ms", "vision.motion_c",
+    "vision.gaze_grasp", "vision.deform_theta", "motor.aim_sd", "motor.slack_per_s", "emg.drive_share",
+    "grip.harm_cost", "grip.effort_cost",
+)  # fmt: skip
 """Parameters changed by default: what people feel and see, the muscles, the weighing."""
 
 ARMS = ("half", "unrelated", "constant", "inverted")
@@ -55,7 +44,6 @@ class SensitivityRow(msgspec.Struct, frozen=True, kw_only=True):
         what: ``base``, a parameter's ``section.name``, ``arm`` or ``reading``.
         setting: Its value as text.
         end: Where the value lies: ``low`` or ``high`` for a parameter, else empty.
-        directions: Each of the paper's.
     """
 
     what: str
@@ -86,19 +74,11 @@ def run_sensitivity(
 ) -> list[str]:
     """Run the small studies that are not finished; return the names of the changes left to other shards.
 
-    Args:
-        folder: A study in silico, not changed itself; its seed, objects and parameter file are used.
-        operators: People in each small study.
-        trials: Per person, object and condition.
-        varied: Parameters, ``section.name``; the arms and the printed readings come always, and first.
-        jobs: Worker processes; 0 for as many as there are cores.
-        shard: ``(i, n)``: only the i-th of n parts of the changes, from 1.
-        dask: Address of a dask scheduler.
-        progress: Called with the number of finished trials.
-
-    Raises:
-        ConfigError: A parameter is not known.
-        InvalidValueError: A change was begun before with other people or trials.
+    ``folder`` has a study in silico, not changed itself; its seed, objects and parameter file are used.
+    ``trials`` are per person, object and condition. ``varied`` are parameters, ``section.name``; the arms and
+    the printed readings come always, and first. ``jobs``, ``shard``, ``dask`` and ``progress`` are those of
+    :func:`tega_study.silico.simulate.simulate`. Raises ``ConfigError`` if a parameter is not known,
+    ``InvalidValueError`` if a change was begun before with other people or trials.
     """
     stated = read_assumptions(folder)
     if stated is None:

@@ -57,14 +57,9 @@ class SessionJob(NamedTuple):
 
 
 def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes]:
-    """Run a session from its start.
+    """Run a session from its start; return the files, by path in the study's folder.
 
-    Args:
-        job: Which.
-        scratch: Folder to work in, which can be watched; its content is deleted. ``None`` uses a temporary one.
-
-    Returns:
-        The files, by path in the study's folder.
+    ``scratch`` is the folder to work in, which can be watched; its content is deleted. ``None`` uses a temporary one.
     """
     if scratch is None:
         with tempfile.TemporaryDirectory() as made:
@@ -84,12 +79,7 @@ def _go(job: SessionJob, folder: Path) -> None:
     from tega_sim.practice import practise
 
     stated = job.assumptions
-    same = {
-        "preset": stated.preset,
-        "settings": stated.settings,
-        "rules": stated.rules,
-        "view": stated.view,
-    }
+    same = {"preset": stated.preset, "settings": stated.settings, "rules": stated.rules, "view": stated.view}
     seed = person_seed(job.settings.seed or 0, job.person)
     lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings)
     specs = {name: stated.spec(name) for name in stated.objects}
@@ -130,12 +120,8 @@ def _go(job: SessionJob, folder: Path) -> None:
                 write_course(course_path(folder, trial), _course(streams))
             _keep(journal, trial, t_ns, result)
             t_ns += round(result.duration_s * 1e9)
-            if (
-                streams is not None
-                and job.pictures
-                and trial.condition == job.settings.conditions[0]
-                and trial.object not in pictured
-            ):
+            felt = job.pictures and trial.condition == job.settings.conditions[0]
+            if streams is not None and felt and trial.object not in pictured:
                 pictured.add(trial.object)
                 _picture(folder, trial, streams, lab)
 
@@ -184,9 +170,8 @@ def _picture(folder: Path, trial: PlannedTrial, streams: Streams, lab: Lab) -> N
         return
     finger, touch = found
     full = lab.touch[finger]
-    picture = FingerPicture(
-        finger, lab.preset, lab.baselines[finger], touch, full.cci_max or 0.0, full.eda_max or 0.0
-    )
+    maxima = full.cci_max or 0.0, full.eda_max or 0.0
+    picture = FingerPicture(finger, lab.preset, lab.baselines[finger], touch, *maxima)
     write_touch_picture(picture_path(folder, trial), picture)
 
 
@@ -197,11 +182,9 @@ def _course(streams: Streams) -> TouchCourse:
         return TouchCourse(*(np.zeros(0) for _ in range(4)))
     begin = max(course.touch_t_s[0], course.level_t_s[0])
     end = min(course.touch_t_s[-1], course.level_t_s[-1])
-    t_s: NDArray[np.float64] = (
-        np.arange(np.ceil(begin * COURSE_HZ), np.floor(end * COURSE_HZ) + 1) / COURSE_HZ
-    )
+    ticks = np.arange(np.ceil(begin * COURSE_HZ), np.floor(end * COURSE_HZ) + 1)
+    t_s: NDArray[np.float64] = ticks / COURSE_HZ
     touch = np.searchsorted(course.touch_t_s, t_s + 1e-9, side="right") - 1
     level = np.searchsorted(course.level_t_s, t_s + 1e-9, side="right") - 1
-    return TouchCourse(
-        t_s, course.cci_norm[touch], course.eda_norm[touch], course.level[level].astype(np.float64) - 1.0
-    )
+    pose = course.level[level].astype(np.float64) - 1.0
+    return TouchCourse(t_s, course.cci_norm[touch], course.eda_norm[touch], pose)

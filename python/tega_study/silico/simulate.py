@@ -1,27 +1,133 @@
-"""Run a whole study with simulated people, or the sessions that are not finished."""
+"""Run a whole study with simulated people, over this machine's cores or a dask cluster; the results are the same."""
 
 from __future__ import annotations
 
+import importlib
+import os
 import shutil
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tega.errors import InvalidValueError
+from tega.errors import DeviceUnavailableError, InvalidValueError, MissingExtraError, WrongDeviceError
 from tega_sim.conditions import SESSION_CONDITIONS
 from tega_sim.operator import load_parameters
+from tega_sim.workers import over_cores
 from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
-from tega_study.silico.assumptions import (
-    PARAMETERS,
-    Assumptions,
-    assume,
-    assumption_files,
-)
-from tega_study.silico.session import RUNNING, SessionJob
-from tega_study.silico.spread import Progress, run_sessions
+from tega_study.silico.assumptions import PARAMETERS, Assumptions, assume, assumption_files, code_sha256
+from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_session
 from tega_study.state import derive
+
+Progress = Callable[[str, int, int], None]
+"""Called with the unit that is counted, the number of finished ones, and the total."""
+
+_POLL_S = 0.5
+_CONNECT_S = 10.0
+
+
+def run_sessions(
+    jobs: Sequence[SessionJob],
+    *,
+    workers: int = 0,
+    dask: str = "",
+    progress: Progress = lambda _subject, _done, _total: None,
+) -> None:
+    """Run sessions and put each into its study's folder as soon as it is over.
+
+    ``workers`` are processes on this machine, 0 for as many as there are cores; with 1 all run in this
+    process. With ``dask``, the address of a scheduler, its workers run them, and need not share a disk with
+    this machine; ``WrongDeviceError`` if one has another version of the program, ``DeviceUnavailableError``
+    if no scheduler answers or it has no worker. ``progress`` gets the number of finished trials, with
+    ``dask`` after each session.
+    """
+    if not jobs:
+        return
+    total, done = sum(len(job.trials) for job in jobs), 0
+    finished: Iterator[tuple[SessionJob, dict[str, bytes]]]
+    with _watched(jobs, total, progress, on=not dask) as count:
+        finished = (
+            _over_dask(jobs, dask) if dask else over_cores(_session, jobs, workers or os.cpu_count() or 1)
+        )
+        for job, files in finished:
+            keep_session(job, files)
+            done += len(job.trials)
+            count(done)
+
+
+def _session(job: SessionJob) -> tuple[SessionJob, dict[str, bytes]]:
+    return job, run_session(job, job.folder / RUNNING / job.person)
+
+
+def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[SessionJob, dict[str, bytes]]]:
+    try:
+        distributed: Any = importlib.import_module("distributed")  # untyped
+    except ImportError as error:
+        raise MissingExtraError("dask.distributed is not installed", "pip install 'tega[dask]'") from error
+    start = "start one: dask scheduler, and on each machine: dask worker ADDRESS"
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise DeviceUnavailableError(f"--dask {address}: no scheduler answers", start) from error
+    with client:
+        abouts: dict[str, str] = client.run(_about)
+        if not abouts:
+            raise DeviceUnavailableError(f"--dask {address}: the scheduler has no worker", start)
+        here = _about()
+        for worker, there in abouts.items():
+            if there != here:
+                raise WrongDeviceError(
+                    f"--dask {address}: worker {worker} has tega {there}, here it is {here}",
+                    "install the same version everywhere; other versions may give other results",
+                )
+        jobs_of = {client.submit(run_session, job, pure=False, retries=2): job for job in jobs}
+        for future in distributed.as_completed(list(jobs_of)):
+            files: dict[str, bytes] = future.result()
+            yield jobs_of[future], files
+            future.release()
+
+
+def _about() -> str:
+    """Return the program's version and a digest of its files, which determine a session's result."""
+    import tega
+
+    return f"{tega.__version__} ({code_sha256()[:12]})"
+
+
+@contextmanager
+def _watched(
+    jobs: Sequence[SessionJob], total: int, progress: Progress, *, on: bool
+) -> Iterator[Callable[[int], None]]:
+    """Report progress in trials: finished sessions, and the written courses of running ones."""
+    n_over, ended = 0, threading.Event()
+
+    def notify(done: int) -> None:
+        nonlocal n_over
+        n_over = done
+        progress("trials", done, total)
+
+    def check() -> None:
+        while not ended.wait(_POLL_S):
+            progress("trials", min(n_over + sum(map(_written, jobs)), total), total)
+
+    notify(0)
+    watcher = threading.Thread(target=check, daemon=True, name="tega-progress")
+    if on:
+        watcher.start()
+    try:
+        yield notify
+    finally:
+        ended.set()
+        if on:
+            watcher.join()
+
+
+def _written(job: SessionJob) -> int:
+    folder = job.folder / RUNNING / job.person / "courses" / job.person
+    return sum(1 for _ in folder.glob("*.csv")) if folder.is_dir() else 0
 
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
@@ -108,14 +214,8 @@ def made_study(
                 raise InvalidValueError(
                     f"{subject}: {name!r} cannot be simulated", f"choose from {', '.join(map(str, known))}"
                 )
-    plan = make_plan(
-        participants=operators,
-        seed=seed,
-        objects=list(objects),
-        conditions=conditions,
-        trials=trials,
-        simulated=True,
-    )
+    settings: dict[str, Any] = {"objects": list(objects), "conditions": conditions, "trials": trials}
+    plan = make_plan(participants=operators, seed=seed, simulated=True, **settings)
     specs = objects if isinstance(objects, Mapping) else {name: OBJECTS[name] for name in objects}
     stated, content = assume(specs, **assumed)
     ensure_plan(plan, folder, assumption_files(stated, content))
@@ -130,11 +230,9 @@ def jobs_of(
     still = set(unfinished(folder, plan))
     first = plan.participants[0]
     return [
-        SessionJob(
-            folder, person, plan.settings, plan.of(person), stated, loaded, pictures and person == first
-        )
-        for person in people
-        if person in still
+        SessionJob(folder, one, plan.settings, plan.of(one), stated, loaded, pictures and one == first)
+        for one in people
+        if one in still
     ]
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import click
 
 from tega.errors import MissingExtraError
-from tega_study.lead.status_file import SessionBoard, board_path, write_board
+from tega_study.lead.tell import SessionBoard, board_path, write_board
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.state import resume
 

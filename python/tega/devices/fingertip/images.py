@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
-from tega.devices.fingertip.images import RecordedPictures
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.picture_stack import name_times_s, sorted_names, without_strays
 from tega.runtime.lifecycle import Opened
