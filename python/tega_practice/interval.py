@@ -56,9 +56,7 @@ def mean_interval(values: Sequence[float]) -> Interval:
     return Interval(mean=mean, low=mean - reach, high=mean + reach, n=len(values))
 
 
-def with_first(
-    values: Mapping[str, Mapping[Hashable, float]],
-) -> dict[str, tuple[Interval, Interval | None]]:
+def with_first(values: Mapping[str, Mapping[Hashable, float]]) -> dict[str, tuple[Interval, Interval | None]]:
     """Return each name's mean over its units, and its difference from the first name over the units of both.
 
     ``values`` has the value of each unit, by name; names without units are left out. The difference is

@@ -172,9 +172,7 @@ def score(
 
     lens, layout = load_lens(lens_file), load_layout(layout_file)
     pictures = read_pictures(
-        video,
-        begin_s=-math.inf if begin_s is None else begin_s,
-        end_s=math.inf if end_s is None else end_s,
+        video, begin_s=-math.inf if begin_s is None else begin_s, end_s=math.inf if end_s is None else end_s
     )
     outcome = score_scene(
         track_scene(pictures, lens, layout),

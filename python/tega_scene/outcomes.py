@@ -14,13 +14,7 @@ import numpy as np
 from tega.stages.events.outcomes import LIFT_WINDOW_S, STABLE_S
 from tega_scene.courses import GRID_S, REST_S, SceneCourses, righted, scene_courses
 from tega_scene.layout import TagLayout
-from tega_scene.resting import (
-    LOST_M,
-    SceneRest,
-    checked_mark,
-    placed,
-    resting,
-)
+from tega_scene.resting import LOST_M, SceneRest, checked_mark, placed, resting
 from tega_scene.track import SceneTrack
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth

@@ -121,11 +121,7 @@ SESSION_CONDITIONS: tuple[Condition, ...] = tuple(name for name, arm in ARMS.ite
 
 
 def worn(
-    condition: Condition,
-    *,
-    layout: Layout,
-    seed: int,
-    recorded: Sequence[tuple[float, MotorLevels]] = (),
+    condition: Condition, *, layout: Layout, seed: int, recorded: Sequence[tuple[float, MotorLevels]] = ()
 ) -> Sham:
     """Return the function that turns the frames that were made into those that are worn.
 

@@ -123,8 +123,7 @@ def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
         today = people_digest(numbers, result.rules)
         if not today.startswith(result.person):
             raise RecordingError(
-                f"{path.name}: made with people {result.person}, who are {today[:16]} now",
-                "name a new file",
+                f"{path.name}: made with people {result.person}, who are {today[:16]} now", "name a new file"
             )
 
 

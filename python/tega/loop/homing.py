@@ -83,12 +83,7 @@ def go_to_start(
         route = MoveToStart(start)
         bus = Bus() if bus is None else bus
         bus.subscribe(ArmTurn, route.saw, vital=True)
-        steering = open_arm(
-            stack,
-            config,
-            open_inputs(stack, config),
-            tracker=route,
-        )
+        steering = open_arm(stack, config, open_inputs(stack, config), tracker=route)
         hand = _Opening(stack, config)
         warned_until_s = time.monotonic() + reported_s
         steering.start(

@@ -62,10 +62,7 @@ def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
 
 
 def open_sinks(
-    stack: ExitStack,
-    config: SessionConfig,
-    bus: Bus,
-    hand: HandDriver | SteeredHand | None,
+    stack: ExitStack, config: SessionConfig, bus: Bus, hand: HandDriver | SteeredHand | None
 ) -> Sinks:
     """Open the outputs of a run: vest and hand."""
     live_vests: list[VestSink] = []

@@ -122,13 +122,7 @@ def demo(
         raise click.UsageError("--fast leaves no time for a person at the keyboard")
     sets = loop_sets(config, sets)
     plans = plan_trials(
-        objects,
-        [condition],
-        [seed],
-        operator=operator,
-        preset=preset,
-        practice=practice,
-        settings=sets,
+        objects, [condition], [seed], operator=operator, preset=preset, practice=practice, settings=sets
     )
     recorder = None
     if record is not None:

@@ -139,12 +139,7 @@ class Operator:
         trial.last_s = t_s
         grip = trial.grip
         trial.pending += trial.eyes.observe(
-            t_s,
-            dt_s,
-            percept.scene,
-            carried=grip.carrying,
-            lifting=grip.phase == "lift",
-            held=grip.held,
+            t_s, dt_s, percept.scene, carried=grip.carrying, lifting=grip.phase == "lift", held=grip.held
         )
         learns = self._rules == 3 or self._view != "direct"
         if percept.scene.dropped and grip.held and learns and not trial.lost:

@@ -140,10 +140,4 @@ def judge_kept_back(
     overall = float(right.mean())
     # Ten blocks' worth of the overall share steady a fifth that has few.
     shares = [(right[fifth == n].sum() + 10 * overall) / ((fifth == n).sum() + 10) for n in range(5)]
-    return (
-        float(shares[0]),
-        float(shares[1]),
-        float(shares[2]),
-        float(shares[3]),
-        float(shares[4]),
-    ), novelty
+    return (float(shares[0]), float(shares[1]), float(shares[2]), float(shares[3]), float(shares[4])), novelty
