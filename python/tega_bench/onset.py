@@ -206,7 +206,7 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
     from tega.errors import ConfigError
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega_bench.vest_latency.measure import log_of, play_bursts, watched_vest
 
     settings = wanted.settings

@@ -14,9 +14,8 @@ from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.plain_name import plain_name
 from tega_lerobot.episode import Episode
-from tega_scene.own_film import filmed_cameras
 from tega_scene.pictures import read_pictures, times_path
-from tega_scene.record import export_camera
+from tega_scene.record import export_camera, filmed_cameras
 
 _BEFORE_S: Final = 1.0
 """A picture older than this at the first frame is none of the episode; likewise at the last."""

@@ -41,7 +41,7 @@ def scene() -> None:
 
 def _mark(_ctx: click.Context, _option: click.Parameter, text: str | None) -> tuple[float, float] | None:
     """Read a mark such as 50,-87, millimetres, into metres; a usage error where it is none."""
-    from tega_scene.resting import checked_mark
+    from tega_scene.courses import checked_mark
 
     if text is None:
         return None
@@ -256,7 +256,7 @@ def record(
 
     import msgspec
 
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega_scene.record import record_cameras
 
     named = dict(text.partition("=")[::2] for text in cameras)
@@ -332,7 +332,7 @@ def offset(*, recording: Path, name: str, flashes: Path, as_json: bool) -> None:
     import msgspec
 
     from tega_scene.offset import measure_offset
-    from tega_scene.offset_file import keep_offset, offsets_path
+    from tega_scene.pictures import keep_offset, offsets_path
 
     found = measure_offset(recording, name, flashes)
     keep_offset(recording, name, found)

@@ -25,7 +25,7 @@ from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.foreign_file import read_words, reports_damage
 from tega.runtime.files.whole_file import write_whole
 from tega_scene.decode import SceneDecoder
-from tega_scene.offset_file import LEAST_LATE_S, MOST_LATE_S, CameraOffset
+from tega_scene.pictures import LEAST_LATE_S, MOST_LATE_S, CameraOffset
 from tega_scene.record import scene_epoch
 
 _LEAST_EDGES: Final = 6

@@ -20,7 +20,7 @@ from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import reports_damage
 from tega_scene.decode import SceneDecoder, note_key
-from tega_scene.offset_file import read_offsets
+from tega_scene.pictures import read_offsets
 from tega_scene.record import scene_epoch
 from tega_scene.records import SceneVideo
 

@@ -15,8 +15,7 @@ from tega.devices.jpeg_stream import MOST_SPOILED, keep_own_size, read_picture
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
-from tega_scene.calibrate import LensCalibration
-from tega_scene.lens import Lens
+from tega_scene.lens import Lens, LensCalibration
 from tega_scene.pictures import read_pictures
 from tega_scene.settings import ADDRESSES, full_source, is_camera
 

@@ -40,7 +40,7 @@ from tega_sim.operator import (
     load_parameters,
     people_digest,
 )
-from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.motor import AWAY_M
 from tega_sim.operator.scripted import COURSES
 from tega_sim.plan import FULL_N, TrialPlan, loop_settings
 from tega_sim.seams import Indenter

@@ -13,12 +13,10 @@ from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
 from tega.haptics import Layout, MotorLevels
 from tega.loop.beside import measure_beside_on
-from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import HandPolls
 from tega.loop.loop import DualLoop
-from tega.loop.sink import Sink
+from tega.loop.outputs import HandOutput, Sink, VestOutput
 from tega.loop.snapshot import LoopView, Moments, Snapshot
-from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
@@ -32,7 +30,7 @@ from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ, Lab
 from tega_sim.operator import Operator
-from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.motor import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.recorded import LiftRecorder
 from tega_sim.reflex import trial_reflex

@@ -10,7 +10,7 @@ import msgspec
 from tega.config import FINGERS, RecordingSection, StagesSection
 from tega.config.calibration.store import Calibration, FingerMaxima
 from tega.haptics import Layout
-from tega.loop.loop_report import LoopReport
+from tega.loop.pacing import LoopReport
 from tega.recording.session import Recording
 from tega.records.bus import Bus
 from tega.runtime.device_items import DeviceInfo

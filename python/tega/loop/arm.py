@@ -21,8 +21,7 @@ from tega.devices.base import DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.devices.tracker.sources.rates import RatePoses
 from tega.errors import ConfigError
-from tega.loop.arm_records import ArmRecords
-from tega.loop.arm_view import ArmView, check
+from tega.loop.arm_records import ArmRecords, ArmView, check
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS

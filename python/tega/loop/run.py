@@ -12,14 +12,13 @@ from tega.config.choose import finger_metric
 from tega.config.motor_onset import motor_onset
 from tega.loop.adapting import open_adaptation
 from tega.loop.controls import Controls
-from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
-from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import open_hand_polls
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
 from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
-from tega.loop.pacing import Pacer
+from tega.loop.outputs import HandOutput, VestOutput
+from tega.loop.pacing import Pacer, settle
 from tega.loop.parts import RunStart
 from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.rig import Rig
@@ -27,7 +26,6 @@ from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
-from tega.loop.vest_output import VestOutput
 from tega.records import Alert, Event, RunState, Value
 from tega.records.bus import Bus
 from tega.runtime.clock import Clock, SystemClock

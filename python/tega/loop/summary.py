@@ -14,8 +14,7 @@ from tega.haptics import Layout
 from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.latency import LatencyTrace
-from tega.loop.loop_report import LoopReport
-from tega.loop.pacing import PacingReport
+from tega.loop.pacing import LoopReport, PacingReport
 from tega.loop.reflex import ReflexArc
 from tega.loop.rig import Rig
 from tega.loop.touch import STALE_NS

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.loop_report import LoopReport
+    from tega.loop.pacing import LoopReport
     from tega.loop.sinks import Sinks
     from tega.records.bus import Bus
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from tega.config import SessionConfig
     from tega.config.calibration.store import Calibration
-    from tega.loop.loop_report import LoopReport
+    from tega.loop.pacing import LoopReport
     from tega.records.bus import Bus
     from tega.runtime.device_items import DeviceInfo
 

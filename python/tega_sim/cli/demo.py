@@ -113,7 +113,7 @@ def demo(
 
     from tega.recording.folder import prepare_folder
     from tega.runtime.threads import short_turns
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega.ui.cli.install_line import with_origin
     from tega_sim.demo import demo_outputs, draw_demo, prepare_demo, run_demo, write_demo
     from tega_sim.trials import plan_trials

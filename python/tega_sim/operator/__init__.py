@@ -6,7 +6,6 @@ from tega_sim.operator.calibrate import Calibrated, calibrate
 from tega_sim.operator.effects import EFFECTS
 from tega_sim.operator.emg import CHANNELS, ForearmEmg
 from tega_sim.operator.emg_noise import TICK_HZ
-from tega_sim.operator.keyboard import KEYS_HELP, KeyboardOperator
 from tega_sim.operator.person import (
     Parameters,
     PersonNumbers,
@@ -17,7 +16,7 @@ from tega_sim.operator.person import (
     people_digest,
     typical_person,
 )
-from tega_sim.operator.scripted import ScriptedOperator
+from tega_sim.operator.scripted import KEYS_HELP, KeyboardOperator, ScriptedOperator
 from tega_sim.operator.shams import SHAMS, Sham, sham_vest
 from tega_sim.operator.vision import VIEWS, ViewName
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tega_sim.operator.belief import ObjectBelief, best_level, cost
-from tega_sim.operator.forearm import FARTHEST_M, SimulatedForearm
+from tega_sim.operator.motor import FARTHEST_M, SimulatedForearm
 from tega_sim.operator.person import PersonNumbers
 from tega_sim.operator.vision import Kind, SeenEvent
 from tega_sim.seams import WorldTruth

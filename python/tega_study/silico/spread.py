@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from tega.errors import DeviceUnavailableError, MissingExtraError, WrongDeviceError
-from tega_sim.workers import over_cores
+from tega_sim.trials import over_cores
 from tega_study.silico.assumptions import code_sha256
 from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_session
 

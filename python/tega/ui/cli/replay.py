@@ -122,7 +122,7 @@ def replay(
     from tega.loop.controls import Controls
     from tega.records.bus import Bus
     from tega.records.display import Notice
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega.ui.cli.findings import Findings
     from tega.ui.cli.report import echo_summary
     from tega.ui.cli.verify import check_flags, replay_session

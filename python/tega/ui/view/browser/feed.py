@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.loop.adapting import UNDO_SEAT
+from tega.loop.adapting import REZERO_SEAT, UNDO_SEAT
 from tega.loop.parts import Part
-from tega.loop.rezeroing import REZERO_SEAT
 from tega.records import Button, EmgSamples, Marker, Picture
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
