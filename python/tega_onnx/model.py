@@ -1,4 +1,4 @@
-"""Open an ONNX model with its card: its input, its output, its hash and its licence."""
+"""Open an ONNX model with its card, and compute it in a thread of its own: the caller never waits for what is late."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run a Fitts test on closure with a calibrated person's muscles, through the decoder that a run uses."""
+"""Run a Fitts test on closure with a calibrated person's muscles, and note each movement of the cursor."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Bring a trial's poses into the courses that the rule judges: heights, slip and width over time.
+"""Bring a trial's poses into the courses that the rule judges: heights, slip and width over time, and where it stands.
 
 Heights and width are smoothed by straight lines about each moment, slip by few pieces of parabolas, which neither smear
 the beginning of a fall nor take noise for motion (:mod:`tega_scene.smoothing`). All are evaluated a hundred times a
-second.
+second. The limits of standing are those of a simulated trial's truth (:mod:`tega_sim.score`). A camera cannot sense
+fingers: an object that was put down counts as let go once the hand has moved away.
 """
 
 from __future__ import annotations

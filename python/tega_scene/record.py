@@ -25,13 +25,13 @@ from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.lifecycle import require
-from tega_scene.decode import stands_alone
 from tega_scene.filming import CameraTally, Filming
 from tega_scene.layout import TagLayout, load_layout
 from tega_scene.lens import Lens, load_lens
 from tega_scene.pictures import read_offsets, times_path
 from tega_scene.records import SceneVideo
 from tega_scene.settings import SceneConfig, VideoFormat
+from tega_scene.video import stands_alone
 
 TABLE = "tega_scene"
 _Writer = Callable[[list[tuple[int, bytes]]], None]

@@ -5,6 +5,12 @@ are those of a run with devices. Example::
 
     from tega_sim.trial import TrialPlan, run_trial
     run_trial(TrialPlan(object="bag", condition="haptic", seed=1)).slips
+
+Persons of the second version of the rules practise before: they feel the vest level by level. The practice runs on the
+bench, not on the one-dimensional plant: the vest's frame at a closure depends on object, hand and metric, and a person
+who was taught the plant's map would be taught a wrong one. A script without error holds each level on the object,
+standing on the table, through EMG, decoder, hand, camera frames and vest; the person watches the hand and feels the
+condition's vest. Practice causes no fatigue, and the person learns as from one run through the levels.
 """
 
 from __future__ import annotations

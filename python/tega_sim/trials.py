@@ -22,9 +22,8 @@ from tega.runtime.child_process import isolated_workers
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega_sim.operator import load_parameters, people_digest
-from tega_sim.removed import trial_fields
 from tega_sim.trial import TrialPlan, TrialResult, run_trial
-from tega_sim.world.objects import ObjectSpec, variant_name
+from tega_sim.world.objects import ObjectSpec, trial_fields, variant_name
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

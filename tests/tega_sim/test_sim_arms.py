@@ -18,7 +18,7 @@ from tega_sim.conditions import CONDITIONS
 from tega_sim.lab import Lab
 from tega_sim.lift import Lift, other_vest
 from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest
-from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.belief import ConfirmedClosure
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
 from tega_sim.plan import FULL_N, TrialPlan
 from tega_sim.recorded import LiftRecorder

@@ -1,4 +1,8 @@
-"""Read and write a sound recording (WAV), and beside it the log of commands during it (JSON)."""
+"""Keep a sound recording (WAV), beside it the log of commands during it (JSON), and the clock that both lie on.
+
+Sounds of known time, clicks, are found in the recording: the input's latency drops out. What is left is how well the
+times of the clicks are known: :data:`CLICKS_MS`.
+"""
 
 from __future__ import annotations
 

@@ -2,10 +2,8 @@
 
 from tega.runtime.keys import Keys
 from tega_sim.operator.acting import Operator
-from tega_sim.operator.calibrate import Calibrated, calibrate
-from tega_sim.operator.effects import EFFECTS
-from tega_sim.operator.emg import CHANNELS, ForearmEmg
-from tega_sim.operator.emg_noise import TICK_HZ
+from tega_sim.operator.emg import CHANNELS, Calibrated, ForearmEmg, calibrate
+from tega_sim.operator.emg_noise import EFFECTS, TICK_HZ
 from tega_sim.operator.person import (
     Parameters,
     PersonNumbers,

@@ -15,10 +15,9 @@ import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
-from tega_sim.operator.belief import Closure, ObjectBelief, Panel
+from tega_sim.operator.belief import Closure, ConfirmedClosure, ObjectBelief, Panel
 from tega_sim.operator.grip import Decision, GripDecisions
 from tega_sim.operator.motor import MuscleMotor, SimulatedForearm
-from tega_sim.operator.panels import ConfirmedClosure
 from tega_sim.operator.person import PersonNumbers, RulesVersion, stream
 from tega_sim.operator.renewing import JudgingEyes, RenewingGrip, SettledGrip
 from tega_sim.operator.vest_sense import POLL_S, Skin

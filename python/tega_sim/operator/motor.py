@@ -1,4 +1,4 @@
-"""Compute the excitation of the grip muscles from the level that a person has in mind.
+"""Compute the excitation of the grip muscles from the level that a person has in mind, and move the forearm smoothly.
 
 A command aims at the middle of its level and misses it by an error drawn once; two equal lags shape the rise; held
 levels slacken. EMG follows the excitation at once. The person feels the effort later, through activation and

@@ -1,4 +1,4 @@
-"""Follow a script as the operator, whatever happens: for tests of other parts and a demo that must go well."""
+"""Act in the place of a simulated person: a script, for tests of other parts and a demo that must go well, or keys."""
 
 from __future__ import annotations
 

@@ -1,7 +1,11 @@
-"""Build the lifted object as one elastic solid: a MuJoCo flex on a grid of 2 x 2 x 2 cells.
+"""Build the lifted object as an MJCF fragment: a rigid core with a springy shell for each finger, or one elastic solid.
 
-The surface that touches is a fine round mesh; what moves are the 27 corners of the cells, so that the object bulges
-between the fingers and sags under its weight at the cost of 81 degrees of freedom.
+Each shell is the whole outer surface, seen by one finger only, on two springs across the horizontal plane: so each
+finger dents the wall where it is, without denting it for the others. The palm and the table meet the core.
+
+The solid is a MuJoCo flex on a grid of 2 x 2 x 2 cells. The surface that touches is a fine round mesh; what moves are
+the 27 corners of the cells, so that the object bulges between the fingers and sags under its weight at the cost of 81
+degrees of freedom.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Lead the hand where the forearm goes: limited motion, then inverse kinematics for the arm's joints."""
+"""Describe the 7-joint Panda arm, which carries the hand, as an MJCF fragment, and lead it where the forearm goes.
+
+Kinematics and limits are the maker's published ones. Link masses are rounded identified values; the arm is
+compensated for gravity and for the hand it carries, as the real one is, and is as stiff as its joint controller.
+"""
 
 from __future__ import annotations
 

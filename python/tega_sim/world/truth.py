@@ -1,4 +1,9 @@
-"""Detect lift-off, slip, deformation, damage and drop from the true state of the simulated world."""
+"""Detect lift-off, slip, deformation, damage and drop from the true state, and read the contacts that it is made of.
+
+The pad of the physics is rounded more than the gel of the picture (a capsule), so that a fingertip twists and rolls as
+a soft one does. A contact beside the middle of the rounding therefore comes to the pad frame unrolled and rolled again
+(``pad_pose`` of the crate ``tega-gel``).
+"""
 
 from __future__ import annotations
 

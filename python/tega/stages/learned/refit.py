@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import CalibrationError, ShapeError
 from tega.stages.learned.features import Blocks
-from tega.stages.learned.model import Model
-from tega.stages.learned.scorer import BlockScorer
+from tega.stages.learned.model import BlockScorer, Model
 
 LEAST_S: Final = 5.0
 STRENGTH: Final = 0.1
