@@ -172,7 +172,6 @@ def kept_records(kind: type[_Kept], folder: CalibrationFolder, person: str | Non
 
 
 def _place(kind: type[CalibrationRecord]) -> str:
-    """Return the name of the folder of such records."""
     return str(kind.__struct_config__.tag).removeprefix("tega-")
 
 

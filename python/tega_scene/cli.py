@@ -216,24 +216,17 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
 )
 @click.argument("out", type=_FILE, metavar="OUT.mcap")
 @click.option(
-    "--camera",
-    "cameras",
-    multiple=True,
-    required=True,
-    metavar="NAME=SOURCE",
+    "--camera", "cameras", multiple=True, required=True, metavar="NAME=SOURCE",
     help="Name and address of a camera; repeatable.",
-)
+)  # fmt: skip
 @_size_option
 @click.option(
     "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
 )
 @click.option(
-    "--video",
-    type=click.Choice(["h264", "av1"]),
-    default="h264",
-    show_default=True,
+    "--video", type=click.Choice(["h264", "av1"]), default="h264", show_default=True,
     help="Format of the video.",
-)
+)  # fmt: skip
 @click.option(
     "--seconds", type=click.FloatRange(0.1), help="Seconds after which recording stops; else Ctrl-C stops it."
 )

@@ -175,7 +175,6 @@ def _is_on(t_s: NDArray[np.float64], at_s: NDArray[np.float64], on: NDArray[np.b
 
 
 def _likeness(known: NDArray[np.bool_], shades: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the correlation of each part with the light, float64 (m,)."""
     light = known - known.mean()
     parts = shades - shades.mean(0)
     size = np.sqrt((parts**2).sum(0) * (light @ light))

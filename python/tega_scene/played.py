@@ -123,7 +123,6 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int) -> Follo
 
 
 def _cameras(path: Path, keys: Mapping[str, Iterable[int]], zero_ns: int, bus: Bus) -> dict[str, Follower]:
-    """Return the follower of each video, by topic."""
     late, found = camera_delays(path), dict[str, Follower]()
     for topic, times_ns in keys.items():
         delay_ns = late.get(topic, 0)

@@ -146,7 +146,6 @@ def board_page() -> PrintedPage:
 
 
 def _outline(x: float, y: float, side: float) -> list[PrintedRect]:
-    """Return the thin lines to cut along."""
     return [
         PrintedRect(x, y, side, _CUT_MM),
         PrintedRect(x, y + side - _CUT_MM, side, _CUT_MM),

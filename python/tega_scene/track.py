@@ -178,7 +178,6 @@ def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> S
 
 
 def _fitted(fitter: BodyFitter, sightings: SceneSightings) -> list[FittedPose | None]:
-    """Return the pose in each picture, each begun with the one before."""
     before: FittedPose | None = None
     poses = []
     for seen in sightings.corners:
@@ -188,7 +187,6 @@ def _fitted(fitter: BodyFitter, sightings: SceneSightings) -> list[FittedPose | 
 
 
 def _around(corners: list[NDArray[np.float64]], lens: Lens) -> tuple[int, int, int, int]:
-    """Return the part of the picture about tags."""
     places = np.concatenate(corners)
     left, top = np.maximum(places.min(0) - _MARGIN_PX, 0).astype(int).tolist()
     right, bottom = (places.max(0) + _MARGIN_PX).astype(int).tolist()

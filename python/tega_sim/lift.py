@@ -239,7 +239,6 @@ class Lift:
         )
 
     def _hand_polls(self) -> HandPolls:
-        """Return the looks at hand and arm, as their sensors report them."""
         rig, world = self.rig, self.rig.world
         return HandPolls(
             lambda: encoded(world.angles_rad),
@@ -274,7 +273,6 @@ class Lift:
             )
 
     def _telling(self) -> Bus:
-        """Return a bus that carries levels and, if streams are kept, contacts."""
         bus, streams = Bus(), self._streams
         bus.subscribe(Intent, self._levels, vital=True)
         if streams is not None:
@@ -284,7 +282,6 @@ class Lift:
         return bus
 
     def _levels(self, intent: Intent) -> None:
-        """Take note of an EMG block."""
         if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold", "carry"}:
             self._level_sum += intent.level
             self._level_n += 1

@@ -58,7 +58,6 @@ def _in_worker(work: Callable[[Job], Result], job: Job, parent: int) -> Result:
 
 @functools.cache
 def _watch(parent: int) -> None:
-    """Begin to watch, once in a process."""
     threading.Thread(target=_end_with, args=(parent,), daemon=True, name="tega-parent").start()
 
 

@@ -181,7 +181,6 @@ class Steering:
         )
 
     def _take(self, turn: Turn) -> ArmCommand:
-        """Send the arm the command of a turn, and publish turn and command."""
         command = lead(self._chain, turn)
         self._arm.follow(command)
         self._command, self._view = command, check(turn, command, self._arm)

@@ -129,7 +129,6 @@ def with_command(row: ArmTurn, command: ArmCommand) -> ArmTurn:
 
 
 def _commanded(command: ArmCommand) -> dict[str, Any]:
-    """Return the fields of a turn that hold its command."""
     return {
         "state": command.state,
         "reason": command.reason,

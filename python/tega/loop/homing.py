@@ -185,7 +185,6 @@ class _Opening:
         return f"; the hand was commanded to open and is {off_rad:.2f} rad off"
 
     def check(self, dt_s: float, *, may_move: bool) -> None:
-        """Go on opening it, or have it stay where it is."""
         hand = self._hand
         if hand is None:
             return

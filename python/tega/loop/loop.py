@@ -175,7 +175,6 @@ class DualLoop:
         return in_time
 
     def _update_guard(self, t_ns: int) -> None:
-        """Have the guard check the newest input."""
         guard, late_ns = self._guard, self._pacer.late_ns
         if guard is None or not guard.due(t_ns, late_ns):
             return

@@ -173,8 +173,6 @@ class _NoMuscles(Elsewhere):
 
 
 class _ProgramPart(Part):
-    """Part of the run that knows the program."""
-
     brings_input = endless = True
 
     def __init__(

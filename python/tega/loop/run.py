@@ -202,15 +202,12 @@ def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
 
 
 def _metric(rig: Rig, name: str) -> Metric:
-    """Make the metric of a finger."""
     config, prepared = rig.config, rig.prepared
     baseline, calibration = prepared.fingers[name].baseline, prepared.calibration.touch(name)
     return finger_metric(config.stages, config.session.preset, name, baseline, calibration)
 
 
 def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
-    """Publish the run's states and alerts."""
-
     def changed(change: Transition) -> None:
         bus.publish(RunState(t_ns=change.t_ns, state=change.state, reason=change.reason))
 
@@ -223,7 +220,6 @@ def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | 
 
 
 def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
-    """Let the arm follow until the run ends."""
     if rig.steering is not None:
         rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
         flows.callback(rig.steering.stop)

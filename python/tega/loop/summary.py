@@ -158,7 +158,6 @@ def _emg(state: RunFacts) -> dict[str, Any] | None:
 
 
 def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
-    """Name the drivers of the vests or hands, tables last."""
     sinks = state.rig.sinks
     if kind == "vest":
         infos = [sink.info for sink in (*sinks.live_vests, *sinks.vests)]

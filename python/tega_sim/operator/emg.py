@@ -130,7 +130,6 @@ class ForearmEmg:
         self.fatigue *= math.exp(-self._p.recovery_per_s * self._p.recovery_at_rest * seconds)
 
     def _samples(self, excitations: list[float], height_m: float, *, moving: bool) -> NDArray[np.float64]:
-        """Return the samples of one or more ticks of one second."""
         tick, n = self._tick % TICK_HZ, len(excitations)
         if tick == 0 or self._second is None:
             self._second = self._noise.second(self.fatigue)
@@ -167,7 +166,6 @@ class ForearmEmg:
     def _scales(
         self, excitation: float, drive: list[float], added: tuple[float, float, float], height_m: float
     ) -> tuple[float, ...]:
-        """Return the amplitude of each muscle, µV."""
         p = self._p
         slow_sd = math.sqrt(p.drive_floor**2 + (p.drive_share * excitation) ** 2)
         stronger = 1 + p.fatigue_gain * self.fatigue
@@ -196,7 +194,6 @@ class ForearmEmg:
         return _Artefact(self._tick, int(3 * where), float(height if sign < 0.5 else -height), float(omega))
 
     def _shake(self, signal: NDArray[np.float64], tick: int, artefacts: list[_Artefact]) -> None:
-        """Add artefacts to the samples of a tick."""
         decay_s = self._p.artefact_decay_ms / 1e3
         inside_s = np.arange(len(signal)) / self.rate_hz
         for jolt in artefacts:
@@ -204,7 +201,6 @@ class ForearmEmg:
             signal[:, jolt.channel] += jolt.height_uv * np.exp(-t_s / decay_s) * np.cos(jolt.omega * t_s)
 
     def _forget_artefacts(self) -> None:
-        """Drop what has died away."""
         oldest = self._tick - round(12 * self._p.artefact_decay_ms / 1e3 * TICK_HZ)
         self._artefacts = [jolt for jolt in self._artefacts if jolt.start > oldest]
 

@@ -15,7 +15,7 @@ import math
 from collections.abc import Collection
 from functools import cache
 from importlib.resources import files
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -26,6 +26,8 @@ from tega.runtime.files.foreign_file import parse_toml
 from tega.runtime.nearest import nearest_hint
 from tega_sim.operator.person import Parameter, stream
 from tega_sim.operator.sections import Emg
+
+Floats: TypeAlias = NDArray[np.float64]
 
 TICK_HZ = 100
 """Acts a second."""
@@ -47,8 +49,8 @@ class Second(NamedTuple):
         bounds: First sample of each tick, and the end.
     """
 
-    sources: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-    sensor: NDArray[np.float64]
+    sources: tuple[Floats, Floats, Floats]
+    sensor: Floats
     drive: list[list[float]]
     chance: list[float]
     bounds: list[int]
@@ -62,13 +64,7 @@ class NoiseMaker:
     """
 
     def __init__(
-        self,
-        emg: Emg,
-        *,
-        rate_hz: float,
-        seed: int,
-        label: str | int,
-        turned: NDArray[np.float64] | None = None,
+        self, emg: Emg, *, rate_hz: float, seed: int, label: str | int, turned: Floats | None = None
     ) -> None:
         self._p, self._rate_hz = emg, rate_hz
         self._step = math.ceil(_LEAST_RATE_HZ / rate_hz)
@@ -99,7 +95,7 @@ class NoiseMaker:
         chance: list[float] = self._chance.random(TICK_HZ).tolist()
         return Second((sources[0], sources[1], sources[2]), sensor, self._slow_drive(), chance, bounds)
 
-    def _unit(self, n: int, fatigue: float) -> NDArray[np.float64]:
+    def _unit(self, n: int, fatigue: float) -> Floats:
         """Noise of unit variance and the muscles' spectrum, (3, n)."""
         fresh = self._signal.standard_normal((3, n * self._step))
         white = np.concatenate([self._white, fresh], axis=1)
@@ -108,7 +104,7 @@ class NoiseMaker:
         kernel = _kernel(self._p, self._rate_hz * self._step, self._taps, slower)
         return _filter(white, kernel)[:, :: self._step]
 
-    def _sensor(self, start: int, end: int, bounds: list[int]) -> NDArray[np.float64]:
+    def _sensor(self, start: int, end: int, bounds: list[int]) -> Floats:
         p = self._p
         angle = 2 * math.pi * p.mains_hz * np.arange(start, end) / self._rate_hz + self._mains_phase
         mains = math.sqrt(2) * p.mains_uv * (np.sin(angle) + 0.3 * np.sin(3 * angle))
@@ -137,22 +133,22 @@ class NoiseMaker:
         return rows
 
 
-def _kernel(p: Emg, rate_hz: float, taps: int, slower: float) -> NDArray[np.float64]:
+def _kernel(p: Emg, rate_hz: float, taps: int, slower: float) -> Floats:
     """Impulse response of the spectrum's filter, unit output variance for unit white input."""
     f = np.fft.rfftfreq(8 * taps, 1 / rate_hz)
     low, high = p.spectrum_low_hz * slower, p.spectrum_high_hz * slower
     response = 1j * f / ((low + 1j * f) * (high + 1j * f) ** 2)
     kernel = np.fft.irfft(response)[:taps]
-    shaped: NDArray[np.float64] = kernel / np.sqrt(np.sum(kernel * kernel))
+    shaped: Floats = kernel / np.sqrt(np.sum(kernel * kernel))
     return shaped
 
 
-def _filter(white: NDArray[np.float64], kernel: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filter(white: Floats, kernel: Floats) -> Floats:
     """Convolve each row and keep the samples that the kernel covers wholly."""
     size = white.shape[1]
     n_fft = min(k << max(0, math.ceil(math.log2(size / k))) for k in (8, 9, 10, 12, 15))
     spectrum = np.fft.rfft(white, n_fft, axis=1) * np.fft.rfft(kernel, n_fft)
-    whole: NDArray[np.float64] = np.fft.irfft(spectrum, n_fft, axis=1)[:, len(kernel) - 1 : size]
+    whole: Floats = np.fft.irfft(spectrum, n_fft, axis=1)[:, len(kernel) - 1 : size]
     return whole
 
 
@@ -194,12 +190,12 @@ class Disturbance:
             for effect, some in effect_parameters().items()
         }
 
-        def normals(effect: str) -> NDArray[np.float64]:
+        def normals(effect: str) -> Floats:
             return stream(seed, "emg", label, effect).standard_normal(3)
 
         self._names = frozenset(names)
         self.muscle_gain: tuple[float, float, float] = _ONES
-        self.turned: NDArray[np.float64] | None = None
+        self.turned: Floats | None = None
         self._load: tuple[float, float, float] = _NOTHING
         self._tick_s, self._n = tick_s, 0
         if "shift" in names:
@@ -219,7 +215,7 @@ class Disturbance:
         self._tension = stream(seed, "emg", label, "cocontraction")
         self._level = float(self._tension.standard_normal())
 
-    def step(self) -> tuple[tuple[float, float, float], NDArray[np.float64] | None]:
+    def step(self) -> tuple[tuple[float, float, float], Floats | None]:
         """Go on by a tick.
 
         Returns what each muscle works more, share of the strongest, and each electrode's gain, (3,), ``None``

@@ -142,7 +142,6 @@ class GripDecisions:
         return event.began_s < self._commanded_s + self._grip.closing_step_s
 
     def _answers(self, _event: SeenEvent) -> bool:
-        """Whether an event is answered by a command at all."""
         return True
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:

@@ -78,7 +78,6 @@ class _Pace:
         self._ends: deque[int] = deque(maxlen=_RATE_BLOCKS + 1)
 
     def keeps(self, end_ns: int) -> bool:
-        """Take the end of a block."""
         self._ends.append(end_ns)
         if len(self._ends) <= _RATE_BLOCKS:
             return True
@@ -118,12 +117,10 @@ class _BlockStage(Decoder):
 
     @property
     def held_samples(self) -> Sequence[int]:
-        """Samples replaced so far, by channel."""
         return [int(n) for n in self._core.held_samples]
 
     @property
     def holds(self) -> str:
-        """Reason why the newest closure is held; ``""`` if it is not."""
         return self._holds
 
 
