@@ -140,19 +140,8 @@ def _moved(row: tuple[float, ...]) -> Movement:
     if len(row) != len(Movement._fields) or not all(map(math.isfinite, row)):
         raise CalibrationError(f"movement {row} is not {len(Movement._fields)} numbers", "do the test again")
     distance, width, centre, start, entry, endpoint, time_s, path, overshoots, inside = row
-    ends = None if endpoint < 0 else endpoint
-    return Movement(
-        distance,
-        width,
-        centre,
-        start,
-        entry,
-        ends,
-        time_s,
-        path,
-        int(overshoots),
-        inside_at_start=bool(inside),
-    )
+    places, ends = (distance, width, centre, start, entry), None if endpoint < 0 else endpoint
+    return Movement(*places, ends, time_s, path, int(overshoots), inside_at_start=bool(inside))
 
 
 def keep_record(record: FittsRecord | VestSkillRecord, folder: CalibrationFolder) -> Path:

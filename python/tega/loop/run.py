@@ -100,7 +100,9 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         flows.callback(part.end)
     if trace is not None and trace.motor is not None:  # after the recorder has begun
         rig.bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
-    _steer(flows, rig, start_ns)
+    if rig.steering is not None:
+        rig.steering.start(rig.bus, start_ns, may_move=lambda: guard.state == "active")
+        flows.callback(rig.steering.stop)
     touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
     reflex = open_reflex(
         config,
@@ -217,12 +219,6 @@ def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | 
     )
     if trace is not None:
         guard.watch("latency", lambda: trace.warning)
-
-
-def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
-    if rig.steering is not None:
-        rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
-        flows.callback(rig.steering.stop)
 
 
 def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:

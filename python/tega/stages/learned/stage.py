@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, ClassVar, Protocol
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -61,15 +61,6 @@ class ProportionalOptions(StageOptions, frozen=True):
     hold_below: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
 
 
-class _Core(Protocol):
-    decoded: list[Decoded]
-
-    def process(self, samples: NDArray[np.float64]) -> NDArray[np.float64]: ...
-
-    @property
-    def held_samples(self) -> NDArray[np.int64]: ...
-
-
 class _Pace:
     """Says whether blocks still come at the rate that they should, over the last 30 of them."""
 
@@ -88,7 +79,7 @@ class _Pace:
 class _BlockStage(Decoder):
     """Intents of a decoder that gives a closure a block."""
 
-    _core: _Core
+    _core: LearnedDecoder | ProportionalDecoder
     _pace: _Pace
     _hold_below = 0.0
     _kept = 0.0
