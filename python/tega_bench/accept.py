@@ -67,7 +67,8 @@ def acceptance(
     With --json: {"report", "text", "passed", "steps"}.
     """
     from tega.config import load_config
-    from tega_bench.acceptance import accept_device, acceptance_case, report_text, write_report
+    from tega_bench.acceptance.report import report_text, write_report
+    from tega_bench.acceptance.run import accept_device, acceptance_case
 
     if not yes and not sys.stdin.isatty():
         raise click.UsageError(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.records import Picture
 from tega_link.link import Channel, Link
 from tega_link.messages import Image, encode

@@ -11,7 +11,7 @@ from typing import Any, Final
 from tega.devices.base import Tracker
 from tega.errors import ConfigError
 from tega.loop.hand_poll import hand_closure as closure_scale
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.records.display import Notice
 from tega.runtime.threads import run_realtime

@@ -32,11 +32,10 @@ from tega_sim.lab import EMG_HZ, Lab
 from tega_sim.operator import Operator
 from tega_sim.operator.motor import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
-from tega_sim.recorded import LiftRecorder
 from tega_sim.rig import SimulatedPacer, TrialRig, TrialSteering
 from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
 from tega_sim.seams import Act, Percept
-from tega_sim.streams import Streams
+from tega_sim.streams import LiftRecorder, Streams
 from tega_sim.true_touch import TrueTouch, stages_of, touch_of, trial_reflex
 from tega_sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
 

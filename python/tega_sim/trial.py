@@ -25,10 +25,9 @@ from tega_sim.lift import Lift
 from tega_sim.operator.acting import PRACTICE_S, PRACTISED_LEVELS, Operator
 from tega_sim.operator.scripted import ScriptedOperator, Step
 from tega_sim.plan import TrialPlan, TrialResult
-from tega_sim.recorded import LiftRecorder
 from tega_sim.rig import ACT_NS, TrialSteering
 from tega_sim.seams import Act, Percept
-from tega_sim.streams import Streams
+from tega_sim.streams import LiftRecorder, Streams
 
 _REACHED_S = 1.5
 _END_S = _REACHED_S + PRACTICE_S * len(PRACTISED_LEVELS)

@@ -210,7 +210,7 @@ def test_a_recorded_lift_with_a_reflex_is_computed_again_bit_for_bit(tmp_path: P
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     from tega.recording.replay import replay_file
-    from tega_sim.recorded import LiftRecorder
+    from tega_sim.streams import LiftRecorder
     from tega_sim.trial import TrialPlan, run_trial
 
     settings = ("stages.reflex.name=grip", "stages.reflex.authority=1", "stages.reflex.options.keep_s=1")

@@ -9,7 +9,7 @@ from typing import Final
 
 from tega.config import SessionConfig
 from tega.loop.emg_adaptation import ChannelAdaptation, Switches
-from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.inputs import Muscles
 from tega.loop.inbox.sources import SourceReport
 from tega.records import Button, Contact, HeardMarker, RunState
 from tega.records.bus import Bus

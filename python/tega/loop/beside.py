@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tega.config import SessionConfig
 from tega.config.calibration import EmgMaxima, TouchMaxima
 from tega.config.choose import finger_metric, muscle_decoder
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of
 from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
 from tega.records.bus import Backlog, Bus

@@ -13,7 +13,7 @@ from tega.devices.base import AnsweringHand, EmgChunk, FeedingSource, StampingVe
 from tega.loop.adapting import FingerRezero
 from tega.loop.emg_adaptation import ChannelAdaptation
 from tega.loop.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
-from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.inputs import Finger, Muscles, Prepared
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import grasp_blocks, picture_of, samples_of
 from tega.loop.inbox.stream import LiveStream, PulledStream, Stream

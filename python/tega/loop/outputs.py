@@ -9,7 +9,6 @@ from tega import records
 from tega.devices.base import VestSink, optional
 from tega.hand import split_level
 from tega.haptics import MotorLevels
-from tega.loop.controls import MotorTests
 from tega.loop.hand import Hand
 from tega.loop.latency import LatencyTrace
 from tega.loop.reflex import ReflexArc
@@ -101,6 +100,24 @@ class Sink(Protocol[Sent_contra]):
         ...
 
 
+class MotorTrials(Protocol):
+    """Trials of single motors, which change frames on their way to the vest.
+
+    ``active`` is whether a motor is tried now, or a trial is asked for.
+    """
+
+    @property
+    def active(self) -> bool: ...  # noqa: D102  # above
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        """Return the frame of a tick, with the motor that is tried now."""
+        ...
+
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
+        """Note the frame that a real vest sent; ``None`` without a vest."""
+        ...
+
+
 class VestOutput:
     """Makes vest frames and writes them to every vest; ``frame`` is the newest computed, ``None`` before one.
 
@@ -122,7 +139,7 @@ class VestOutput:
         rate_hz: float = 30.0,
         by_frame: bool = False,
         haptics: Callable[[], bool] = lambda: True,
-        tests: MotorTests | None = None,
+        tests: MotorTrials | None = None,
         trace: LatencyTrace | None = None,
     ) -> None:
         self._touch = touch

@@ -16,8 +16,7 @@ from typing import Any, Final, NamedTuple, cast
 from tega.config import Pace, SessionConfig
 from tega.devices.base import Tracker
 from tega.haptics import Layout
-from tega.loop.inbox.inputs import Inputs
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Inputs, Prepared
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import LoopReport
 from tega.loop.sinks import Sinks

@@ -26,7 +26,7 @@ from tega.devices.base import DeviceInfo, EmgChunk, Tracker
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels
 from tega.loop.controls import Controls, MotorTests
-from tega.loop.inbox.prepared import Muscles, Prepared
+from tega.loop.inbox.inputs import Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.parts import Part, RunStart

@@ -15,8 +15,7 @@ from tega.loop.arm import Steering, open_arm
 from tega.loop.beside import open_beside
 from tega.loop.controls import Controls
 from tega.loop.emg_condition import MuscleAlert, open_condition
-from tega.loop.inbox.inputs import Inputs
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Inputs, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.opening import Opening
 from tega.loop.pacing import refuse_live

@@ -28,7 +28,7 @@ from tega.runtime.threads import run_realtime
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
-    from tega.loop.inbox.prepared import Prepared
+    from tega.loop.inbox.inputs import Prepared
     from tega.loop.pacing import LoopReport
     from tega.loop.sinks import Sinks
     from tega.records.bus import Bus

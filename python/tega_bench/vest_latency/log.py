@@ -17,9 +17,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.errors import InvalidValueError, MissingExtraError, RecordingError
+from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
+from tega_bench.vest_latency.detect import load_signal
 
 CLICKS_MS: Final = {"keys": 20.0, "speaker": 8.0}
 """Uncertainty of a click's time, ms. A keyboard reports a key up to that long after its sound; a speaker's stamp
@@ -63,8 +64,6 @@ def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.floa
     time is the rise through half of its peak. ``samples`` is float64 (n,). The rate must be high enough to
     separate a click from a motor.
     """
-    from tega_bench.vest_latency.detect import load_signal
-
     signal: Any = load_signal()
     if rate_hz < 3 * _CLICK_HZ:
         raise InvalidValueError(
@@ -177,12 +176,9 @@ def read_wav(path: Path) -> tuple[NDArray[np.float64], float]:
 
     ``RecordingError`` if it is missing, or no WAV file.
     """
-    try:
-        from scipy.io import wavfile
-    except ImportError as error:
-        raise MissingExtraError(
-            "the package 'scipy' is not installed", "pip install 'tega[onset]'"
-        ) from error
+    load_signal()  # says how to install SciPy
+    from scipy.io import wavfile
+
     try:
         content = read_foreign(path, most_mib=_MOST_MIB)
     except OSError as error:

@@ -107,7 +107,7 @@ def demo(
     )
     recorder = None
     if record is not None:
-        from tega_sim.recorded import LiftRecorder
+        from tega_sim.streams import LiftRecorder
 
         require("foxglove", driver="recording", extra="record")
         recorder = LiftRecorder(record, real_time=not fast)

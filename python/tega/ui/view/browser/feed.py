@@ -24,7 +24,7 @@ from tega.ui.view.state import EmgTail, TouchImage, ViewState
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.loop.inbox.prepared import Muscles, Prepared
+    from tega.loop.inbox.inputs import Muscles, Prepared
     from tega.records.bus import Bus
 
 # Seconds of muscle signal kept for the page.
