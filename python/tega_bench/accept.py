@@ -13,8 +13,6 @@ _FAILED = 3
 
 
 class _Requested:
-    """The person at the terminal."""
-
     def say(self, text: str) -> None:
         click.echo(text, err=True)
 
@@ -43,12 +41,9 @@ class _Unasked(_Requested):
 @click.argument("device", metavar="DEVICE")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("acceptance"),
-    show_default=True,
-    help="Folder of the report.",
-)
+    "--out", type=click.Path(file_okay=False, path_type=Path), default=Path("acceptance"),
+    show_default=True, help="Folder of the report.",
+)  # fmt: skip
 @click.option("--yes", is_flag=True, help="Ask nothing, and make the pulse or motion. For emulated devices.")
 @json_option
 @click.pass_context
@@ -72,7 +67,8 @@ def acceptance(
     With --json: {"report", "text", "passed", "steps"}.
     """
     from tega.config import load_config
-    from tega_bench.acceptance import accept_device, acceptance_case, report_text, write_report
+    from tega_bench.acceptance.report import report_text, write_report
+    from tega_bench.acceptance.run import accept_device, acceptance_case
 
     if not yes and not sys.stdin.isatty():
         raise click.UsageError(

@@ -27,8 +27,6 @@ _CLICK_APART_S = (0.37, 0.61, 0.83, 0.53)
 
 
 class _Wanted(NamedTuple):
-    """Settings of an onset measurement."""
-
     settings: SessionConfig
     percent: int
     bursts: int
@@ -38,12 +36,9 @@ class _Wanted(NamedTuple):
 @click.command(epilog="Example: tega-teleop vest onset lab.toml --motor 0 --motor 21")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
 @click.option(
-    "--motor",
-    "motors",
-    type=click.IntRange(0, 39),
-    multiple=True,
+    "--motor", "motors", type=click.IntRange(0, 39), multiple=True,
     help="Motor to measure; repeatable. Else motor 0.",
-)
+)  # fmt: skip
 @click.option(
     "--percent", type=click.IntRange(10, 100), default=60, show_default=True, help="How hard it vibrates."
 )
@@ -53,17 +48,14 @@ class _Wanted(NamedTuple):
 @click.option("--microphone", metavar="NAME", help="Number or part of a name; else the system's own choice.")
 @click.option("--list", "list_them", is_flag=True, help="List the microphones, and end.")
 @click.option(
-    "--sync",
-    type=click.Choice(["keys", "speaker"]),
+    "--sync", type=click.Choice(["keys", "speaker"]),
     help="Clicks that synchronize recording and commands: the space bar, struck by you, or the loudspeaker. "
     "Default: speaker with a microphone here, else keys.",
-)
+)  # fmt: skip
 @click.option(
-    "--log",
-    "log_file",
-    type=click.Path(path_type=Path, dir_okay=False),
+    "--log", "log_file", type=click.Path(path_type=Path, dir_okay=False),
     help="Record elsewhere, such as with a phone: play the bursts and write the commands to this file.",
-)
+)  # fmt: skip
 @click.option(
     "--wav", type=click.Path(path_type=Path, dir_okay=False), help="Read that recording, with its --log."
 )
@@ -71,10 +63,9 @@ class _Wanted(NamedTuple):
     "--keep", type=click.Path(path_type=Path, file_okay=False), help="Keep recording and log in this folder."
 )
 @click.option(
-    "--folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    "--folder", type=click.Path(path_type=Path, file_okay=False),
     help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
-)
+)  # fmt: skip
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option
 def onset(
@@ -132,7 +123,6 @@ def onset(
 
 
 def _keep(measured: Iterator[tuple[OnsetRecord, str]], home: CalibrationFolder, *, as_json: bool) -> None:
-    """Keep each record with the calibrations, and print it."""
     import msgspec
 
     reported = []
@@ -200,13 +190,12 @@ def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, as_json: boo
 
 
 def _played(wanted: _Wanted, motor: int) -> OnsetLog:
-    """Click, play, click again; return the log of it."""
     from tega.config import DEFAULT_LAYOUT
     from tega.config.calibration.records import utc_now
     from tega.errors import ConfigError
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega_bench.vest_latency.measure import log_of, play_bursts, watched_vest
 
     settings = wanted.settings

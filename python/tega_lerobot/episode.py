@@ -31,9 +31,8 @@ from tega_lerobot.streams import (
     columns_of,
     touch_numbers,
 )
-from tega_scene.own_film import filmed_cameras
 from tega_scene.pictures import read_pictures, times_path
-from tega_scene.record import export_camera
+from tega_scene.record import export_camera, filmed_cameras
 
 _S = 1_000_000_000
 # One wrong time would ask for memory for all the frames up to it.

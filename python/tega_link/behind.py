@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tega.devices.base import EmgChunk
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.records import EmgSamples, Picture
 from tega_link.clock import Offset, StampGate
 from tega_link.ends import FarMuscles

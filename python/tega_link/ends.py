@@ -15,7 +15,7 @@ from tega.arm.pose import StampedPose
 from tega.config.calibration import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputReading, TactileFrame
 from tega.hand import split_level
-from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.inputs import Muscles
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent

@@ -12,8 +12,7 @@ import msgspec
 import tega
 from tega.config import SessionConfig
 from tega.errors import ConfigError
-from tega.loop.inbox.inputs import Inputs
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Inputs, Prepared
 from tega.loop.parts import RunStart
 from tega.loop.sinks import Sinks
 from tega.loop.snapshot import LoopView

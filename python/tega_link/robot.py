@@ -18,8 +18,7 @@ import msgspec
 import tega
 from tega.config import SessionConfig
 from tega.devices.base import Tracker
-from tega.loop.inbox.inputs import Inputs, Seat
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Inputs, Prepared, Seat
 from tega.loop.inbox.reader import Reader, read_items
 from tega.loop.inbox.sources import samples_of
 from tega.loop.parts import RunStart

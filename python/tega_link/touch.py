@@ -14,7 +14,7 @@ from tega.config.calibration import Calibration
 from tega.devices.base import TactileFrame
 from tega.errors import CalibrationError
 from tega.loop.inbox.histogram import Histogram
-from tega.loop.inbox.prepared import Finger, Prepared
+from tega.loop.inbox.inputs import Finger, Prepared
 from tega.loop.inbox.reader import Reader, read_items
 from tega.loop.inbox.sources import SourceReport, picture_of
 from tega.loop.inbox.stream import LiveStream

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from tega.errors import ConfigError
 from tega.records import Intent
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
-from tega_onnx.ahead import Ahead
-from tega_onnx.model import EmgInput, OnnxModel
+from tega_onnx.model import Ahead, EmgInput, OnnxModel
 
 
 class OnnxDecoderOptions(StageOptions, frozen=True):

@@ -14,8 +14,7 @@ from tega.records import Contact, NamedValue
 from tega.runtime.opencv import load_cv2
 from tega.stages.base import FingerSetup, StageOptions
 from tega.stages.metrics import LiveMetric, LiveOptions
-from tega_onnx.ahead import Ahead
-from tega_onnx.model import OnnxModel, PictureInput
+from tega_onnx.model import Ahead, OnnxModel, PictureInput
 
 _Ms = Annotated[float, msgspec.Meta(ge=1, le=1000)]
 

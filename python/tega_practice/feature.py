@@ -8,7 +8,7 @@ FEATURE = Feature(
     summary="Practice: follow a level, Fitts tests, lessons for the vest.",
     verbs={
         "practice": Verb(
-            "tega_practice.cli.practice:practice",
+            "tega_practice.cli.emg_fitts:practice",
             "Practise: follow a level with the muscles, get a score.",
             "Prepare",
         ),

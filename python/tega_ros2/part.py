@@ -16,7 +16,7 @@ from tega.errors import ConfigError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
 from tega.hand.poses import ClosureScale
 from tega.loop.hand_poll import hand_closure as closure_scale
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.records.display import Notice
 from tega.runtime.threads import run_realtime

@@ -41,7 +41,7 @@ def scene() -> None:
 
 def _mark(_ctx: click.Context, _option: click.Parameter, text: str | None) -> tuple[float, float] | None:
     """Read a mark such as 50,-87, millimetres, into metres; a usage error where it is none."""
-    from tega_scene.resting import checked_mark
+    from tega_scene.courses import checked_mark
 
     if text is None:
         return None
@@ -172,9 +172,7 @@ def score(
 
     lens, layout = load_lens(lens_file), load_layout(layout_file)
     pictures = read_pictures(
-        video,
-        begin_s=-math.inf if begin_s is None else begin_s,
-        end_s=math.inf if end_s is None else end_s,
+        video, begin_s=-math.inf if begin_s is None else begin_s, end_s=math.inf if end_s is None else end_s
     )
     outcome = score_scene(
         track_scene(pictures, lens, layout),
@@ -218,24 +216,17 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
 )
 @click.argument("out", type=_FILE, metavar="OUT.mcap")
 @click.option(
-    "--camera",
-    "cameras",
-    multiple=True,
-    required=True,
-    metavar="NAME=SOURCE",
+    "--camera", "cameras", multiple=True, required=True, metavar="NAME=SOURCE",
     help="Name and address of a camera; repeatable.",
-)
+)  # fmt: skip
 @_size_option
 @click.option(
     "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
 )
 @click.option(
-    "--video",
-    type=click.Choice(["h264", "av1"]),
-    default="h264",
-    show_default=True,
+    "--video", type=click.Choice(["h264", "av1"]), default="h264", show_default=True,
     help="Format of the video.",
-)
+)  # fmt: skip
 @click.option(
     "--seconds", type=click.FloatRange(0.1), help="Seconds after which recording stops; else Ctrl-C stops it."
 )
@@ -258,7 +249,7 @@ def record(
 
     import msgspec
 
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega_scene.record import record_cameras
 
     named = dict(text.partition("=")[::2] for text in cameras)
@@ -334,7 +325,7 @@ def offset(*, recording: Path, name: str, flashes: Path, as_json: bool) -> None:
     import msgspec
 
     from tega_scene.offset import measure_offset
-    from tega_scene.offset_file import keep_offset, offsets_path
+    from tega_scene.pictures import keep_offset, offsets_path
 
     found = measure_offset(recording, name, flashes)
     keep_offset(recording, name, found)

@@ -169,7 +169,6 @@ def _median(values: NDArray[np.float64]) -> float:
 
 
 def _module_px(corners: NDArray[np.float64], modules: int) -> float:
-    """Return how wide the border is where a tag is thinnest."""
     (x1, y1), (x2, y2) = corners[2] - corners[0], corners[3] - corners[1]
     longest = max(float(np.hypot(*(corners[k] - corners[k - 1]))) for k in range(4))
     return float(abs(x1 * y2 - x2 * y1)) / 2 / longest / modules

@@ -119,7 +119,6 @@ class _FilmingProcess:
         self._thread.start()
 
     def wait_open(self, stop: Callable[[], bool]) -> None:
-        """Wait until the camera is open."""
         until_s = time.monotonic() + _OPEN_S
         while not self._opened.wait(_POLL_S):
             if stop():
@@ -132,14 +131,12 @@ class _FilmingProcess:
             raise self._failed
 
     def begin(self, start_ns: int) -> None:
-        """Have it filmed from a time of the machine's clock."""
         with self._lock:
             self._start_ns = start_ns
             self._notify(self._since_ns())
 
     @property
     def tally(self) -> CameraTally:
-        """The counts of all its processes."""
         before, now = self._before, self._now
         return CameraTally(
             pictures=before.pictures + now.pictures,

@@ -24,9 +24,9 @@ from tega.errors import InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.foreign_file import read_words, reports_damage
 from tega.runtime.files.whole_file import write_whole
-from tega_scene.decode import SceneDecoder
-from tega_scene.offset_file import LEAST_LATE_S, MOST_LATE_S, CameraOffset
+from tega_scene.pictures import LEAST_LATE_S, MOST_LATE_S, CameraOffset
 from tega_scene.record import scene_epoch
+from tega_scene.video import SceneDecoder
 
 _LEAST_EDGES: Final = 6
 _ROWS, _COLUMNS = 12, 16
@@ -175,7 +175,6 @@ def _is_on(t_s: NDArray[np.float64], at_s: NDArray[np.float64], on: NDArray[np.b
 
 
 def _likeness(known: NDArray[np.bool_], shades: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the correlation of each part with the light, float64 (m,)."""
     light = known - known.mean()
     parts = shades - shades.mean(0)
     size = np.sqrt((parts**2).sum(0) * (light @ light))

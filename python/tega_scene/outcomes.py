@@ -12,15 +12,19 @@ import msgspec
 import numpy as np
 
 from tega.stages.events.outcomes import LIFT_WINDOW_S, STABLE_S
-from tega_scene.courses import GRID_S, REST_S, SceneCourses, righted, scene_courses
-from tega_scene.layout import TagLayout
-from tega_scene.resting import (
+from tega_scene.courses import (
+    GRID_S,
     LOST_M,
+    REST_S,
+    SceneCourses,
     SceneRest,
     checked_mark,
     placed,
     resting,
+    righted,
+    scene_courses,
 )
+from tega_scene.layout import TagLayout
 from tega_scene.track import SceneTrack
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
@@ -68,7 +72,7 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
         along_mm: Standard error of the object's place along the view, one picture of those that place it.
         across_mm: Standard error of the object's place across the view, in the same way.
         seen: Share of the pictures in which the object was seen.
-        placed: Share of the pictures that place it (:data:`~tega_scene.resting.PLACED_M`).
+        placed: Share of the pictures that place it (:data:`~tega_scene.courses.PLACED_M`).
         hand_seen: Share in which the hand was.
         longest_gap_s: Longest time without the object, between two sights of it.
         notes: What to look at before these numbers are believed.

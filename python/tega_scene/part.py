@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.records.display import DisplayPicture
 from tega_scene.filmed_run import RunCameras

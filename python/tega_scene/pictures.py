@@ -1,4 +1,7 @@
-"""Read the pictures of a scene video, each with its time: an MP4 with a time code beside it, or any other video."""
+"""Read the pictures of a scene video, each with its time, and keep how late a camera's are: ``session.offsets.json``.
+
+A video is an MP4 with a time code beside it, or any other; offsets stand beside the recording.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,16 @@ import io
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.foreign_file import read_foreign, read_words
 from tega.runtime.files.video import VideoFrames
+from tega.runtime.files.whole_file import write_whole
 
 _MOST_TIMES_MIB = 256
 
@@ -79,3 +85,50 @@ def read_pictures(
             f"{video.name}: {number} pictures decode, its time code has {len(times)}",
             "the video was cut short; export it again",
         )
+
+
+MOST_LATE_S, LEAST_LATE_S = 2.0, -0.1
+"""Delays that a camera may have, seconds."""
+
+
+class CameraOffset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Delay of a camera.
+
+    ``late_s`` is how much later than the middle of its exposure a picture has its time, ``error_s`` its
+    standard error, ``n_edges`` the switchings of the light that it comes from.
+    """
+
+    late_s: Annotated[float, msgspec.Meta(ge=LEAST_LATE_S, le=MOST_LATE_S)]
+    error_s: Annotated[float, msgspec.Meta(ge=0, le=MOST_LATE_S)]
+    n_edges: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]
+
+    @property
+    def late_ns(self) -> int:
+        """The delay in nanoseconds."""
+        return round(self.late_s * 1e9)
+
+
+def offsets_path(recording: Path) -> Path:
+    """Return where the offsets of a scene recording are: ``session.mcap`` has ``session.offsets.json``."""
+    return recording.with_suffix(".offsets.json")
+
+
+def read_offsets(recording: Path) -> dict[str, CameraOffset]:
+    """Return the offsets of a scene recording by camera; none where none were estimated."""
+    path = offsets_path(recording)
+    if not path.exists():
+        return {}
+    try:
+        return msgspec.json.decode(read_foreign(path, most_mib=1), type=dict[str, CameraOffset])
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise RecordingError(
+            f"{path.name}: no offsets of scene cameras: {error}",
+            "estimate them again with tega-teleop scene offset, or remove the file",
+        ) from error
+
+
+def keep_offset(recording: Path, name: str, offset: CameraOffset) -> None:
+    """Write a camera's offset beside its recording; those of its other cameras stay."""
+    offsets = read_offsets(recording) | {name: offset}
+    text = msgspec.json.format(msgspec.json.encode(offsets), indent=2).decode() + "\n"
+    write_whole(offsets_path(recording), text)

@@ -19,10 +19,10 @@ from tega.recording.replay.followed_file import FollowedFile, Follower, PlayedMo
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import reports_damage
-from tega_scene.decode import SceneDecoder, note_key
-from tega_scene.offset_file import read_offsets
+from tega_scene.pictures import read_offsets
 from tega_scene.record import scene_epoch
 from tega_scene.records import SceneVideo
+from tega_scene.video import SceneDecoder, note_key
 
 VIDEO: Final = "foxglove.CompressedVideo"
 # A picture that is older than this is none of the moment.
@@ -123,7 +123,6 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int) -> Follo
 
 
 def _cameras(path: Path, keys: Mapping[str, Iterable[int]], zero_ns: int, bus: Bus) -> dict[str, Follower]:
-    """Return the follower of each video, by topic."""
     late, found = camera_delays(path), dict[str, Follower]()
     for topic, times_ns in keys.items():
         delay_ns = late.get(topic, 0)

@@ -7,7 +7,7 @@ corners' variance, taken from the residuals, but with at least :data:`CORNER_PX`
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from tega.runtime.opencv import load_cv2
 from tega_scene.layout import TagBody
 from tega_scene.lens import Lens
+
+Floats: TypeAlias = NDArray[np.float64]
 
 CORNER_PX: Final = 0.05
 """Least error of a corner in a fit, pixels: errors common to all corners do not show in the residuals."""
@@ -43,9 +45,9 @@ class FittedPose(NamedTuple):
         width_error_m: Standard error of that.
     """
 
-    position_m: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    position_m: Floats
+    rotation: Floats
+    covariance: Floats
     rms_px: float
     n_tags: int
     width_m: float = float("nan")
@@ -55,13 +57,11 @@ class FittedPose(NamedTuple):
 class _Sight(NamedTuple):
     """Corners of n / 4 tags: float64 (n, 3) in the body's axes, (n, 2) at depth 1, and weights (2 n,)."""
 
-    points: NDArray[np.float64]
-    rays: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    points: Floats
+    rays: Floats
+    weights: Floats
 
-    def residuals(
-        self, position: NDArray[np.float64], rotation: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def residuals(self, position: Floats, rotation: Floats) -> tuple[Floats, Floats]:
         """Return :func:`residuals` times weights, (2 n,) and (2 n, 6)."""
         left, slope = residuals(self.points, self.rays, position, rotation)
         return left * self.weights, slope * self.weights[:, None]
@@ -86,9 +86,7 @@ class BodyFitter:
             tag.id: (np.array(tag.at_mm) / 1000, np.array(tag.slides) / 2) for tag in tags if any(tag.slides)
         }
 
-    def fit(
-        self, seen: dict[int, NDArray[np.float64]], before: FittedPose | None = None
-    ) -> FittedPose | None:
+    def fit(self, seen: dict[int, Floats], before: FittedPose | None = None) -> FittedPose | None:
         """Return the pose; ``None`` where no tag of the body is seen, or none fits.
 
         ``seen`` are corners by tag, (4, 2) pixels, as of :meth:`~tega_scene.corners.TagFinder.find`.
@@ -110,8 +108,8 @@ class BodyFitter:
         return self._with_width(sight, seen, position, rotation)
 
     def _fit_rigid(
-        self, used: list[int], seen: dict[int, NDArray[np.float64]], before: FittedPose | None
-    ) -> tuple[_Sight, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+        self, used: list[int], seen: dict[int, Floats], before: FittedPose | None
+    ) -> tuple[_Sight, Floats, Floats, Floats] | None:
         """Return the corners, position, rotation, and each tag's largest residual, pixels."""
         sight = _Sight(
             np.concatenate([self.corners_m[number] for number in used]),
@@ -119,7 +117,7 @@ class BodyFitter:
             np.concatenate([corner_weights(seen[number]) for number in used]),
         )
         starts = [] if before is None else [(before.rotation, before.position_m)]
-        best: tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
+        best: tuple[float, Floats, Floats, Floats] | None = None
         for turn, shift in (*starts, *_first_poses(self._cv2, sight, flat=len(used) == 1)):
             refined = _refine(sight, shift, turn)
             if refined is None:
@@ -134,11 +132,7 @@ class BodyFitter:
         return sight, position, rotation, np.abs(left.reshape(len(used), -1)).max(1) * self._lens.fx
 
     def _with_width(
-        self,
-        sight: _Sight,
-        seen: dict[int, NDArray[np.float64]],
-        position: NDArray[np.float64],
-        rotation: NDArray[np.float64],
+        self, sight: _Sight, seen: dict[int, Floats], position: Floats, rotation: Floats
     ) -> FittedPose | None:
         """Add to the pose its covariance, and the width as measured against it.
 
@@ -156,12 +150,7 @@ class BodyFitter:
         return FittedPose(position, rotation, covariance, rms_px, len(sight.points) // 4, width, width_error)
 
     def _width(
-        self,
-        seen: dict[int, NDArray[np.float64]],
-        position: NDArray[np.float64],
-        rotation: NDArray[np.float64],
-        covariance: NDArray[np.float64],
-        sigma: float,
+        self, seen: dict[int, Floats], position: Floats, rotation: Floats, covariance: Floats, sigma: float
     ) -> tuple[float, float]:
         """Return how much wider the object is than untouched, and its standard error, metres."""
         moving = [number for number in self._sliding if number in seen]
@@ -177,7 +166,7 @@ class BodyFitter:
         return float(share @ left), float(np.sqrt(spread))
 
 
-def corner_weights(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def corner_weights(corners: Floats) -> Floats:
     """Return a fit's weights of a tag's corner coordinates, (4, 2) pixels, as (8,); 1 for a wide tag."""
     (x1, y1), (x2, y2) = corners[2] - corners[0], corners[3] - corners[1]
     longest = max(float(np.hypot(*(corners[k] - corners[k - 1]))) for k in range(4))
@@ -185,7 +174,7 @@ def corner_weights(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.full(8, min(1.0, narrow_px / _WIDE_PX) ** 4)
 
 
-def _middle(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _middle(corners: Floats) -> Floats:
     """Return where a tag's diagonals meet, which perspective leaves its middle."""
     a, b, c, d = corners
     matrix = np.column_stack([c - a, b - d])
@@ -193,10 +182,7 @@ def _middle(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(a + s * (c - a))
 
 
-def _first_poses(
-    cv2: Any, sight: _Sight, *, flat: bool
-) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return rotations and positions to begin with."""
+def _first_poses(cv2: Any, sight: _Sight, *, flat: bool) -> list[tuple[Floats, Floats]]:
     points, rays = sight.points, sight.rays
     poses = []
     if flat:
@@ -219,9 +205,7 @@ def _first_poses(
     return poses
 
 
-def _refine(
-    sight: _Sight, position: NDArray[np.float64], rotation: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+def _refine(sight: _Sight, position: Floats, rotation: Floats) -> tuple[Floats, Floats, Floats] | None:
     """Return position, rotation and weighed residuals (2 n,) at depth 1, of their least sum of squares near a start."""
     damping = 1e-6
     left, slope = sight.residuals(position, rotation)
@@ -247,12 +231,7 @@ def _refine(
     return (position, rotation, left) if position[2] > 0 else None
 
 
-def residuals(
-    points: NDArray[np.float64],
-    rays: NDArray[np.float64],
-    position: NDArray[np.float64],
-    rotation: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def residuals(points: Floats, rays: Floats, position: Floats, rotation: Floats) -> tuple[Floats, Floats]:
     """Return where points are seen less where they were, (2 n,), and its slope over shift and small turn, (2 n, 6)."""
     arms = points @ rotation.T
     there = arms + position
@@ -267,7 +246,7 @@ def residuals(
     return left, np.concatenate([shift, turn], axis=2).reshape(-1, 6)
 
 
-def _per_metre(there: NDArray[np.float64], deep: NDArray[np.float64]) -> NDArray[np.float64]:
+def _per_metre(there: Floats, deep: Floats) -> Floats:
     """Return how the places at depth 1 change with the points, (n, 2, 3)."""
     slope = np.zeros((len(there), 2, 3))
     slope[:, 0, 0] = slope[:, 1, 1] = deep
@@ -275,19 +254,14 @@ def _per_metre(there: NDArray[np.float64], deep: NDArray[np.float64]) -> NDArray
     return slope
 
 
-def _along(
-    ways: NDArray[np.float64],
-    points: NDArray[np.float64],
-    position: NDArray[np.float64],
-    rotation: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _along(ways: Floats, points: Floats, position: Floats, rotation: Floats) -> Floats:
     """Return the derivatives of the projected points along each point's direction, (2 n,)."""
     there = points @ rotation.T + position
-    slope: NDArray[np.float64] = np.einsum("nij,nj->ni", _per_metre(there, 1 / there[:, 2]), ways).ravel()
+    slope: Floats = np.einsum("nij,nj->ni", _per_metre(there, 1 / there[:, 2]), ways).ravel()
     return slope
 
 
-def rotation_about(turn: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def rotation_about(turn: NDArray[np.floating[Any]]) -> Floats:
     """Return the rotation about a vector by its length, rad (Rodrigues)."""
     angle = float(np.linalg.norm(turn))
     if angle < 1e-12:

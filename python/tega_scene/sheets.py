@@ -11,9 +11,9 @@ import numpy as np
 from tega.errors import InvalidValueError
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.opencv import load_cv2
-from tega_scene.calibrate import board_size_mm, charuco_board
 from tega_scene.corners import tag_dictionary
 from tega_scene.layout import Family, PlacedTag, TagLayout
+from tega_scene.lens import board_size_mm, charuco_board
 
 PAGE_MM: Final = (210.0, 297.0)
 
@@ -146,7 +146,6 @@ def board_page() -> PrintedPage:
 
 
 def _outline(x: float, y: float, side: float) -> list[PrintedRect]:
-    """Return the thin lines to cut along."""
     return [
         PrintedRect(x, y, side, _CUT_MM),
         PrintedRect(x, y + side - _CUT_MM, side, _CUT_MM),

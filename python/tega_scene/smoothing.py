@@ -8,10 +8,12 @@ over long, and sudden motion stays sudden.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
 
 KERNEL_S: Final = 0.035
 _NEAR_S: Final = 0.05
@@ -29,17 +31,12 @@ class Course(NamedTuple):
     ``slope`` is per second; ``error`` is the standard error of the value.
     """
 
-    value: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    error: NDArray[np.float64]
+    value: Floats
+    slope: Floats
+    error: Floats
 
 
-def smoothed(
-    t_s: NDArray[np.float64],
-    values: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    at_s: NDArray[np.float64],
-) -> Course:
+def smoothed(t_s: Floats, values: Floats, errors: Floats, at_s: Floats) -> Course:
     """Fit a straight line about each moment, with Gaussian weights of 35 ms and by the values' errors.
 
     Where fewer than three values are near, the nearest ones to both sides are used. ``t_s``, rising,
@@ -70,12 +67,7 @@ def smoothed(
     return Course(value, slope, error)
 
 
-def trended(
-    t_s: NDArray[np.float64],
-    values: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    at_s: NDArray[np.float64],
-) -> Course:
+def trended(t_s: Floats, values: Floats, errors: Floats, at_s: Floats) -> Course:
     """Fit pieces of parabolas with few changes of acceleration.
 
     The minimised cost is half the sum of squared residuals over errors, plus a cost of the sum of the
@@ -96,9 +88,7 @@ def trended(
     return Course(value, np.gradient(value, at_s), np.interp(at_s, t, sigma))
 
 
-def _few_parabolas(
-    t: NDArray[np.float64], y: NDArray[np.float64], sigma: NDArray[np.float64], at_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _few_parabolas(t: Floats, y: Floats, sigma: Floats, at_s: Floats) -> Floats:
     """Return the course at the moments, (m,)."""
     m = len(at_s)
     place = np.clip((t - at_s[0]) / (at_s[1] - at_s[0]), 0, m - 1 - 1e-9)
@@ -126,7 +116,7 @@ def _few_parabolas(
     return value
 
 
-def _solved(band: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solved(band: Floats, right: Floats) -> Floats:
     """Solve a symmetric system with three bands beside the diagonal (LDL), row by row."""
     rows, x = band.tolist(), right.tolist()
     for i, row in enumerate(rows):
@@ -145,19 +135,14 @@ def _solved(band: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np
     return np.array(x)
 
 
-def joined(
-    t_s: NDArray[np.float64],
-    values: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    at_s: NDArray[np.float64],
-) -> Course:
+def joined(t_s: Floats, values: Floats, errors: Floats, at_s: Floats) -> Course:
     """Join the values by straight lines; arguments as of :func:`smoothed`."""
     good = np.isfinite(values) & np.isfinite(errors)
     value = np.interp(at_s, t_s[good], values[good])
     return Course(value, np.gradient(value, at_s), np.interp(at_s, t_s[good], errors[good]))
 
 
-def where_seen(seen_s: NDArray[np.float64], at_s: NDArray[np.float64], course: Course) -> Course:
+def where_seen(seen_s: Floats, at_s: Floats, course: Course) -> Course:
     """Return a course without the moments that are far from every observation."""
     if not len(seen_s):
         return course

@@ -14,8 +14,7 @@ from tega.devices.fingertip.video_nodes import MOST_SPOILED, camera_place, keep_
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.picture_stack import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
-from tega_scene.calibrate import LensCalibration
-from tega_scene.lens import Lens
+from tega_scene.lens import Lens, LensCalibration
 from tega_scene.pictures import read_pictures
 from tega_scene.settings import ADDRESSES, full_source, is_camera
 

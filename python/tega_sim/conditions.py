@@ -30,26 +30,10 @@ from tega_sim.operator import sham_vest
 from tega_sim.operator.shams import Sham, ShamName
 
 Condition = Literal[
-    "haptic",
-    "non-haptic",
-    "silent",
-    "constant",
-    "unrelated",
-    "replayed",
-    "permuted",
-    "inverted",
-    "half",
-    "unfelt",
-    "event-gated",
-    "oracle",
-    "true-force",
-    "true-steps",
-    "ideal-vest",
-    "mistimed",
-    "reflex",
-    "haptic-reflex",
-    "true-reflex",
-]
+    "haptic", "non-haptic", "silent", "constant", "unrelated", "replayed", "permuted", "inverted", "half",
+    "unfelt", "event-gated", "oracle", "true-force", "true-steps", "ideal-vest", "mistimed", "reflex",
+    "haptic-reflex", "true-reflex",
+]  # fmt: skip
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
 """Haptic, non-haptic, the sham arms, event-gated, the positive controls, and the arms with a reflex."""
@@ -121,11 +105,7 @@ SESSION_CONDITIONS: tuple[Condition, ...] = tuple(name for name, arm in ARMS.ite
 
 
 def worn(
-    condition: Condition,
-    *,
-    layout: Layout,
-    seed: int,
-    recorded: Sequence[tuple[float, MotorLevels]] = (),
+    condition: Condition, *, layout: Layout, seed: int, recorded: Sequence[tuple[float, MotorLevels]] = ()
 ) -> Sham:
     """Return the function that turns the frames that were made into those that are worn.
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.ui.view.state import ViewState
-    from tega_sim.recorded import LiftRecorder
     from tega_sim.rig import TrialSteering
+    from tega_sim.streams import LiftRecorder
 
 
 _EVENT_COLOURS = {"slip": "#c8202f", "deformation": "#8a4fbf", "drop": "#000000"}

@@ -40,7 +40,7 @@ from tega_sim.operator import (
     load_parameters,
     people_digest,
 )
-from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.motor import AWAY_M
 from tega_sim.operator.scripted import COURSES
 from tega_sim.plan import FULL_N, TrialPlan, loop_settings
 from tega_sim.seams import Indenter
@@ -140,7 +140,6 @@ class Lab:
         return muscle_decoder(self.config.stages, self.preset, self.muscles)
 
     def _press(self, finger: str) -> TouchMaxima:
-        """Take the maxima of the guided press of one fingertip."""
         meter = FrameMeter(self.baselines[finger], self.metric(finger), SourceReport(), live=False)
         gel = self.gels[finger]
         gel.forget()
@@ -158,7 +157,6 @@ class Lab:
 
 
 def _object(press: int, force_n: float) -> Indenter:
-    """Return the shape of the next press: the marble, then the board."""
     if press % 2 == 0:
         return ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
     return board(force_n=force_n)

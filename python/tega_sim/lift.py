@@ -13,12 +13,10 @@ from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
 from tega.haptics import Layout, MotorLevels
 from tega.loop.beside import measure_beside_on
-from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import HandPolls
 from tega.loop.loop import DualLoop
-from tega.loop.sink import Sink
+from tega.loop.outputs import HandOutput, Sink, VestOutput
 from tega.loop.snapshot import LoopView, Moments, Snapshot
-from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
@@ -32,15 +30,13 @@ from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ, Lab
 from tega_sim.operator import Operator
-from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.motor import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
-from tega_sim.recorded import LiftRecorder
-from tega_sim.reflex import trial_reflex
 from tega_sim.rig import SimulatedPacer, TrialRig, TrialSteering
 from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
 from tega_sim.seams import Act, Percept
-from tega_sim.streams import Streams
-from tega_sim.true_touch import TrueTouch, stages_of, touch_of
+from tega_sim.streams import LiftRecorder, Streams
+from tega_sim.true_touch import TrueTouch, stages_of, touch_of, trial_reflex
 from tega_sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
 
 # Time to put the object down and let go, after the window in which it has to be lifted, seconds.
@@ -242,7 +238,6 @@ class Lift:
         )
 
     def _hand_polls(self) -> HandPolls:
-        """Return the looks at hand and arm, as their sensors report them."""
         rig, world = self.rig, self.rig.world
         return HandPolls(
             lambda: encoded(world.angles_rad),
@@ -277,7 +272,6 @@ class Lift:
             )
 
     def _telling(self) -> Bus:
-        """Return a bus that carries levels and, if streams are kept, contacts."""
         bus, streams = Bus(), self._streams
         bus.subscribe(Intent, self._levels, vital=True)
         if streams is not None:
@@ -287,7 +281,6 @@ class Lift:
         return bus
 
     def _levels(self, intent: Intent) -> None:
-        """Take note of an EMG block."""
         if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold", "carry"}:
             self._level_sum += intent.level
             self._level_n += 1

@@ -39,7 +39,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         settings: Settings of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
             :data:`tega.config.LOOP_KEYS`.
         rules: Version of a simulated person's rules, see :data:`tega_sim.operator.RulesVersion`; by 2 and 3
-            the person practises with object and vest first, see :mod:`tega_sim.practice`.
+            the person practises with object and vest first, see :mod:`tega_sim.trial`.
         view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
         task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place

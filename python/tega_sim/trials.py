@@ -6,22 +6,66 @@ and read again by the next run; when all are there the file is put into the orde
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
 import msgspec
 
-from tega.errors import ConfigError, RecordingError
+from tega.errors import ConfigError, MissingExtraError, RecordingError
+from tega.runtime.child_process import isolated_workers
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega_sim.operator import load_parameters, people_digest
-from tega_sim.removed import trial_fields
 from tega_sim.trial import TrialPlan, TrialResult, run_trial
-from tega_sim.workers import over_cores
-from tega_sim.world.objects import ObjectSpec, variant_name
+from tega_sim.world.objects import ObjectSpec, trial_fields, variant_name
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+_POLL_S = 0.2
+
+
+def over_cores(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:
+    """Do the jobs in processes of their own; results come as they are ready.
+
+    A signal that ends this process, even SIGKILL, ends the workers within a second: they check their parent.
+    (Windows does not report it; there the workers of a killed program finish their job.) ``work`` must be a
+    function of a module. With one worker, or one job, it is called in this process.
+    """
+    if workers == 1 or len(jobs) < 2:
+        yield from map(work, jobs)
+        return
+    try:
+        from joblib import Parallel, delayed
+    except ImportError as error:
+        raise MissingExtraError("joblib is not installed", "pip install 'tega[sim]'") from error
+    parallel = Parallel(n_jobs=min(workers, len(jobs)), return_as="generator_unordered", batch_size=1)
+    with isolated_workers():
+        results: Iterable[Any] = parallel(delayed(_in_worker)(work, job, os.getpid()) for job in jobs)
+    yield from results
+
+
+def _in_worker(work: Callable[[Job], Result], job: Job, parent: int) -> Result:
+    _watch(parent)
+    return work(job)
+
+
+@functools.cache
+def _watch(parent: int) -> None:
+    threading.Thread(target=_end_with, args=(parent,), daemon=True, name="tega-parent").start()
+
+
+def _end_with(parent: int) -> None:
+    """End this process when it has another parent than the one that started it."""
+    while os.getppid() == parent:
+        time.sleep(_POLL_S)
+    os._exit(1)
 
 
 def plan_trials(
@@ -123,8 +167,7 @@ def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
         today = people_digest(numbers, result.rules)
         if not today.startswith(result.person):
             raise RecordingError(
-                f"{path.name}: made with people {result.person}, who are {today[:16]} now",
-                "name a new file",
+                f"{path.name}: made with people {result.person}, who are {today[:16]} now", "name a new file"
             )
 
 

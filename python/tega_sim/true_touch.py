@@ -1,4 +1,4 @@
-"""Show the wearer the truth of the simulated world instead of the measurements: positive controls.
+"""Show the wearer, or a reflex, the truth of the simulated world instead of the measurements: positive controls.
 
 The loop is unchanged: it measures every camera frame, and its tables and displays have its measurements. Only the
 vest's frames come from the truth, at the same rate, by a mapping of the real vest, and they reach the skin in the
@@ -7,25 +7,101 @@ same way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import msgspec
 
-from tega.config import FINGERS, StageConfig, StagesSection
+from tega.config import FINGERS, ReflexSection, SessionConfig, StageConfig, StagesSection
 from tega.config.calibration import TouchMaxima
-from tega.config.choose import felt_map, vest_mapping
+from tega.config.choose import felt_map, grip_reflex, vest_mapping
 from tega.errors import InvalidValueError
 from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
+from tega.loop.reflex import ReflexArc, ReflexInputs
 from tega.loop.touch import TouchLoop
-from tega.records import Contact, Event
+from tega.records import Contact, Event, NamedValue
+from tega.records.bus import Bus
 from tega.stages.base import Mapping as MappingStage
-from tega.stages.base import VestSetup
-from tega_sim.conditions import ARMS, Reports
+from tega.stages.base import Reflex, VestSetup
+from tega_sim.conditions import ARMS, ReflexReports, Reports
 from tega_sim.lab import Lab
 from tega_sim.plan import FULL_N, TrialPlan
 from tega_sim.score import REST_M_S, REST_S, SLIP_M_S
 from tega_sim.seams import WorldTruth
+
+FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
+"""Reflex of the arms that have one, where the settings name none; authority of it, where they give none."""
+
+
+class TrueSlipArc(ReflexArc):
+    """A reflex arc that receives the truth, on every finger that bears a force, and no events.
+
+    It receives the speed of the slide through the grasp; ``forces_n`` are the true ones, thumb first.
+    """
+
+    def __init__(
+        self,
+        reflex: Reflex,
+        settings: ReflexSection,
+        *,
+        snapshot: Callable[[int], ReflexInputs],
+        slip_mm_s: Callable[[], float],
+        forces_n: Callable[[], Sequence[float]],
+    ) -> None:
+        super().__init__(reflex, settings, snapshot=snapshot)
+        self._slip_mm_s, self._forces_n = slip_mm_s, forces_n
+
+    def on_event(self, event: Event) -> None:
+        """Ignore events that were found in pictures."""
+
+    def step(
+        self,
+        t_ns: int,
+        own: float,
+        contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
+    ) -> float:
+        """Return the addition of a tick, levels."""
+        speed = NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s")
+        true = {
+            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=(speed,))
+            for name, force_n in zip(FINGERS, self._forces_n(), strict=True)
+        }
+        return super().step(t_ns, own, lambda: true)
+
+
+def trial_reflex(
+    config: SessionConfig,
+    reports: ReflexReports,
+    bus: Bus,
+    *,
+    closure: Callable[[], float],
+    slip_mm_s: Callable[[], float],
+    forces_n: Callable[[], Sequence[float]],
+) -> ReflexArc | None:
+    """Make the reflex of a trial; ``None`` where neither its condition nor the settings have one.
+
+    ``bus`` receives every addition. ``closure`` returns the hand's closure by its joints, levels;
+    ``slip_mm_s`` the speed of the object's slide; ``forces_n`` the true force on each pad, thumb first.
+    """
+    stages = config.stages
+    if reports != "none" and stages.reflex.name is None:
+        stages = msgspec.structs.replace(stages, reflex=FULL_REFLEX)
+    elif reports != "none" and stages.reflex.authority == 0:
+        full = msgspec.structs.replace(stages.reflex, authority=FULL_REFLEX.authority)
+        stages = msgspec.structs.replace(stages, reflex=full)
+    settings = stages.reflex
+    reflex = grip_reflex(stages, config.session.preset, FINGERS)
+    if reflex is None:
+        return None
+
+    def snapshot(_t_ns: int) -> ReflexInputs:
+        measured = closure() if settings.authority > 0 else None
+        return ReflexInputs(settings.authority, allowed=True, measured=measured)
+
+    if reports == "true slips":
+        return TrueSlipArc(reflex, settings, snapshot=snapshot, slip_mm_s=slip_mm_s, forces_n=forces_n)
+    return ReflexArc(reflex, settings, snapshot=snapshot, notify=bus.publish)
+
 
 _FORCE: Final = {"front": "force_n", "back": "force_n", "front_max": FULL_N, "back_max": FULL_N}
 _DISPLAYED: Final[dict[Reports, StageConfig]] = {

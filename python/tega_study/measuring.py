@@ -15,8 +15,8 @@ from tega.errors import InvalidValueError, RecordingError
 from tega_scene.layout import TagLayout
 from tega_scene.lens import Lens
 from tega_scene.outcomes import SceneEvent, SceneOutcome, score_scene
-from tega_scene.own_film import own_film, own_recording
 from tega_scene.pictures import read_pictures, times_path
+from tega_scene.record import own_film, own_recording
 from tega_scene.track import track_scene
 from tega_study.journal import (
     Journal,

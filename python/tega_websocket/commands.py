@@ -10,8 +10,7 @@ from typing import Any, Final
 
 from tega.arm.pose import StampedPose
 from tega.hand import nearest_level
-from tega.loop.inbox.inputs import Seat
-from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.inputs import Muscles, Seat
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Intent
 from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles

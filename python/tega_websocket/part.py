@@ -11,8 +11,7 @@ from typing import Any, Final
 
 import tega
 from tega.devices.base import Tracker
-from tega.loop.inbox.inputs import Inputs
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Inputs, Prepared
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import HandExchange, HeardMarker, Picture, Record

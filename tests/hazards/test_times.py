@@ -40,7 +40,7 @@ from tega.loop.reflex import ReflexArc, ReflexInputs
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, NamedValue
 from tega.safety.guard import Guard, Watched
-from tega.safety.settings import SafetySection
+from tega.safety.states import SafetySection
 from tega.stages.base import ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
 from tega.wire import (

@@ -34,6 +34,7 @@ from tega.devices.fingertip.video import VideoFile, VideoFileOptions
 from tega.devices.hand.can_log import HandLog, find_hand, read_can_log
 from tega.devices.tracker.sources import read_poses
 from tega.hand.poses import load_poses
+from tega.loop import worn_vest
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.run_tables import prepare_folder
@@ -42,7 +43,6 @@ from tega.runtime.files.boris import read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
-from tega.safety import dose_file
 
 Reader = tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
 
@@ -216,7 +216,7 @@ READERS: dict[str, Reader] = {
         lambda _: msgspec.json.encode(Unfinished(started=_MADE, devices={"emg": "tty"}, steps={"emg": "x"})),
         _read_unfinished,
     ),
-    "dose of a day": ("vest-dose.json", lambda _: _DOSE, dose_file._read),
+    "dose of a day": ("vest-dose.json", lambda _: _DOSE, worn_vest._read),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
     "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
     "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),

@@ -31,8 +31,7 @@ from tega_practice.kept import FittsRecord
 from tega_scene.layout import example_layout, load_layout, save_layout
 from tega_scene.lens import Lens, load_lens, save_lens
 from tega_scene.offset import read_flashes
-from tega_scene.offset_file import read_offsets
-from tega_scene.pictures import read_pictures, read_times
+from tega_scene.pictures import read_offsets, read_pictures, read_times
 from tega_scene.record import export_camera, record_cameras
 from tega_sim.operator import load_parameters
 from tega_sim.plan import TrialResult

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.parts import Part
 from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import RunState

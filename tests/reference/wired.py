@@ -6,14 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tega.loop.hand import Hand, ModelledAllegro
-from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import Stream
 from tega.loop.loop import DualLoop
+from tega.loop.outputs import HandOutput, VestOutput
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc
 from tega.loop.snapshot import Moments
 from tega.loop.touch import TouchLoop
-from tega.loop.vest_output import VestOutput
 from tega.records import Contact, Intent
 from tega.records.bus import Bus
 

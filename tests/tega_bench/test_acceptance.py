@@ -17,8 +17,8 @@ from reference.command import call
 from reference.waiting import until
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
-from tega_bench.acceptance import AcceptanceReport, accept_device, acceptance_case, report_text, write_report
-from tega_bench.acceptance.report import STEPS
+from tega_bench.acceptance.report import STEPS, AcceptanceReport, report_text, write_report
+from tega_bench.acceptance.run import accept_device, acceptance_case
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import emulated_lab
 from tega_emulators.vests import seen_by

@@ -25,9 +25,8 @@ from tega.loop.session import run_session
 from tega.loop.worn_vest import NAMELESS
 from tega.recording.inspection import inspect_file
 from tega.runtime.clock import SystemClock
-from tega_bench.vest_latency.clock import by_clicks
 from tega_bench.vest_latency.detect import Onsets, find_onsets
-from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_log
+from tega_bench.vest_latency.log import OnsetLog, by_clicks, read_log, read_wav, write_log
 from tega_bench.vest_latency.measure import found_in, play_bursts, record_of
 from tega_bench.vest_latency.microphone import Microphone
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
@@ -180,7 +179,7 @@ LOG = OnsetLog(
 
 
 def _found(onsets: Onsets) -> Any:
-    from tega_bench.vest_latency.clock import ClockMap
+    from tega_bench.vest_latency.log import ClockMap
     from tega_bench.vest_latency.measure import OnsetFound
 
     return OnsetFound(ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="clicks"), onsets)

@@ -29,7 +29,7 @@ from tega.config.calibration import (
 )
 from tega.errors import CalibrationError, ConfigError
 from tega.loop import run_session
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.records import Picture

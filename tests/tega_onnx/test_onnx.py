@@ -38,10 +38,9 @@ from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.setup.contract import check_stage
 from tega.stages.base import FingerSetup, MuscleSetup
-from tega_onnx.ahead import Ahead
 from tega_onnx.decoder import OnnxDecoder, OnnxDecoderOptions
 from tega_onnx.metric import OnnxMetric, OnnxMetricOptions
-from tega_onnx.model import OnnxModel, PictureInput
+from tega_onnx.model import Ahead, OnnxModel, PictureInput
 
 
 @pytest.fixture

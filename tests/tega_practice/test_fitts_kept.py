@@ -15,13 +15,13 @@ from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import PracticeRecord, read_record
 from tega.errors import CalibrationError, TegaError
 from tega_practice.fitts import Movement
-from tega_practice.interval import mean_interval
 from tega_practice.kept import (
     FittsRecord,
     compare_kept,
     compare_tracked,
     keep_record,
     kept_records,
+    mean_interval,
     movement_row,
 )
 

@@ -13,8 +13,7 @@ from reference.chromium import launched, opened
 from tega.runtime.guide import Bar, Undecided
 from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.guide_page import PageGuide
-from tega_practice.fitts_course import Target
-from tega_practice.live import _bars
+from tega_practice.live import Target, _bars
 
 
 @pytest.fixture(scope="module")

@@ -41,9 +41,8 @@ from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.feed import SessionFeed
 from tega.ui.view.browser.pictures import cameras_html
 from tega.ui.view.state import ViewState
-from tega_scene.decode import SceneDecoder, stands_alone
 from tega_scene.settings import VideoFormat
-from tega_scene.video import SceneEncoder, shrunk
+from tega_scene.video import SceneDecoder, SceneEncoder, shrunk, stands_alone
 
 MS = 1_000_000
 BEGUN_NS = 5_000 * MS

@@ -13,11 +13,10 @@ from click.testing import CliRunner
 
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, RecordingError
 from tega.ui.cli.main import cli
-from tega_scene.calibrate import LensCalibration
 from tega_scene.corners import TagFinder
 from tega_scene.courses import righted, scene_courses
 from tega_scene.layout import PlacedTag, TagBody, TagLayout, example_layout, load_layout, save_layout
-from tega_scene.lens import load_lens, save_lens
+from tega_scene.lens import LensCalibration, load_lens, save_lens
 from tega_scene.outcomes import score_scene
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.pose import BodyFitter

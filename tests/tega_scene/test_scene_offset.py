@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from tega.errors import RecordingError
 from tega.ui.cli.main import cli
 from tega_scene.offset import estimate_offset, flash_light, measure_offset, read_flashes
-from tega_scene.offset_file import CameraOffset, keep_offset, offsets_path, read_offsets
+from tega_scene.pictures import CameraOffset, keep_offset, offsets_path, read_offsets
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

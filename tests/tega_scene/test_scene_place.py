@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 from tega.errors import InvalidValueError
 from tega.ui.cli.main import cli
+from tega_scene.courses import checked_mark
 from tega_scene.outcomes import SceneOutcome, score_scene
-from tega_scene.resting import checked_mark
 
 pytest.importorskip("cv2")
 pytest.importorskip("tega_figures")
@@ -22,7 +22,7 @@ from reference.scene import noisy_track
 from tega.stages.events.outcomes import STABLE_S
 from tega_figures.scene.bench import bench_layout
 from tega_figures.scene.trials import TrueTrial, true_trial
-from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.motor import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.score import ON_MARK_M, REST_M_S
 from tega_sim.trial import run_trial

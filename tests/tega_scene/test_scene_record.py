@@ -21,12 +21,11 @@ from tega.recording.mcap_file import McapFile  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.record_columns import find_kind  # noqa: E402
 from tega.ui.cli.main import cli  # noqa: E402
-from tega_scene.decode import SceneDecoder  # noqa: E402
 from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega_scene.record import export_camera, record_cameras  # noqa: E402
 from tega_scene.records import SceneVideo  # noqa: E402
 from tega_scene.settings import VideoFormat  # noqa: E402
-from tega_scene.video import SceneEncoder  # noqa: E402
+from tega_scene.video import SceneDecoder, SceneEncoder  # noqa: E402
 
 SIZE = (160, 120)
 

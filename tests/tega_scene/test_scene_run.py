@@ -31,7 +31,6 @@ from tega.records import Alert  # noqa: E402
 from tega.records.bus import Bus  # noqa: E402
 from tega.records.display import DisplayPicture  # noqa: E402
 from tega.setup.doctor import examine  # noqa: E402
-from tega_scene.decode import SceneDecoder  # noqa: E402
 from tega_scene.doctor import check_scene  # noqa: E402
 from tega_scene.filming import Filming  # noqa: E402
 from tega_scene.layout import example_layout, save_layout  # noqa: E402
@@ -40,6 +39,7 @@ from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E
 from tega_scene.record import export_camera  # noqa: E402
 from tega_scene.records import SceneVideo  # noqa: E402
 from tega_scene.settings import SceneConfig, full_source  # noqa: E402
+from tega_scene.video import SceneDecoder  # noqa: E402
 
 WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
 

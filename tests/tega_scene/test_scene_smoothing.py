@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tega_scene.courses import SceneCourses, heights, righted
+from tega_scene.courses import SceneCourses, heights, placed, righted
 from tega_scene.layout import example_layout
 from tega_scene.outcomes import SceneRule, score_scene
-from tega_scene.resting import placed
 from tega_scene.smoothing import _CHANGE_COST, Course, smoothed, trended
 from tega_scene.track import BodyTrack, SceneTrack
 

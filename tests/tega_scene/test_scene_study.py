@@ -11,10 +11,10 @@ from click.testing import CliRunner
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.ui.cli.main import cli
+from tega_scene.courses import SceneRest
 from tega_scene.layout import example_layout
 from tega_scene.lens import Lens
 from tega_scene.outcomes import SceneEvent, SceneOutcome
-from tega_scene.resting import SceneRest
 from tega_study.journal import Journal, events_path, read_events
 from tega_study.measuring import MeasuredTrial, between, confirm_trial, measure_session, write_measured
 from tega_study.observers import CAMERA, measured_path, read_measured, read_observers, saw_whole

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from reference.waiting import until
-from tega.safety.ctrl_c import CtrlC
+from tega.safety.stop import CtrlC
 from tega_sim.cli.demo import demo
 
 pytest.importorskip("mujoco", reason="needs the extra sim")

@@ -86,7 +86,7 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]
     """A simulated person's lift with each rule: result and recording."""
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    from tega_sim.recorded import LiftRecorder
+    from tega_sim.streams import LiftRecorder
     from tega_sim.trial import TrialPlan, run_trial
 
     lifts = {}

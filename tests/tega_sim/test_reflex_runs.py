@@ -210,7 +210,7 @@ def test_a_recorded_lift_with_a_reflex_is_computed_again_bit_for_bit(tmp_path: P
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     from tega.recording.replay import replay_file
-    from tega_sim.recorded import LiftRecorder
+    from tega_sim.streams import LiftRecorder
     from tega_sim.trial import TrialPlan, run_trial
 
     settings = ("stages.reflex.name=grip", "stages.reflex.authority=1", "stages.reflex.options.keep_s=1")
@@ -230,7 +230,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
     None
 ):
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega_sim.reflex import trial_reflex
+    from tega_sim.true_touch import trial_reflex
 
     named = ["stages.reflex.name=grip", "stages.reflex.most_levels=1"]
 
@@ -253,7 +253,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
 
 def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega_sim.reflex import trial_reflex
+    from tega_sim.true_touch import trial_reflex
 
     config = load_config(None, environ={}).config
     slip_mm_s, forces_n = 0.0, (0.0,) * 4

@@ -18,15 +18,13 @@ from tega_sim.conditions import CONDITIONS
 from tega_sim.lab import Lab
 from tega_sim.lift import Lift, other_vest
 from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest
-from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.belief import ConfirmedClosure
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
 from tega_sim.plan import FULL_N, TrialPlan
-from tega_sim.practice import practise
-from tega_sim.recorded import LiftRecorder
 from tega_sim.score import REST_S, SLIP_M_S
 from tega_sim.seams import Act, Percept, WorldTruth
-from tega_sim.streams import Streams
-from tega_sim.trial import run_trial
+from tega_sim.streams import LiftRecorder, Streams
+from tega_sim.trial import practise, run_trial
 from tega_sim.true_touch import TrueTouch
 from tega_sim.world import OBJECTS
 from tega_study.silico.simulate import made_study

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega_sim.operator import EFFECTS, ForearmEmg, typical_person
-from tega_sim.operator.effects import Disturbance, effect_parameters
+from tega_sim.operator.emg_noise import Disturbance, effect_parameters
 
 EFFORT = 0.5
 

@@ -10,7 +10,7 @@ import pytest
 
 from tega.errors import InvalidValueError
 from tega_sim.filling import HOLD_S, PORTION_N, Filling
-from tega_sim.operator.forearm import AWAY_M
+from tega_sim.operator.motor import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.score import ON_MARK_M
 from tega_sim.trial import run_trial

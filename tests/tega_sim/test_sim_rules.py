@@ -9,7 +9,7 @@ import pytest
 
 from reference.plant import Grasp, grasp, told_frame
 from tega_sim.operator import Operator, draw_person, sham_vest, typical_person
-from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.belief import ConfirmedClosure
 from tega_sim.operator.renewing import JudgingEyes, SettledGrip
 from tega_sim.operator.vision import Kind, SeenEvent
 

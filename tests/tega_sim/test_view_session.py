@@ -19,7 +19,7 @@ from tega.config.calibration import Calibration
 from tega.errors import MissingExtraError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.inbox.prepared import Finger, Prepared
+from tega.loop.inbox.inputs import Finger, Prepared
 from tega.loop.inbox.sources import SourceReport, picture_of
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.snapshot import LoopView

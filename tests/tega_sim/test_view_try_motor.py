@@ -17,8 +17,7 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.haptics import MotorLevels, vest_frame
 from tega.loop import run_session
-from tega.loop.controls import Controls
-from tega.loop.motor_tests import TEST_PERCENT, MotorAnswer, MotorTests
+from tega.loop.controls import TEST_PERCENT, Controls, MotorAnswer, MotorTests
 from tega.recording.replay import replay_file
 from tega.records import RunState, TriedMotor, VestFrame
 from tega.records.bus import Bus

@@ -18,9 +18,8 @@ from hazards.bench import Lab, lab
 from reference.processes import begun_by
 from tega.config import check_tree
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
-from tega.loop import run_session
+from tega.loop import rig, run_session
 from tega.recording.mcap_reader import McapReader
-from tega.safety import clock_step
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +46,7 @@ def disturbed(made: Lab, folder: Path, disturb: Callable[[], None], words: str) 
 def test_a_clock_that_is_set_is_an_alert(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ahead_ns = [0]
     clock = SimpleNamespace(monotonic_ns=time.monotonic_ns, time_ns=lambda: time.time_ns() + ahead_ns[0])
-    monkeypatch.setattr(clock_step, "time", clock)
+    monkeypatch.setattr(rig, "time", clock)
     with lab(tmp_path, emg=True, recording={"dir": str(tmp_path / "recorded")}) as made:
 
         def set_it() -> None:

@@ -21,8 +21,7 @@ from tega.config import check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import CalibrationError
 from tega.loop import run_session
-from tega.loop.worn_vest import NAMELESS
-from tega.safety.dose_file import DAY_S, KeptDose
+from tega.loop.worn_vest import DAY_S, NAMELESS, KeptDose
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega_emulators.lab import emulated_lab
 

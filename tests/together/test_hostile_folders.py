@@ -15,6 +15,7 @@ from reference.sessions import record
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, RecordingError, TegaError
+from tega.loop.worn_vest import KeptDose
 from tega.recording import mcap_reader
 from tega.recording.disk import SpooledFile
 from tega.recording.mcap_folder import SessionFolder, recorded_task, recover_file, session_files
@@ -24,7 +25,6 @@ from tega.recording.trim import trim_session
 from tega.runtime.clock import SystemClock
 from tega.runtime.files.foreign_file import MIB
 from tega.runtime.files.whole_file import new_file, write_whole
-from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
 from tega_bench.vest_latency.log import read_wav
 from tega_study.attempt_rows import read_hand, read_touch

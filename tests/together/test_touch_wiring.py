@@ -24,7 +24,7 @@ from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import CalibrationError
 from tega.haptics import contact_type, intensity
 from tega.loop import run, run_session
-from tega.loop.inbox.prepared import Finger, Prepared
+from tega.loop.inbox.inputs import Finger, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import guided_maxima, touch_maxima
 from tega.loop.open_streams import contact_stream

@@ -23,7 +23,7 @@ from tega.arm.workspace import Workspace
 from tega.config.stage_sections import Section, StagesSection
 from tega.errors import ConfigError
 from tega.haptics import FINGERS, Layout
-from tega.safety.settings import SafetySection
+from tega.safety.states import SafetySection
 
 Pace = Literal["steady", "by-frame"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tega.loop.loop import DualLoop
-    from tega.loop.loop_report import LoopReport
+    from tega.loop.pacing import LoopReport
     from tega.loop.session import run_session
     from tega.loop.snapshot import LoopView, Snapshot
     from tega.loop.touch import TouchLoop
@@ -17,7 +17,7 @@ __all__ = ["DualLoop", "LoopReport", "LoopView", "Snapshot", "TouchLoop", "run_s
 # Loaded when they are asked for: a run opens its devices before it needs most of it.
 _PLACES = {
     "DualLoop": "loop",
-    "LoopReport": "loop_report",
+    "LoopReport": "pacing",
     "LoopView": "snapshot",
     "Snapshot": "snapshot",
     "TouchLoop": "touch",

@@ -21,8 +21,7 @@ from tega.devices.base import DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.devices.tracker.sources import RatePoses
 from tega.errors import ConfigError
-from tega.loop.arm_records import ArmRecords
-from tega.loop.arm_view import ArmView, check
+from tega.loop.arm_records import ArmRecords, ArmView, check
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
@@ -182,7 +181,6 @@ class Steering:
         )
 
     def _take(self, turn: Turn) -> ArmCommand:
-        """Send the arm the command of a turn, and publish turn and command."""
         command = lead(self._chain, turn)
         self._arm.follow(command)
         self._command, self._view = command, check(turn, command, self._arm)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tega.config import SessionConfig
 from tega.config.calibration import EmgMaxima, TouchMaxima
 from tega.config.choose import finger_metric, muscle_decoder
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of
 from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
 from tega.records.bus import Backlog, Bus
@@ -87,7 +87,6 @@ def measure_beside_on(
 
 
 def _measure(stage: str, metrics: Mapping[str, Metric], bus: Bus, picture: Picture) -> None:
-    """Publish the contact that a stage finds in a picture."""
     if (metric := metrics.get(picture.finger)) is not None:
         contact = metric.update(picture.image, picture.t_ns)
         found = {name: getattr(contact, name) for name in _MEASURED}
@@ -95,7 +94,6 @@ def _measure(stage: str, metrics: Mapping[str, Metric], bus: Bus, picture: Pictu
 
 
 def _decode(stage: str, meter: BlockMeter, bus: Bus, given: EmgSamples) -> None:
-    """Publish the intents that a stage decodes from samples."""
     for block in meter.take(chunk_of(given)):
         found = {name: getattr(block, name) for name in _DECODED}
         bus.publish(BesideIntent(stage=stage, **found))

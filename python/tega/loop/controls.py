@@ -1,11 +1,134 @@
-"""Define the controls of a run: the loop polls them at every tick; a page, terminal or program answers."""
+"""Define the controls of a run: the loop polls them at every tick; a page, terminal or program answers.
+
+Among them are tests of single motors while a run is armed, which the loop drives like any frame.
+"""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
-from tega.loop.motor_tests import MotorTests
+import numpy as np
+
+from tega.haptics import MotorLevels
+from tega.records import TriedMotor
+from tega.records.bus import Bus
+
+TEST_PERCENT: Final = 50
+"""Intensity of a motor test, percent; less if the motor's limits allow less."""
+
+_LASTS_NS: Final = 500_000_000
+_ANSWER_S: Final = 1.0
+
+
+class MotorAnswer(NamedTuple):
+    """Answer to a click on a motor: whether it vibrates, and the intensity or the reason for a refusal."""
+
+    done: bool
+    words: str
+
+
+def lit_frame(silence: MotorLevels, motor: int, percent: int) -> MotorLevels:
+    """Return a frame in which one motor is on."""
+    lit = np.zeros_like(silence.intensities)
+    lit[motor] = percent
+    lit.flags.writeable = False
+    return MotorLevels(silence.layout, lit)
+
+
+class MotorTests:
+    """Wishes to feel a motor, one at a time.
+
+    Requests are accepted only while the run is armed, and end with that state. The frame takes the way of every
+    frame: through the driver's limits and into the wearer's daily dose.
+    """
+
+    def __init__(self) -> None:
+        self._one = threading.Lock()
+        self._answered = threading.Event()
+        self._wanted: int | None = None
+        self._answer = MotorAnswer(done=False, words="")
+        self._running: tuple[int, int] | None = None  # motor, and until when
+        self._refused: Callable[[], str] = lambda: "no run has begun"
+        self._bus = Bus()
+
+    def begin(self, refused: Callable[[], str], bus: Bus) -> None:
+        """Join a run; the begin and end of a test are published on the bus.
+
+        ``refused`` returns why no motor may be tried now; ``""`` if one may, while the run's frames are
+        silent.
+        """
+        self._refused, self._bus = refused, bus
+
+    def ask(self, motor: int) -> MotorAnswer:
+        """Ask for a motor, and wait until the loop has answered; for any thread but the loop's."""
+        if not self._one.acquire(blocking=False):
+            return MotorAnswer(done=False, words="not tried: another motor is")
+        try:
+            self._answered.clear()
+            self._wanted = motor
+            if not self._answered.wait(_ANSWER_S):
+                self._wanted = None
+                return MotorAnswer(done=False, words="not tried: the run drives no vest now")
+            return self._answer
+        finally:
+            self._one.release()
+
+    @property
+    def active(self) -> bool:
+        """Whether a motor vibrates or is asked for."""
+        return self._running is not None or self._wanted is not None
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        """Return the frame of a tick, with the motor that is tried in it; called by the loop."""
+        why = self._refused()
+        wanted, self._wanted = self._wanted, None
+        if self._running is not None and (why or t_ns >= self._running[1]):
+            self.end(t_ns)
+        if wanted is not None:
+            n_motors = len(frame.intensities)
+            if why:
+                self._answer_with(done=False, words=f"not tried: {why}")
+            elif self._running is not None:
+                self._answer_with(done=False, words="not tried: another motor is")
+            elif not 0 <= wanted < n_motors:
+                self._answer_with(
+                    done=False,
+                    words=f"not tried: motor {wanted} is none of 0 to {n_motors - 1} of {frame.layout}",
+                )
+            else:
+                self._running = wanted, t_ns + _LASTS_NS
+                self._bus.publish(TriedMotor(t_ns=t_ns, motor=wanted, percent=TEST_PERCENT))
+        return frame if self._running is None else lit_frame(frame, self._running[0], TEST_PERCENT)
+
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
+        """Answer the request from the frame that the vest was sent; ``None`` without a vest."""
+        if self._running is None or self._answered.is_set():
+            return
+        motor = self._running[0]
+        percent = 0 if sent is None else int(sent.intensities[motor])
+        if percent:
+            self._answer_with(done=True, words=f"motor {motor} vibrates at {percent} %")
+            return
+        self.end(t_ns)
+        why = (
+            "the run has no vest"
+            if sent is None
+            else "the vest is not reached, or its limits allow it no more"
+        )
+        self._answer_with(done=False, words=f"not tried: {why}")
+
+    def end(self, t_ns: int) -> None:
+        """End a test, if there is one."""
+        running, self._running = self._running, None
+        if running is not None:
+            self._bus.publish(TriedMotor(t_ns=t_ns, motor=running[0], percent=0))
+
+    def _answer_with(self, *, done: bool, words: str) -> None:
+        self._answer = MotorAnswer(done=done, words=words)
+        self._answered.set()
 
 
 def _no() -> bool:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tega.config import SessionConfig
 from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.inbox.sources import chunk_of
 from tega.records import EmgSamples, MuscleCondition
 from tega.records.bus import Backlog, Bus

@@ -83,12 +83,7 @@ def go_to_start(
         route = MoveToStart(start)
         bus = Bus() if bus is None else bus
         bus.subscribe(ArmTurn, route.saw, vital=True)
-        steering = open_arm(
-            stack,
-            config,
-            open_inputs(stack, config),
-            tracker=route,
-        )
+        steering = open_arm(stack, config, open_inputs(stack, config), tracker=route)
         hand = _Opening(stack, config)
         warned_until_s = time.monotonic() + reported_s
         steering.start(
@@ -190,7 +185,6 @@ class _Opening:
         return f"; the hand was commanded to open and is {off_rad:.2f} rad off"
 
     def check(self, dt_s: float, *, may_move: bool) -> None:
-        """Go on opening it, or have it stay where it is."""
         hand = self._hand
         if hand is None:
             return

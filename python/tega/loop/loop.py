@@ -18,14 +18,12 @@ from msgspec.structs import replace
 from tega.errors import TegaError
 from tega.hand import joined_level, split_level
 from tega.loop.hand import HAND_TICK_NS
-from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.inputs import Inputs
 from tega.loop.inbox.stream import NEVER_NS, Stream
-from tega.loop.loop_report import LoopReport
-from tega.loop.pacing import Pacer
+from tega.loop.outputs import HandOutput, VestOutput
+from tega.loop.pacing import LoopReport, Pacer
 from tega.loop.snapshot import Moments
 from tega.loop.touch import STALE_NS, TouchLoop
-from tega.loop.vest_output import VestOutput
 from tega.records import Contact, Event, HandLook, Imposed, Intent, Skip
 from tega.records.bus import Bus
 from tega.safety.guard import Guard
@@ -177,7 +175,6 @@ class DualLoop:
         return in_time
 
     def _update_guard(self, t_ns: int) -> None:
-        """Have the guard check the newest input."""
         guard, late_ns = self._guard, self._pacer.late_ns
         if guard is None or not guard.due(t_ns, late_ns):
             return

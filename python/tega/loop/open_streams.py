@@ -10,22 +10,22 @@ from typing import Any
 
 from tega.config.motor_onset import MotorOnset
 from tega.devices.base import AnsweringHand, EmgChunk, FeedingSource, StampingVest, TactileFrame, optional
+from tega.loop.adapting import FingerRezero
 from tega.loop.emg_adaptation import ChannelAdaptation
 from tega.loop.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
-from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.inputs import Finger, Muscles, Prepared
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import grasp_blocks, picture_of, samples_of
 from tega.loop.inbox.stream import LiveStream, PulledStream, Stream
 from tega.loop.joint_motion import JointMotion
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import Pacer
-from tega.loop.rezeroing import FingerRezero
 from tega.loop.sinks import Sinks
 from tega.loop.touching import RecordedFingers, Touching
 from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.records.bus import Bus
 from tega.runtime.threads import Bell
-from tega.safety.settings import SafetySection
+from tega.safety.states import SafetySection
 from tega.stages.base import MeasuredPicture, Metric
 
 

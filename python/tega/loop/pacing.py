@@ -1,8 +1,16 @@
-"""Pace a loop by deadlines counted from the start, so that a late tick does not push the ones after it."""
+"""Pace a loop by deadlines counted from the start, so that a late tick does not push the ones after it.
+
+Python's collector of cyclic garbage must not hold up a run either: a full collection looks at every object of the
+program, of which imports alone leave some 100,000. Every thread, the hand's among them, waits 15 to 30 ms for it, and
+much longer where another program takes the core meanwhile.
+"""
 
 from __future__ import annotations
 
+import gc
 from bisect import bisect_left
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final, Literal
 
 import msgspec
@@ -115,3 +123,46 @@ def refuse_live(info: DeviceInfo, pace: Literal["fast", "real"]) -> None:
     """Refuse a live device where the run does not wait for real time (pace ``fast``)."""
     if pace == "fast" and info.live:
         raise ConfigError(f"session.pace = 'fast', but {info.label} is live", "set session.pace = 'real'")
+
+
+class LoopReport(msgspec.Struct, kw_only=True):
+    """Counts, times and ends of a loop.
+
+    Attributes:
+        end_ns: Time at which it ended.
+        ended: ``complete``, ``duration`` (the set time was over), ``stopped`` (asked to) or ``failed``.
+        n_contacts: Frames taken in, by finger.
+        n_blocks: EMG blocks taken in.
+        n_hand_ticks: Ticks of the hand.
+        n_vest_ticks: Ticks of the vest, each a frame for every sink that takes them all.
+        n_vest_between: Frames between the ticks, each since a picture changed something.
+        n_stale_ticks: Vest frames in which a finger was silent for want of a fresh frame, by finger.
+        level_ticks: Hand ticks spent on each level, 1 to 5.
+    """
+
+    end_ns: int = 0
+    ended: str = "failed"
+    n_contacts: dict[str, int] = {}
+    n_blocks: int = 0
+    n_hand_ticks: int = 0
+    n_vest_ticks: int = 0
+    n_vest_between: int = 0
+    n_stale_ticks: dict[str, int] = {}
+    level_ticks: dict[int, int] = {}
+
+
+def settle() -> None:
+    """Exclude all current objects from garbage collection from now on."""
+    gc.freeze()
+    # Of next to nothing; the collector counts from here on, so that its full rounds are many and short.
+    gc.collect()
+
+
+@contextmanager
+def settled() -> Iterator[None]:
+    """Exclude current objects, and those at each :func:`settle`, from garbage collection within this block."""
+    settle()
+    try:
+        yield
+    finally:
+        gc.unfreeze()

@@ -20,7 +20,7 @@ from tega.config.person import calibrate_command, person_calibration
 from tega.devices.base import ComparingSource, EmgSource, SkippingSource, TactileSource
 from tega.errors import CalibrationError
 from tega.loop.baseline_match import check_baseline
-from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.inputs import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
 from tega.loop.touching import RecordedFingers

@@ -25,11 +25,10 @@ from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, EmgChunk, Tracker
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels
-from tega.loop.controls import Controls
-from tega.loop.inbox.prepared import Muscles, Prepared
+from tega.loop.controls import Controls, MotorTests
+from tega.loop.inbox.inputs import Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
-from tega.loop.motor_tests import MotorTests
 from tega.loop.parts import Part, RunStart
 from tega.loop.program_arm import Lapsing, ProgramArm
 from tega.loop.session import run_session
@@ -174,8 +173,6 @@ class _NoMuscles(Elsewhere):
 
 
 class _ProgramPart(Part):
-    """Part of the run that knows the program."""
-
     brings_input = endless = True
 
     def __init__(

@@ -1,29 +1,130 @@
-"""Open every device and output of a run, in the order in which a problem is reported first."""
+"""Open every device and output of a run, in the order in which a problem is reported first; have a guard watch them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import NamedTuple
 
 from tega.config import SessionConfig
+from tega.devices.base import EmgSource, optional
 from tega.errors import ConfigError
 from tega.loop.arm import Steering, open_arm
 from tega.loop.beside import open_beside
 from tega.loop.controls import Controls
-from tega.loop.emg_condition import open_condition
-from tega.loop.inbox.inputs import Inputs
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.emg_condition import MuscleAlert, open_condition
+from tega.loop.inbox.inputs import Inputs, Prepared
+from tega.loop.inbox.sources import SourceReport
 from tega.loop.opening import Opening
 from tega.loop.pacing import refuse_live
 from tega.loop.parts import Part, PartContext, open_parts
 from tega.loop.prepare import Progress, prepare, to_be_read
 from tega.loop.sinks import Sinks, open_inputs, open_sinks
-from tega.loop.watch import watch_over
 from tega.records import BesideContact, BesideIntent, Picture
 from tega.records.bus import Bus
-from tega.safety.guard import Guard
+from tega.safety.guard import Guard, Watched
 from tega.stages.base import MeasuredPicture
+
+_STEP_NS = 500_000_000
+_REPORTED_NS = 5_000_000_000
+
+
+class ClockStep:
+    """Compares the time of day with the run's clock, which is never set."""
+
+    def __init__(self) -> None:
+        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._until_ns = 0
+        self._text = ""
+
+    def __call__(self) -> str:
+        """Return by how much the time of day jumped, for five seconds from then on; ``""`` else."""
+        now_ns = time.monotonic_ns()
+        step_ns = time.time_ns() - now_ns - self._offset_ns
+        if abs(step_ns) > _STEP_NS:
+            self._offset_ns += step_ns
+            self._until_ns = now_ns + _REPORTED_NS
+            self._text = (
+                f"clock: the time of day jumped by {step_ns / 1e9:+.1f} s; this run counts on as before"
+            )
+        return self._text if now_ns < self._until_ns else ""
+
+
+def watch_over(
+    config: SessionConfig,
+    prepared: Prepared,
+    sinks: Sinks,
+    bus: Bus,
+    parts: Sequence[Part],
+    *,
+    controls: Controls,
+    steering: Steering | None,
+    condition: MuscleAlert | None = None,
+) -> Guard:
+    """Make the guard of the live devices; recordings cannot be lost and need none.
+
+    ``controls`` allow an armed run to become active and may set a level; the rest are open devices and parts.
+    """
+    alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
+    streams = [
+        Watched(
+            name,
+            "tactile",
+            finger.source.info.rate_hz,
+            finger.report,
+            partial(optional, finger.source, "faults"),
+        )
+        for name, finger in prepared.fingers.items()
+        if finger.source.info.live
+    ]
+    if (m := prepared.muscles) is not None and m.source.info.live:
+        streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
+        alerts["signal"] = partial(_signal, m.source)
+        alerts["votes"] = partial(_votes, m.report)
+    if condition is not None:
+        alerts["muscles"] = lambda: condition.said
+
+    needs: dict[str, Callable[[], str]] = {}
+    worn = sinks.live_vests
+    vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}
+    for part in parts:
+        alerts |= part.alerts()
+        needs |= part.needs()
+    if config.session.pace == "real":
+        alerts["clock"] = ClockStep()
+    if steering is not None:
+        alerts["arm"] = lambda: steering.problem
+    hands = [*sinks.hands, *([] if sinks.steered is None else [sinks.steered])]
+    if hands:
+        alerts["hand"] = lambda: _first(hands, "problem")
+        needs["hand's guard"] = lambda: _first(hands, "guard_problem")
+    return Guard(
+        config.safety,
+        streams=streams,
+        vests=vests,
+        go=controls.go,
+        program=controls.level,
+        alerts=alerts,
+        needs=needs,
+    )
+
+
+def _first(hands: Sequence[object], name: str) -> str:
+    """Return the first of the hands' reports under this name; empty where there is none."""
+    return next(filter(None, (optional(hand, name) for hand in hands)), "")
+
+
+def _signal(source: EmgSource) -> str:
+    """Return the problem in the newest second of a live amplifier's signal, as far as its driver checks."""
+    faults = optional(source, "faults")
+    return f"emg: {'; '.join(faults)}" if faults else ""
+
+
+def _votes(report: SourceReport) -> str:
+    """Say which channels have no vote, and why."""
+    return f"emg: no vote for {'; '.join(report.faults)}" if report.faults else ""
 
 
 class Rig(NamedTuple):

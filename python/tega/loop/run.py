@@ -12,14 +12,13 @@ from tega.config.choose import finger_metric
 from tega.config.motor_onset import motor_onset
 from tega.loop.adapting import open_adaptation
 from tega.loop.controls import Controls
-from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
-from tega.loop.hand_output import HandOutput
 from tega.loop.hand_poll import open_hand_polls
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
 from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
-from tega.loop.pacing import Pacer
+from tega.loop.outputs import HandOutput, VestOutput
+from tega.loop.pacing import Pacer, settle
 from tega.loop.parts import RunStart
 from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.rig import Rig
@@ -27,7 +26,6 @@ from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
-from tega.loop.vest_output import VestOutput
 from tega.records import Alert, Event, RunState, Value
 from tega.records.bus import Bus
 from tega.runtime.clock import Clock, SystemClock
@@ -101,7 +99,9 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         flows.callback(part.end)
     if trace is not None and trace.motor is not None:  # after the recorder has begun
         rig.bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
-    _steer(flows, rig, start_ns)
+    if rig.steering is not None:
+        rig.steering.start(rig.bus, start_ns, may_move=lambda: guard.state == "active")
+        flows.callback(rig.steering.stop)
     touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
     reflex = open_reflex(
         config,
@@ -203,15 +203,12 @@ def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
 
 
 def _metric(rig: Rig, name: str) -> Metric:
-    """Make the metric of a finger."""
     config, prepared = rig.config, rig.prepared
     baseline, calibration = prepared.fingers[name].baseline, prepared.calibration.touch(name)
     return finger_metric(config.stages, config.session.preset, name, baseline, calibration)
 
 
 def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
-    """Publish the run's states and alerts."""
-
     def changed(change: Transition) -> None:
         bus.publish(RunState(t_ns=change.t_ns, state=change.state, reason=change.reason))
 
@@ -221,13 +218,6 @@ def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | 
     )
     if trace is not None:
         guard.watch("latency", lambda: trace.warning)
-
-
-def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
-    """Let the arm follow until the run ends."""
-    if rig.steering is not None:
-        rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
-        flows.callback(rig.steering.stop)
 
 
 def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:

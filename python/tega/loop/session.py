@@ -8,9 +8,9 @@ from typing import Any
 
 from tega.config import SessionConfig
 from tega.loop.controls import Controls
-from tega.loop.gc_pause import settled
-from tega.loop.inbox.prepared import Prepared
+from tega.loop.inbox.inputs import Prepared
 from tega.loop.opening import Opening
+from tega.loop.pacing import settled
 from tega.loop.parts import Part
 from tega.loop.prepare import Progress
 from tega.records.bus import Bus

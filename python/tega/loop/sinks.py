@@ -54,29 +54,17 @@ def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
     return Inputs(seats)
 
 
-def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
-    """Open the vest of the settings; for a named person, with the remaining daily dose."""
-    if config.vest.driver is None:
-        return None
-    return stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
-
-
 def open_sinks(
-    stack: ExitStack,
-    config: SessionConfig,
-    bus: Bus,
-    hand: HandDriver | SteeredHand | None,
+    stack: ExitStack, config: SessionConfig, bus: Bus, hand: HandDriver | SteeredHand | None
 ) -> Sinks:
     """Open the outputs of a run: vest and hand."""
     live_vests: list[VestSink] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
     steered: SteeredHand | None = None
-    vest = _open_vest(stack, config)
-    if vest is not None and vest.info.live:
-        live_vests.append(vest)
-    elif vest is not None:
-        vests.append(vest)
+    if config.vest.driver is not None:
+        vest = stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
+        (live_vests if vest.info.live else vests).append(vest)
     if hand is not None:
         _listen(hand, bus)
         stack.enter_context(hand)

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from tega.haptics import MotorLevels
-from tega.loop.arm_view import ArmView
+from tega.loop.arm_records import ArmView
 from tega.loop.hand import CommandedHand, Hand
 from tega.loop.inbox.inputs import Inputs, SeatSeen
 from tega.loop.latency import LatencyTrace
-from tega.loop.loop_report import LoopReport
+from tega.loop.pacing import LoopReport
 from tega.loop.touch import STALE_NS
 from tega.records import Contact, Event, Intent, Record
 from tega.records.bus import Bus

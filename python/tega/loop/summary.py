@@ -14,8 +14,7 @@ from tega.haptics import Layout
 from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.latency import LatencyTrace
-from tega.loop.loop_report import LoopReport
-from tega.loop.pacing import PacingReport
+from tega.loop.pacing import LoopReport, PacingReport
 from tega.loop.reflex import ReflexArc
 from tega.loop.rig import Rig
 from tega.loop.touch import STALE_NS
@@ -159,7 +158,6 @@ def _emg(state: RunFacts) -> dict[str, Any] | None:
 
 
 def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
-    """Name the drivers of the vests or hands, tables last."""
     sinks = state.rig.sinks
     if kind == "vest":
         infos = [sink.info for sink in (*sinks.live_vests, *sinks.vests)]

@@ -194,7 +194,6 @@ def touch_loop(
 
 
 def _events(detector: Detector, contact: Contact) -> Sequence[Event]:
-    """Return the events that a contact shows."""
     t_ns, finger = contact.t_ns, contact.finger
     touch = TouchFrame(contact.in_contact, contact.eda, contact.mass, contact.peak, *contact.centroid_xy)
     return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch)]

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, cast
 
 from tega.devices.base import DeviceInfo, TactileFrame, TactileSource
 from tega.loop.inbox.frames import measured_contacts
-from tega.loop.inbox.prepared import Finger
+from tega.loop.inbox.inputs import Finger
 from tega.loop.inbox.reader import READ_TIMEOUT_S, ReadAhead
 from tega.loop.touch import STALE_NS
 from tega.records import Contact

@@ -24,8 +24,8 @@ from tega.devices.table_recorder import TableRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder
 from tega.errors import ConfigError, RecordingError
 from tega.haptics import vest as haptics
-from tega.loop.inbox.prepared import Prepared
-from tega.loop.loop_report import LoopReport
+from tega.loop.inbox.inputs import Prepared
+from tega.loop.pacing import LoopReport
 from tega.loop.parts import Part, PartContext
 from tega.loop.sinks import Sinks
 from tega.loop.summary import SUMMARY_FORMAT

@@ -21,7 +21,7 @@ from tega.config.attached import attached_files, config_text
 from tega.config.calibration.store import Calibration, calibration_text
 from tega.config.choose import mapping_choice, metric_choice
 from tega.config.guests import guest_files, guest_packages
-from tega.loop.loop_report import LoopReport
+from tega.loop.pacing import LoopReport
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder

@@ -8,8 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol
 
-from tega.safety.settings import SafetySection
-from tega.safety.states import RunStates, State, Transition
+from tega.safety.states import RunStates, SafetySection, State, Transition
 
 # Looked at this often, and less where nothing is live; a loop that is late, always.
 _POLL_NS = 10_000_000

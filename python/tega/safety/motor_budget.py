@@ -90,10 +90,7 @@ class MotorBudget:
             return notes
         tired = int((self.dose_s > (1 - _TAPER) * self._budget_s).sum())
         why = f"the vibration dose of {tired} motors is nearly used up" if tired else "motors were warm"
-        return (
-            *notes,
-            f"intensity was lowered in {self.n_lowered} frames: {why}",
-        )
+        return (*notes, f"intensity was lowered in {self.n_lowered} frames: {why}")
 
     def _pass(self, t_ns: int) -> None:
         """Apply the effect of the shown frame until now, in steps short enough for the taper to hold."""

@@ -1,8 +1,13 @@
-"""Collect the wishes to stop a run, from wherever they come, and keep why."""
+"""Collect the wishes to stop a run, from wherever they come, and keep why; turn Ctrl-C into one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
 
 
 class Stop:
@@ -43,3 +48,56 @@ class Stop:
         ``source`` returns at once: the reason once it wants the run to end, ``""`` before.
         """
         self._sources.append(source)
+
+
+_PATIENCE_S = 1.0
+
+
+class CtrlC(Stop):
+    """Turns the first Ctrl-C (or request to terminate) into a stop that the loop polls.
+
+    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further
+    ones do nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._at_once = False
+        self._old: dict[int, Any] = {}
+        self._requested_s = 0.0
+        self._interrupted = False
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if not self.requested:
+            self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
+            self._requested_s = time.monotonic()
+            if self._at_once:
+                self._interrupted = True
+                raise KeyboardInterrupt
+        elif not self._interrupted and time.monotonic() - self._requested_s > _PATIENCE_S:
+            self._interrupted = True
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def interrupting(self) -> Iterator[None]:
+        """Have the first one interrupt, as long as nothing runs that would have to be left silent."""
+        self._at_once = True
+        try:
+            yield
+        finally:
+            self._at_once = False
+
+    def __enter__(self) -> CtrlC:
+        """Take over the signals."""
+        # The last one comes when the terminal is closed or the connection to it is lost; Windows has none.
+        for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            # Who starts it with nohup wants it to go on.
+            if number in self._old or signal.getsignal(number) == signal.SIG_IGN:
+                continue
+            self._old[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Give the signals back."""
+        for number, handler in self._old.items():
+            signal.signal(number, handler)

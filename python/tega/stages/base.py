@@ -296,10 +296,7 @@ class Mapping(_Stage, ABC):
 
     @abstractmethod
     def levels(
-        self,
-        t_ns: int,
-        contacts: collections.abc.Mapping[str, Contact],
-        events: Sequence[Event],
+        self, t_ns: int, contacts: collections.abc.Mapping[str, Contact], events: Sequence[Event]
     ) -> NDArray[np.float64]:
         """Return the level of every motor at a time.
 

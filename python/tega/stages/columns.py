@@ -17,18 +17,9 @@ from tega.stages.base import Mapping, StageOptions, VestSetup
 from tega.wire.allegro_messages import Finger
 
 FIELDS = (
-    "cci",
-    "eda",
-    "peak",
-    "mass",
-    "spread",
-    "threshold",
-    "area_mm2",
-    "depth_mm",
-    "force_n",
-    "strength",
+    "cci", "eda", "peak", "mass", "spread", "threshold", "area_mm2", "depth_mm", "force_n", "strength",
     "broad",
-)
+)  # fmt: skip
 """Numbers of a contact that a face can show."""
 
 _Columns = tuple[Finger, Finger, Finger, Finger]

@@ -82,7 +82,6 @@ class PulsesMapping(Mapping):
         return levels
 
     def _notify(self, event: Event) -> None:
-        """Begin an event's pulse, unless the same event was just shown."""
         o = self._options
         level = {"contact": o.contact, "release": o.release, "slip": o.slip}.get(event.kind, 0.0)
         key = event.kind, event.finger

@@ -199,7 +199,6 @@ def accept_hand(
 
 
 def _reported_rate(agreed_hz: float, measured: Mapping[str, float]) -> AcceptanceStep:
-    """Return the rate that ``doctor`` measured with the motors off."""
     rate_hz = measured.get("rate_hz")
     if rate_hz is None:
         return AcceptanceStep(name="rate", status="skipped", said="its driver cannot read it without force")

@@ -118,7 +118,6 @@ def accept_camera(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceSte
 
 
 def _small(frame: Any) -> NDArray[Any]:
-    """Return every fourth row and column of a picture."""
     return np.asarray(frame.image[::4, ::4], np.float32)
 
 

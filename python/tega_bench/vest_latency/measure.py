@@ -16,9 +16,8 @@ from tega.errors import CalibrationError, DeviceUnavailableError
 from tega.haptics import Layout
 from tega.runtime.clock import Clock
 from tega.setup.calibration.identify import light_motor
-from tega_bench.vest_latency.clock import ClockMap, by_clicks
 from tega_bench.vest_latency.detect import Onsets, find_onsets
-from tega_bench.vest_latency.log import OnsetLog
+from tega_bench.vest_latency.log import ClockMap, OnsetLog, by_clicks
 
 BURST_S: Final = 0.5
 # Long enough for a motor to stand still again, uneven so that nothing periodic keeps step.

@@ -27,56 +27,37 @@ TITLE = "TEGA demo: everything but the loop is simulated"
 
 @click.command(epilog="Example: tega-teleop demo --objects bag --condition non-haptic --out my-demo")
 @click.option(
-    "--objects",
-    type=NameList(),
-    default="bottle,container,bag",
-    show_default=True,
+    "--objects", type=NameList(), default="bottle,container,bag", show_default=True,
     help="Objects to lift, one after the other.",
-)
+)  # fmt: skip
 @click.option(
-    "--condition",
-    default="haptic",
-    show_default=True,
+    "--condition", default="haptic", show_default=True,
     help="Condition of the vest: haptic (on), non-haptic (off), or another of docs/sim.md.",
-)
+)  # fmt: skip
 @click.option(
-    "--operator",
-    type=click.Choice(["simulated", "scripted", "keyboard"]),
-    default="simulated",
+    "--operator", type=click.Choice(["simulated", "scripted", "keyboard"]), default="simulated",
     show_default=True,
     help="Who leads the hand: the simulated person, a fixed script, or you at the keyboard.",
-)
+)  # fmt: skip
 @click.option(
-    "--seed",
-    type=click.IntRange(0, 2**31),
-    default=1,
-    show_default=True,
+    "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True,
     help="Seed of the simulated person and of all noise.",
-)
+)  # fmt: skip
 @click.option(
-    "--practice",
-    type=click.IntRange(0, 20),
-    default=0,
-    show_default=True,
+    "--practice", type=click.IntRange(0, 20), default=0, show_default=True,
     help="Lifts of each object before the one that counts.",
-)
+)  # fmt: skip
 @loop_options
 @click.option("--fast", is_flag=True, help="Compute as fast as the machine can; do not wait for real time.")
 @view_options
 @click.option(
-    "--out",
-    "out_dir",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("tega-demo"),
-    show_default=True,
-    help="Folder for the tables and the picture.",
-)
+    "--out", "out_dir", type=click.Path(path_type=Path, file_okay=False), default=Path("tega-demo"),
+    show_default=True, help="Folder for the tables and the picture.",
+)  # fmt: skip
 @click.option(
-    "--record",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
+    "--record", type=click.Path(path_type=Path, file_okay=False), metavar="DIR",
     help="Record each lift into this session folder, for play, verify, recording inspect and export.",
-)
+)  # fmt: skip
 @json_option
 def demo(
     *,
@@ -113,7 +94,7 @@ def demo(
 
     from tega.recording.run_tables import prepare_folder
     from tega.runtime.threads import short_turns
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega.ui.cli.options import with_origin
     from tega_sim.demo import demo_outputs, draw_demo, prepare_demo, run_demo, write_demo
     from tega_sim.trials import plan_trials
@@ -122,17 +103,11 @@ def demo(
         raise click.UsageError("--fast leaves no time for a person at the keyboard")
     sets = loop_sets(config, sets)
     plans = plan_trials(
-        objects,
-        [condition],
-        [seed],
-        operator=operator,
-        preset=preset,
-        practice=practice,
-        settings=sets,
+        objects, [condition], [seed], operator=operator, preset=preset, practice=practice, settings=sets
     )
     recorder = None
     if record is not None:
-        from tega_sim.recorded import LiftRecorder
+        from tega_sim.streams import LiftRecorder
 
         require("foxglove", driver="recording", extra="record")
         recorder = LiftRecorder(record, real_time=not fast)
@@ -211,7 +186,6 @@ def _displayed(
 
 @contextmanager
 def _at_keyboard(plan: TrialPlan) -> Iterator[TrialSteering]:
-    """Take the terminal's keys; yield who acts by them."""
     from tega_sim.lab import lab_of
     from tega_sim.operator import KEYS_HELP, KeyboardOperator, Keys
 
@@ -222,7 +196,6 @@ def _at_keyboard(plan: TrialPlan) -> Iterator[TrialSteering]:
 
 
 def _without_events(trial: TrialResult) -> str:
-    """Describe the outcome of a trial in which the scorer noted no event."""
     if trial.drops:
         return "lifted, then dropped"
     if trial.lift_off_s is None:
@@ -233,7 +206,6 @@ def _without_events(trial: TrialResult) -> str:
 
 
 def _print(report: DemoReport, *, real_time: bool) -> None:
-    """Print the summary: one row a trial, then what stood behind it."""
     out = print_rows(
         "simulated lifts",
         report.trials,

@@ -2,11 +2,8 @@
 
 from tega.runtime.keys import Keys
 from tega_sim.operator.acting import Operator
-from tega_sim.operator.calibrate import Calibrated, calibrate
-from tega_sim.operator.effects import EFFECTS
-from tega_sim.operator.emg import CHANNELS, ForearmEmg
-from tega_sim.operator.emg_noise import TICK_HZ
-from tega_sim.operator.keyboard import KEYS_HELP, KeyboardOperator
+from tega_sim.operator.emg import CHANNELS, Calibrated, ForearmEmg, calibrate
+from tega_sim.operator.emg_noise import EFFECTS, TICK_HZ
 from tega_sim.operator.person import (
     Parameters,
     PersonNumbers,
@@ -17,33 +14,13 @@ from tega_sim.operator.person import (
     people_digest,
     typical_person,
 )
-from tega_sim.operator.scripted import ScriptedOperator
+from tega_sim.operator.scripted import KEYS_HELP, KeyboardOperator, ScriptedOperator
 from tega_sim.operator.shams import SHAMS, Sham, sham_vest
 from tega_sim.operator.vision import VIEWS, ViewName
 
 __all__ = [
-    "CHANNELS",
-    "EFFECTS",
-    "KEYS_HELP",
-    "SHAMS",
-    "TICK_HZ",
-    "VIEWS",
-    "Calibrated",
-    "ForearmEmg",
-    "KeyboardOperator",
-    "Keys",
-    "Operator",
-    "Parameters",
-    "PersonNumbers",
-    "RulesVersion",
-    "ScriptedOperator",
-    "Sham",
-    "ViewName",
-    "calibrate",
-    "clear_skin",
-    "draw_person",
-    "load_parameters",
-    "people_digest",
-    "sham_vest",
-    "typical_person",
-]
+    "CHANNELS", "EFFECTS", "KEYS_HELP", "SHAMS", "TICK_HZ", "VIEWS", "Calibrated", "ForearmEmg",
+    "KeyboardOperator", "Keys", "Operator", "Parameters", "PersonNumbers", "RulesVersion",
+    "ScriptedOperator", "Sham", "ViewName", "calibrate", "clear_skin", "draw_person", "load_parameters",
+    "people_digest", "sham_vest", "typical_person",
+]  # fmt: skip

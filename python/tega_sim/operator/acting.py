@@ -15,11 +15,9 @@ import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
-from tega_sim.operator.belief import Closure, ObjectBelief, Panel
-from tega_sim.operator.forearm import SimulatedForearm
+from tega_sim.operator.belief import Closure, ConfirmedClosure, ObjectBelief, Panel
 from tega_sim.operator.grip import Decision, GripDecisions
-from tega_sim.operator.motor import MuscleMotor
-from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.motor import MuscleMotor, SimulatedForearm
 from tega_sim.operator.person import PersonNumbers, RulesVersion, stream
 from tega_sim.operator.renewing import JudgingEyes, RenewingGrip, SettledGrip
 from tega_sim.operator.vest_sense import POLL_S, Skin
@@ -139,12 +137,7 @@ class Operator:
         trial.last_s = t_s
         grip = trial.grip
         trial.pending += trial.eyes.observe(
-            t_s,
-            dt_s,
-            percept.scene,
-            carried=grip.carrying,
-            lifting=grip.phase == "lift",
-            held=grip.held,
+            t_s, dt_s, percept.scene, carried=grip.carrying, lifting=grip.phase == "lift", held=grip.held
         )
         learns = self._rules == 3 or self._view != "direct"
         if percept.scene.dropped and grip.held and learns and not trial.lost:

@@ -1,6 +1,13 @@
 """Estimate how closed a person believes the hand to be, and what closure an object needs and bears.
 
 All in levels, all Gaussian. The pure functions are the moment updates; :class:`ObjectBelief` outlasts a trial.
+
+The first version of the person's rules (:data:`tega_sim.operator.RulesVersion`) learns a straight line from closure to
+a panel's log intensity; the vest's real course is curved, flat at both ends, and may have nothing to do with the grip.
+In the others it is a curve over closure, and a panel moves the belief only by as much as the person trusts it. Trust is
+the probability that the panel follows the closure rather than a source of its own (causal inference in cue combination;
+Ernst and Banks 2002, doi 10.1038/415429a; Koerding 2007, doi 10.1371/journal.pone.0000943). It starts low and grows
+only by readings that were predicted.
 """
 
 from __future__ import annotations
@@ -174,3 +181,126 @@ def best_level(belief: ObjectBelief, aim_sd: float) -> int:
     """Return the level of least expected cost for a hand that closes again."""
     closure_var = belief.grip.closure_sd**2
     return min(range(1, 6), key=lambda level: cost(belief, level, (aim_sd * level) ** 2 + closure_var))
+
+
+_PANEL_PLACE: dict[Panel, int] = {"front": 0, "back": 1}
+# The curve is kept at these closures, levels, straight in between.
+_KNOTS = np.arange(1.0, 5.6, 0.5)
+# Departure of the curve from a straight line: standard deviation in ln, and over how many levels it changes. Between
+# nothing felt and full drive lie ln(1/0.2) = 1.6, which a curve may run through within a level.
+_BEND_SD, _BEND_LEVELS = 0.5, 1.0
+# Log odds that a panel follows the closure, before it has shown so, and how far they can go: 1 in 20, and 1 in 400.
+_FIRST_ODDS, _MOST_ODDS = -3.0, 6.0
+
+
+class ConfirmedClosure(Closure):
+    """Belief about the closure and about the panels' curves (extended Kalman filter), with trust.
+
+    ``threshold`` is the intensity felt in half of the looks, share of full drive; the intensity of a panel
+    that does not follow the closure lies anywhere between this and 1, in ln. ``log_odds``, by panel, are that
+    it follows it.
+    """
+
+    def __init__(self, grip: GripSection, threshold: float) -> None:
+        super().__init__(grip)
+        n = len(_KNOTS)
+        apart = _KNOTS[:, None] - _KNOTS[None, :]
+        from_mid = _KNOTS - grip.need
+        prior = (
+            grip.line_intercept_sd**2
+            + grip.line_slope_sd**2 * np.outer(from_mid, from_mid)
+            + _BEND_SD**2 * np.exp(-0.5 * (apart / _BEND_LEVELS) ** 2)
+            + 1e-6 * np.eye(n)
+        )
+        # As the person is taught: stronger is tighter, barely felt at the first touch, full at the firmest grip.
+        taught = np.clip((_KNOTS - 5.0) / 3.5, -1.0, 0.0) * math.log(1.0 / threshold)
+        self._mean = np.concatenate([[1.0], taught, taught])
+        self._cov = np.zeros((1 + 2 * n, 1 + 2 * n))
+        for place in range(2):
+            at = slice(1 + place * n, 1 + (place + 1) * n)
+            self._cov[at, at] = prior
+        self._own_direction = 1.0 / max(math.log(1.0 / threshold), 0.5)
+        self.log_odds: dict[Panel, float] = {"front": _FIRST_ODDS, "back": _FIRST_ODDS}
+
+    def trust(self, panel: Panel) -> float:
+        """Probability that a panel follows the closure."""
+        return 1 / (1 + math.exp(-self.log_odds[panel]))
+
+    def slope(self, panel: Panel) -> float:
+        """Change of a panel's log intensity with one level, here."""
+        return float(self._difference(panel) @ self._mean)
+
+    def known(self, panel: Panel) -> bool:
+        """Whether the slope here stands two standard deviations clear of 0, and is not flat."""
+        d = self._difference(panel)
+        return abs(float(d @ self._mean)) > max(
+            2 * math.sqrt(max(float(d @ self._cov @ d), 0.0)), self._least
+        )
+
+    def fade(self, var: float) -> None:
+        """Become less sure of how strong the vest is felt altogether."""
+        n = len(_KNOTS)
+        for place in range(2):
+            at = slice(1 + place * n, 1 + (place + 1) * n)
+            self._cov[at, at] += var
+
+    def observe(self, level: float, var: float) -> None:
+        """Take in one independent reading of the closure."""
+        h = np.zeros(len(self._mean))
+        h[0] = 1.0
+        self._take(level - self.x, h, var, share=1.0, learns=True)
+
+    def feel(self, panel: Panel, y: float, var: float, *, fresh: bool = True) -> None:
+        """Take in a panel's mean log intensity; moves the closure by as much as the panel is trusted.
+
+        ``fresh`` is whether the command is so recent that the closure aimed at is a fair guess of the real
+        one. Only then curve and trust are learned; later, muscles having slackened, a change is one of the
+        closure.
+        """
+        h = self._curve(panel)
+        surprise = y - float(h @ self._mean)
+        d = self._difference(panel)
+        h[0] = float(d @ self._mean)
+        # The slope is not known either: of second order, but what keeps an unlearned panel from being read.
+        var += float(d @ self._cov @ d) * self.var
+        if fresh:
+            spread = float(h @ self._cov @ h) + var
+            foretold = math.exp(-surprise * surprise / (2 * spread)) / math.sqrt(2 * math.pi * spread)
+            odds = self.log_odds[panel] + math.log(max(foretold, 1e-12) / self._own_direction)
+            self.log_odds[panel] = min(max(odds, -_MOST_ODDS), _MOST_ODDS)
+        self._take(surprise, h, var, share=self.trust(panel), learns=fresh)
+
+    def _curve(self, panel: Panel) -> NDArray[np.float64]:
+        """Weights of the knots at the closure believed in, in the state."""
+        h = np.zeros(len(self._mean))
+        left, part = self._place()
+        at = 1 + _PANEL_PLACE[panel] * len(_KNOTS) + left
+        h[at], h[at + 1] = 1 - part, part
+        return h
+
+    def _difference(self, panel: Panel) -> NDArray[np.float64]:
+        d = np.zeros(len(self._mean))
+        left, _ = self._place()
+        at = 1 + _PANEL_PLACE[panel] * len(_KNOTS) + left
+        step = float(_KNOTS[1] - _KNOTS[0])
+        d[at], d[at + 1] = -1 / step, 1 / step
+        return d
+
+    def _place(self) -> tuple[int, float]:
+        step = float(_KNOTS[1] - _KNOTS[0])
+        left = min(max(int((self.x - _KNOTS[0]) / step), 0), len(_KNOTS) - 2)
+        return left, min(max((self.x - float(_KNOTS[left])) / step, 0.0), 1.0)
+
+    def _take(
+        self, surprise: float, h: NDArray[np.float64], var: float, *, share: float, learns: bool
+    ) -> None:
+        spread = self._cov @ h
+        gain = spread / (float(h @ spread) + var)
+        gain[0] *= share
+        if not learns:
+            gain[1:] = 0.0
+        self._mean = self._mean + gain * surprise
+        self._mean[0] = min(max(self._mean[0], 0.5), 5.5)
+        # The form that holds for any gain.
+        keep = np.eye(len(h)) - np.outer(gain, h)
+        self._cov = keep @ self._cov @ keep.T + var * np.outer(gain, gain)

@@ -10,7 +10,7 @@ For each muscle ``m`` with excitation ``U`` (share of the strongest), slow drive
 Amplitude-modulated Gaussian noise: Shwedyk, Balasubramanian and Scott 1977; spectrum: Farina and Merletti 2000.
 Noise is made in bulk, a second at a time; a call costs some microseconds and any division into calls gives the same
 samples. Electrode shift, sweat, co-contraction and posture are effects, off unless named
-(:mod:`tega_sim.operator.effects`). Not modelled: motor units, the amplifier's own band, quantisation, lost samples.
+(:mod:`tega_sim.operator.emg_noise`). Not modelled: motor units, the amplifier's own band, quantisation, lost samples.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
+from tega.emg import GraspIntent, Preset, channel_maxima
 from tega.errors import InvalidValueError, ShapeError
-from tega_sim.operator.effects import Disturbance
-from tega_sim.operator.emg_noise import TICK_HZ, NoiseMaker, Second
+from tega_sim.operator.emg_noise import TICK_HZ, Disturbance, NoiseMaker, Second
 from tega_sim.operator.person import PersonNumbers, stream
 from tega_sim.seams import Act
 
@@ -54,7 +54,7 @@ class ForearmEmg:
         label: Which stretch of the session: another trial, other noise and electrodes shifted a little.
         rate_hz: Samples per second, 200 to 10,000.
         settled: Electrodes exactly as at calibration, gain 1.
-        effects: What has changed since the calibration: names of :data:`tega_sim.operator.effects.EFFECTS`.
+        effects: What has changed since the calibration: names of :data:`tega_sim.operator.emg_noise.EFFECTS`.
 
     Raises:
         InvalidValueError: The rate is out of range, or there is no such effect.
@@ -130,7 +130,6 @@ class ForearmEmg:
         self.fatigue *= math.exp(-self._p.recovery_per_s * self._p.recovery_at_rest * seconds)
 
     def _samples(self, excitations: list[float], height_m: float, *, moving: bool) -> NDArray[np.float64]:
-        """Return the samples of one or more ticks of one second."""
         tick, n = self._tick % TICK_HZ, len(excitations)
         if tick == 0 or self._second is None:
             self._second = self._noise.second(self.fatigue)
@@ -167,7 +166,6 @@ class ForearmEmg:
     def _scales(
         self, excitation: float, drive: list[float], added: tuple[float, float, float], height_m: float
     ) -> tuple[float, ...]:
-        """Return the amplitude of each muscle, µV."""
         p = self._p
         slow_sd = math.sqrt(p.drive_floor**2 + (p.drive_share * excitation) ** 2)
         stronger = 1 + p.fatigue_gain * self.fatigue
@@ -196,7 +194,6 @@ class ForearmEmg:
         return _Artefact(self._tick, int(3 * where), float(height if sign < 0.5 else -height), float(omega))
 
     def _shake(self, signal: NDArray[np.float64], tick: int, artefacts: list[_Artefact]) -> None:
-        """Add artefacts to the samples of a tick."""
         decay_s = self._p.artefact_decay_ms / 1e3
         inside_s = np.arange(len(signal)) / self.rate_hz
         for jolt in artefacts:
@@ -204,6 +201,49 @@ class ForearmEmg:
             signal[:, jolt.channel] += jolt.height_uv * np.exp(-t_s / decay_s) * np.cos(jolt.omega * t_s)
 
     def _forget_artefacts(self) -> None:
-        """Drop what has died away."""
         oldest = self._tick - round(12 * self._p.artefact_decay_ms / 1e3 * TICK_HZ)
         self._artefacts = [jolt for jolt in self._artefacts if jolt.start > oldest]
+
+
+_SQUEEZE_S = 3.0
+_PAUSE_S = 2.0
+_SQUEEZES = 3
+# The rise of a squeeze, left out where its steady part is looked at.
+_RISE_S = 0.5
+
+
+class Calibrated(NamedTuple):
+    """Maxima of a simulated person's muscles, and the effort that these stand for.
+
+    Attributes:
+        maxima: For :class:`tega.emg.GraspIntent`, µV, float64 (3,).
+        tau: Samples per block that they hold for.
+        full_effort: Excitation at which the channels' means are at the maxima in use, for
+            :class:`tega_sim.operator.Operator`: what practice with the level on show teaches.
+    """
+
+    maxima: NDArray[np.float64]
+    tau: int
+    full_effort: float
+
+
+def calibrate(
+    person: PersonNumbers, *, seed: int, rate_hz: float = 1000.0, tau_s: float = 0.1, preset: Preset = "live"
+) -> Calibrated:
+    """Take the maxima of three strong squeezes through the real chain, in blocks of ``tau_s``.
+
+    ``preset`` picks the percentile that is used: the largest block for ``paper``, the 95th for ``live``.
+    """
+    effort, tau = person.motor.calibration_effort, round(tau_s * rate_hz)
+    forearm = ForearmEmg(person, seed=seed, label="calibration", rate_hz=rate_hz, settled=True)
+    squeeze = effort * np.minimum(np.arange(round(_SQUEEZE_S * TICK_HZ)) / (_RISE_S * TICK_HZ), 1.0)
+    pause = np.zeros(round(_PAUSE_S * TICK_HZ))
+    course = np.concatenate([pause, *[np.concatenate([squeeze, pause])] * _SQUEEZES])
+    samples = forearm.course(course)
+    percentile = 100.0 if preset == "paper" else 95.0
+    maxima = channel_maxima(samples, rate_hz, tau=tau, percentile=percentile)
+    ticks = (np.arange(len(samples)) * (TICK_HZ / rate_hz)).astype(np.int64)
+    steady = samples[course[ticks] >= effort]
+    means = channel_maxima(steady, rate_hz, tau=tau, percentile=50.0)
+    in_use = GraspIntent(rate_hz, maxima, tau=tau, preset=preset).maxima
+    return Calibrated(maxima, tau, effort * float(np.mean(in_use / means)))

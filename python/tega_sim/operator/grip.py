@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tega_sim.operator.belief import ObjectBelief, best_level, cost
-from tega_sim.operator.forearm import FARTHEST_M, SimulatedForearm
+from tega_sim.operator.motor import FARTHEST_M, SimulatedForearm
 from tega_sim.operator.person import PersonNumbers
 from tega_sim.operator.vision import Kind, SeenEvent
 from tega_sim.seams import WorldTruth
@@ -142,7 +142,6 @@ class GripDecisions:
         return event.began_s < self._commanded_s + self._grip.closing_step_s
 
     def _answers(self, _event: SeenEvent) -> bool:
-        """Whether an event is answered by a command at all."""
         return True
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:

@@ -1,4 +1,4 @@
-"""Compute the excitation of the grip muscles from the level that a person has in mind.
+"""Compute the excitation of the grip muscles from the level that a person has in mind, and move the forearm smoothly.
 
 A command aims at the middle of its level and misses it by an error drawn once; two equal lags shape the rise; held
 levels slacken. EMG follows the excitation at once. The person feels the effort later, through activation and
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Final
 
 import numpy as np
 
@@ -83,3 +84,41 @@ class MuscleMotor:
     def felt_level(self) -> float:
         """Return the own effort as it is felt now, in levels; wrong by one share as long as a command lasts."""
         return 4 * self._felt_now * (1 + self._bias) / self._full + 0.5
+
+
+AWAY_M: Final = 0.1
+"""Distance of the second marked place from the first, back from the palm, metres; a task of one place has none."""
+
+FARTHEST_M: Final = 0.2
+"""How far back the hand can be led, metres."""
+
+
+class SimulatedForearm:
+    """Moves the hand as a whole from place to place, with minimum jerk.
+
+    ``start_m`` is height over the grasp pose and distance back from it.
+    """
+
+    def __init__(self, start_m: tuple[float, float]) -> None:
+        self._from = self._to = start_m
+        self._start_s, self._duration_s = 0.0, 0.0
+        self.at_m = start_m
+
+    def move(self, to_m: tuple[float, float], t_s: float, duration_s: float) -> None:
+        """Set out from where the hand is now; it arrives ``duration_s`` later."""
+        self._from, self._to = self.at_m, to_m
+        self._start_s, self._duration_s = t_s, duration_s
+
+    def step(self, t_s: float) -> tuple[float, float]:
+        """Return the place at ``t_s``."""
+        share = 1.0 if self._duration_s <= 0 else min(max((t_s - self._start_s) / self._duration_s, 0.0), 1.0)
+        eased = share**3 * (10 - 15 * share + 6 * share * share)
+        self.at_m = (
+            self._from[0] + (self._to[0] - self._from[0]) * eased,
+            self._from[1] + (self._to[1] - self._from[1]) * eased,
+        )
+        return self.at_m
+
+    def still(self, t_s: float, settle_s: float) -> bool:
+        """Whether the last movement ended at least ``settle_s`` ago."""
+        return t_s >= self._start_s + self._duration_s + settle_s - 1e-9

@@ -38,7 +38,7 @@ FROZEN_SHA256 = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006
 RulesVersion: TypeAlias = Literal[1, 2, 3]
 """Version of the rules: 3 is the default of simulated studies, 1 of single trials.
 
-By 2 (:mod:`tega_sim.operator.renewing`, :mod:`tega_sim.operator.panels`) the person ignores the vest until a panel has
+By 2 (:mod:`tega_sim.operator.renewing`, :mod:`tega_sim.operator.belief`) the person ignores the vest until a panel has
 been shown to follow the closure; 3 (:mod:`tega_sim.operator.renewing`) on top of it distinguishes harm from the give
 that every hold needs. A change in the person's behaviour is another version."""
 

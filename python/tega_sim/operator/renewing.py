@@ -64,11 +64,9 @@ class RenewingGrip(GripDecisions):
         return cost(self.belief, level, min(self._renewed(level), self._corrected(level)))
 
     def _renewed(self, level: int) -> float:
-        """Variance of the closure after a new movement to a level."""
         return (self._aim_sd * level) ** 2 + self._grip.closure_sd**2
 
     def _corrected(self, level: int) -> float:
-        """Variance of the closure after going to a level from the closure believed in."""
         return self.closure.var + (self._aim_sd * (level - self.closure.x)) ** 2
 
     def _command(self, t_s: float, level: int, why: str) -> Decision:

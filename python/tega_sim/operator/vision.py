@@ -124,7 +124,6 @@ class Eyes:
 
     @property
     def _looking(self) -> bool:
-        """Whether the hand is seen now."""
         return math.isfinite(self._aside_deg) if self._elsewhere else self.on_hand
 
     def _check(self, t_s: float, scene: WorldTruth) -> list[SeenEvent]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -30,45 +30,6 @@ class Shape(NamedTuple):
     kind: Literal["sphere", "capsule", "cylinder", "box", "plane"]
     size_m: tuple[float, float, float]
     rgba: tuple[float, float, float, float]
-
-
-class LiftedBody(Protocol):
-    """Measurements of a lifted object; all of it in the world frame."""
-
-    def move(self, x_m: float, y_m: float) -> None:
-        """Put the object elsewhere on the table."""
-
-    def push(self, force_n: float) -> None:
-        """Push the object down from now on."""
-
-    def middle_m(self) -> tuple[float, float, float]:
-        """Return where the object's middle is."""
-
-    def upright(self) -> tuple[float, float, float]:
-        """Return the object's axis, from bottom to top, of length 1."""
-
-    def rise_m_s(self) -> float:
-        """Return how fast the object's middle goes up."""
-
-    def lowest_m(self) -> float:
-        """Return the height of the object's lowest point."""
-
-    def narrowing_m(self) -> float:
-        """Return how much narrower the object is than untouched."""
-
-    def damage_m(self) -> float:
-        """Return how much of the narrowing stays."""
-
-    def shapes(self) -> list[Shape]:
-        """Return what to draw beside the model's own shapes."""
-
-    def poses(self) -> NDArray[np.float64]:
-        """Return where the shapes to draw are, float64 (n, 7)."""
-
-
-def body_of(mujoco: Any, model: Any, data: Any, spec: ObjectSpec) -> LiftedBody:
-    """Return the object of a model, to ask."""
-    return Flexed(mujoco, model, data, spec) if spec.shell == "flex" else Sprung(model, data, spec)
 
 
 class Sprung:
@@ -235,6 +196,15 @@ class Flexed:
         for pose, turn in zip(poses, turned, strict=True):
             self._mujoco.mju_mat2Quat(pose[3:], turn)
         return poses
+
+
+LiftedBody: TypeAlias = Sprung | Flexed
+"""A lifted object, to be measured; all of it in the world frame."""
+
+
+def body_of(mujoco: Any, model: Any, data: Any, spec: ObjectSpec) -> LiftedBody:
+    """Return the object of a model, to ask."""
+    return Flexed(mujoco, model, data, spec) if spec.shell == "flex" else Sprung(model, data, spec)
 
 
 def _hats(places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,10 +9,9 @@ import numpy as np
 
 from tega.errors import InvalidValueError, MissingExtraError
 from tega.hand.mjcf import hand_actuators, hand_body
-from tega_sim.world.arm import arm_actuators, arm_body
-from tega_sim.world.flex import flex_body
+from tega_sim.world.flex import flex_body, object_body, object_tendons, wall_rad_s
+from tega_sim.world.follower import arm_actuators, arm_body
 from tega_sim.world.objects import ObjectSpec
-from tega_sim.world.shells import object_body, object_tendons, wall_rad_s
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

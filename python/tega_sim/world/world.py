@@ -13,10 +13,9 @@ from tega.hand.mjcf import TORQUE_LIMITS_NM, joint_names
 from tega_sim.world.body import Shape, body_of
 from tega_sim.world.follower import ArmFollower
 from tega_sim.world.objects import OBJECTS, ObjectSpec
-from tega_sim.world.pads import PadContacts
 from tega_sim.world.poses import GRASP_POSES_RAD
 from tega_sim.world.scene import PALM_ROTATION, Physics, build, grasp_palm_m, import_mujoco, physics_for
-from tega_sim.world.truth import Witness
+from tega_sim.world.truth import PadContacts, Witness
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -89,7 +89,7 @@ def run(
     used (tega-teleop calibrate LAB.toml --person ID). Ctrl-C breaks a running trial off; the same command goes on. With
     --json: {"participant", "over", "trials", "next"}.
     """
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega_study.lead.experimenter import desk_for
     from tega_study.lead.session import lead_session
     from tega_study.plan import read_plan

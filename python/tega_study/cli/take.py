@@ -43,7 +43,7 @@ def take(
     A discarded episode's recording is deleted; episodes.jsonl keeps a line of it. With arm.start_m the arm goes to its
     start after each, while the dead-man is held. With --json: {"folder", "kept", "discarded"}.
     """
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega_study.episodes.take import EpisodeTaker
     from tega_study.lead.experimenter import desk_for
 

@@ -21,7 +21,7 @@ from tega.runtime.files.annotations import CodedEvent
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project
 from tega.runtime.files.foreign_file import parse_json, plain_name, read_foreign
 from tega.runtime.files.whole_file import write_whole
-from tega_scene.own_film import filmed_cameras, own_recording
+from tega_scene.record import filmed_cameras, own_recording
 from tega_study.detecting import DETECTOR, read_detected
 from tega_study.journal import counting, events_path, read_events
 from tega_study.observers import check_new

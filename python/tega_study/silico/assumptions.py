@@ -24,8 +24,8 @@ from tega_sim.operator import RulesVersion, load_parameters, people_digest
 from tega_sim.operator.person import Parameter
 from tega_sim.operator.vision import ViewName
 from tega_sim.plan import loop_settings
-from tega_sim.removed import REMOVED_FIELDS
 from tega_sim.world import ObjectSpec
+from tega_sim.world.objects import REMOVED_FIELDS
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 PACKAGE: Final = Path(tega.__file__).parent

@@ -76,7 +76,7 @@ def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes
 
 def _go(job: SessionJob, folder: Path) -> None:
     from tega_sim.lift import Lift
-    from tega_sim.practice import practise
+    from tega_sim.trial import practise
 
     stated = job.assumptions
     same = {"preset": stated.preset, "settings": stated.settings, "rules": stated.rules, "view": stated.view}

@@ -14,7 +14,7 @@ from typing import Any
 from tega.errors import DeviceUnavailableError, InvalidValueError, MissingExtraError, WrongDeviceError
 from tega_sim.conditions import SESSION_CONDITIONS
 from tega_sim.operator import load_parameters
-from tega_sim.workers import over_cores
+from tega_sim.trials import over_cores
 from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from tega.arm.messages import Health
 from tega.config import check_tree, load_config
-from tega.loop.arm_view import ArmView
+from tega.loop.arm_records import ArmView
 from tega.loop.snapshot import LoopView
 from tega.setup.doctor import Finding, examine, lab_settings
 from tega.ui.cli.main import main

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tega.safety.clock_step import ClockStep
+from tega.loop.rig import ClockStep
 
 S = 1_000_000_000
 

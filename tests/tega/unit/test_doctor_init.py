@@ -18,7 +18,7 @@ from tega.errors import ConfigError
 from tega.loop import run_session
 from tega.setup.doctor import examine
 from tega.setup.doctor.bench import DriverProbe
-from tega.stages.units import unit_of
+from tega.stages.registry import unit_of
 from tega.ui.cli.main import main
 
 

@@ -27,7 +27,7 @@ from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.loop import run_session
 from tega.loop.controls import Controls
-from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.inputs import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport, chunk_of, frame_of
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_copy import McapCopy, McapRecords

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.config.choose import preset_metric
+from tega.loop.adapting import REZERO_SEAT, FingerRezero, RezeroKey
 from tega.loop.inbox.sources import SourceReport
-from tega.loop.rezeroing import REZERO_SEAT, FingerRezero, RezeroKey
 from tega.records import Button, Contact
 from tega.records.bus import Bus
 from tega.stages.base import Metric

@@ -14,7 +14,7 @@ import pytest
 from reference.parts import observed
 from reference.waiting import until
 from tega.config import check_tree
-from tega.loop.gc_pause import settle, settled
+from tega.loop.pacing import settle, settled
 from tega.loop.session import run_session
 from tega.loop.snapshot import LoopView
 from tega.runtime import threads as priority

@@ -9,8 +9,7 @@ import pytest
 
 from tega.loop.inbox.sources import SourceReport
 from tega.safety.guard import Guard, Watched
-from tega.safety.settings import SafetySection
-from tega.safety.states import Transition
+from tega.safety.states import SafetySection, Transition
 from tega.safety.stop import Stop
 
 MS = 1_000_000

@@ -25,10 +25,10 @@ from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
+from tega.loop.outputs import VestOutput
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
-from tega.loop.vest_output import VestOutput
 from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
 from tega.records import Contact, Intent, Latency, VestFrame

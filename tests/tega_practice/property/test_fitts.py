@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tega.errors import InvalidValueError
 from tega_practice.fitts import CONDITIONS, FittsCondition, Movement, fitts_score, index_of_difficulty
-from tega_practice.fitts_course import FittsCourse, FittsMovement, Target, fitts_plan
+from tega_practice.live import FittsCourse, FittsMovement, Target, fitts_plan
 
 
 def moved(

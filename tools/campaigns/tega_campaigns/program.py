@@ -35,7 +35,7 @@ from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import RunState
 from tega.records.bus import Bus
 from tega.records.display import Notice
-from tega.safety.ctrl_c import CtrlC
+from tega.safety.stop import CtrlC
 from tega_emulators.hid_port import HidBoard, HidPort
 
 __all__ = ["REFUSED", "main", "noted_tick_ns"]

@@ -13,7 +13,7 @@ from tega.config import RecordingSection
 from tega.ui.cli.main import main as tega_teleop
 from tega_sim.demo import run_demo
 from tega_sim.plan import TrialPlan
-from tega_sim.recorded import LiftRecorder
+from tega_sim.streams import LiftRecorder
 
 __all__ = ["main"]
 

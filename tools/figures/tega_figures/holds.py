@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.emg import GraspIntent, Preset
-from tega_sim.operator.calibrate import calibrate
-from tega_sim.operator.emg import ForearmEmg
+from tega_sim.operator.emg import ForearmEmg, calibrate
 from tega_sim.operator.motor import MuscleMotor
 from tega_sim.operator.person import PersonNumbers, stream
 

@@ -22,9 +22,9 @@ import tega
 from tega_sim.lab import lab_of
 from tega_sim.lift import Lift
 from tega_sim.plan import TrialPlan
-from tega_sim.recorded import LiftRecorder
 from tega_sim.rig import TrialSteering
 from tega_sim.seams import Act, Percept
+from tega_sim.streams import LiftRecorder
 
 _HELD_S: Final = 7.0
 # A lift goes on for so long after the time by which the object has to be up.

@@ -15,7 +15,7 @@
         people/p01/practice/                scores
         people/p01/fitts/                   results of Fitts tests, see tega_practice.kept
         people/p01/vest-skill/              scores of vest tests, see tega_practice.vest_kept
-        people/p01/vest-dose.json           the vest's dose of the last day, see tega.safety.dose_file
+        people/p01/vest-dose.json           the vest's dose of the last day, see tega.loop.worn_vest
         people/p01/unfinished.json          a calibration that was interrupted
 """
 

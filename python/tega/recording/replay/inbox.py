@@ -14,8 +14,8 @@ from tega.config import SessionConfig
 from tega.config.choose import grip_reflex
 from tega.hand import joined_level
 from tega.haptics import MotorLevels
+from tega.loop.controls import lit_frame
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
-from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, ReflexInputs
 from tega.recording.replay.feed import Newest, RecordFeed

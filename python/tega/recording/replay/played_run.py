@@ -18,8 +18,8 @@ from msgspec.structs import replace
 from tega.config.attached import with_attached
 from tega.config.choose import muscle_decoder
 from tega.errors import ConfigError, RecordingError
-from tega.loop.arm_view import recorded_check
-from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.arm_records import recorded_check
+from tega.loop.inbox.inputs import Finger, Muscles, Prepared
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.loop import FIRST_LEVEL

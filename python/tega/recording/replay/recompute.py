@@ -26,11 +26,10 @@ from tega.hand import joined_level
 from tega.hand.link import HandLink, Received
 from tega.loop.arm_records import turn_of, with_command
 from tega.loop.hand import ModelledAllegro
-from tega.loop.hand_output import HandOutput
 from tega.loop.loop import DualLoop
+from tega.loop.outputs import HandOutput, VestOutput
 from tega.loop.snapshot import Moments, Snapshot
 from tega.loop.touch import touch_loop
-from tega.loop.vest_output import VestOutput
 from tega.recording.mcap_reader import Progress
 from tega.recording.replay.compare import Comparing, Comparison
 from tega.recording.replay.feed import RecordFeed

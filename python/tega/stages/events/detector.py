@@ -12,13 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from tega.stages.events.settings import SETTINGS, DetectorSettings, Rule
-from tega.stages.events.tracks import (
-    FingerTrack,
-    Low,
-    SinkTrack,
-    TouchFrame,
-    TwoMeans,
-)
+from tega.stages.events.tracks import FingerTrack, Low, SinkTrack, TouchFrame, TwoMeans
 
 EventKind = Literal["contact", "release", "slip", "lift_off"]
 

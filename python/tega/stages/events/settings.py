@@ -10,19 +10,9 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 FEATURES: Final = (
-    "fingers",
-    "mass",
-    "mass_change",
-    "mass_trend",
-    "flow",
-    "flow_trend",
-    "mean_flow",
-    "peak",
-    "peak_change",
-    "edge_change",
-    "lost",
-    "gained",
-)
+    "fingers", "mass", "mass_change", "mass_trend", "flow", "flow_trend", "mean_flow", "peak",
+    "peak_change", "edge_change", "lost", "gained",
+)  # fmt: skip
 """Features of a slip in the fingertips alone:
 
 - fingers in contact; log of their summed maps (1 + sum / 10,000), its change over 0.35 s and over 1 s;
@@ -115,99 +105,41 @@ class DetectorSettings(NamedTuple):
     look_ahead_s: float = 0.5
     touch: Rule = Rule(
         -5.8946,
+        # In the order of FEATURES.
         (
-            2.1205,  # fingers
-            -1.494,  # mass
-            52.5498,  # mass_change
-            -6.1988,  # mass_trend
-            -0.6351,  # flow
-            2.4553,  # flow_trend
-            1.9707,  # mean_flow
-            -0.8868,  # peak
-            6.2167,  # peak_change
-            -0.6419,  # edge_change
-            0.7546,  # lost
-            -19.0553,  # gained
+            2.1205, -1.494, 52.5498, -6.1988, -0.6351, 2.4553, 1.9707, -0.8868, 6.2167, -0.6419, 0.7546,
+            -19.0553,
         ),
-        0.5,
-        0.15,
+        0.5, 0.15,
         (
-            (5, 5, -0.4741),  # flow_trend, flow_trend
-            (1, 8, -1.6591),  # mass, peak_change
-            (0, 2, -7.8317),  # fingers, mass_change
-            (2, 5, -4.2975),  # mass_change, flow_trend
-            (6, 6, -0.5209),  # mean_flow, mean_flow
-            (3, 10, -7.9195),  # mass_trend, lost
-            (0, 11, 4.4433),  # fingers, gained
-            (10, 11, 6.3563),  # lost, gained
-            (1, 4, 0.3253),  # mass, flow
-            (2, 7, -9.9082),  # mass_change, peak
-            (1, 3, 2.0532),  # mass, mass_trend
-            (0, 0, -0.2841),  # fingers, fingers
+            (5, 5, -0.4741), (1, 8, -1.6591), (0, 2, -7.8317), (2, 5, -4.2975), (6, 6, -0.5209),
+            (3, 10, -7.9195), (0, 11, 4.4433), (10, 11, 6.3563), (1, 4, 0.3253), (2, 7, -9.9082),
+            (1, 3, 2.0532), (0, 0, -0.2841),
         ),
-    )
+    )  # fmt: skip
     hand: Rule = Rule(
         30.2489,
+        # In the order of HAND_FEATURES.
         (
-            -10.2649,  # fingers
-            -9.8388,  # mass
-            42.4042,  # mass_change
-            -1.2674,  # mass_trend
-            0.5033,  # flow
-            0.0263,  # flow_trend
-            0.1908,  # mean_flow
-            -0.1756,  # peak
-            -0.4771,  # peak_change
-            6.7329,  # edge_change
-            -4.6272,  # lost
-            6.601,  # gained
-            1.0313,  # eased
-            -0.3612,  # weakest
-            -9.0024,  # closing
-            -0.8237,  # stall
-            3.042,  # rising
-            0.2651,  # opened
-            14.4225,  # widest
-            1.2045,  # fresh
+            -10.2649, -9.8388, 42.4042, -1.2674, 0.5033, 0.0263, 0.1908, -0.1756, -0.4771, 6.7329,
+            -4.6272, 6.601, 1.0313, -0.3612, -9.0024, -0.8237, 3.042, 0.2651, 14.4225, 1.2045,
         ),
-        0.5,
-        0.05,
+        0.5, 0.05,
         (
-            (0, 1, 2.6646),  # fingers, mass
-            (11, 13, -30.0235),  # gained, weakest
-            (9, 10, -20.9159),  # edge_change, lost
-            (11, 14, -32.1477),  # gained, closing
-            (18, 19, -27.344),  # widest, fresh
-            (2, 19, -11.2763),  # mass_change, fresh
-            (16, 16, -7.0636),  # rising, rising
-            (8, 12, 4.8413),  # peak_change, eased
-            (11, 15, -3.3792),  # gained, stall
-            (0, 2, -10.9447),  # fingers, mass_change
-            (1, 9, -1.798),  # mass, edge_change
-            (6, 19, 2.4992),  # mean_flow, fresh
+            (0, 1, 2.6646), (11, 13, -30.0235), (9, 10, -20.9159), (11, 14, -32.1477), (18, 19, -27.344),
+            (2, 19, -11.2763), (16, 16, -7.0636), (8, 12, 4.8413), (11, 15, -3.3792), (0, 2, -10.9447),
+            (1, 9, -1.798), (6, 19, 2.4992),
         ),
-    )
+    )  # fmt: skip
     sink: Rule = Rule(
         -9.0967,
+        # In the order of SINK_FEATURES.
         (
-            2.0397,  # eased
-            -1.4701,  # weakest
-            -6.7659,  # closing
-            -1.7636,  # stall
-            1.2527,  # rising
-            -1.8966,  # opened
-            2.5943,  # widest
-            -0.097,  # fresh
-            0.916,  # over_20_ms
-            0.6497,  # over_40_ms
-            -0.559,  # over_80_ms
-            -0.4519,  # over_200_ms
-            0.4686,  # fastest
-            -0.2729,  # slowest
+            2.0397, -1.4701, -6.7659, -1.7636, 1.2527, -1.8966, 2.5943, -0.097, 0.916, 0.6497, -0.559,
+            -0.4519, 0.4686, -0.2729,
         ),
-        0.5,
-        0.01,
-    )
+        0.5, 0.01,
+    )  # fmt: skip
 
 
 SETTINGS: Final = DetectorSettings()

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.records.table import rows_html
 from tega.stages.learned.features import Blocks, FeatureBlock, as_samples
-from tega.stages.learned.model import Model, load_model, save_model
-from tega.stages.learned.refit import refitted
-from tega.stages.learned.scorer import BlockScorer
+from tega.stages.learned.learners import refitted
+from tega.stages.learned.model import BlockScorer, Model, load_model, save_model
 
 DRIFT_LEVELS: Final = 0.7
 """So far from the level a block's closure counts for neither side; half a level is its border."""

@@ -115,10 +115,7 @@ class OutsideDecoder(Decoder):
         levels = np.where(good, 1 + np.minimum(4 * np.where(good, shares, 0), 4).astype(int), 0)
         channels = tuple(levels.tolist()) if fresh else (0,) * len(levels)
         return Intent(
-            t_ns=t_ns,
-            closure=self._closure,
-            confidence=self._confidence if fresh else 0.0,
-            channels=channels,
+            t_ns=t_ns, closure=self._closure, confidence=self._confidence if fresh else 0.0, channels=channels
         )
 
     def _receive(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, ClassVar, Protocol
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -61,15 +61,6 @@ class ProportionalOptions(StageOptions, frozen=True):
     hold_below: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
 
 
-class _Core(Protocol):
-    decoded: list[Decoded]
-
-    def process(self, samples: NDArray[np.float64]) -> NDArray[np.float64]: ...
-
-    @property
-    def held_samples(self) -> NDArray[np.int64]: ...
-
-
 class _Pace:
     """Says whether blocks still come at the rate that they should, over the last 30 of them."""
 
@@ -78,7 +69,6 @@ class _Pace:
         self._ends: deque[int] = deque(maxlen=_RATE_BLOCKS + 1)
 
     def keeps(self, end_ns: int) -> bool:
-        """Take the end of a block."""
         self._ends.append(end_ns)
         if len(self._ends) <= _RATE_BLOCKS:
             return True
@@ -89,7 +79,7 @@ class _Pace:
 class _BlockStage(Decoder):
     """Intents of a decoder that gives a closure a block."""
 
-    _core: _Core
+    _core: LearnedDecoder | ProportionalDecoder
     _pace: _Pace
     _hold_below = 0.0
     _kept = 0.0
@@ -118,12 +108,10 @@ class _BlockStage(Decoder):
 
     @property
     def held_samples(self) -> Sequence[int]:
-        """Samples replaced so far, by channel."""
         return [int(n) for n in self._core.held_samples]
 
     @property
     def holds(self) -> str:
-        """Reason why the newest closure is held; ``""`` if it is not."""
         return self._holds
 
 

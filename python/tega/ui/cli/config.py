@@ -38,7 +38,7 @@ def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bo
     With --json: an object per setting, {"key", "value", "unit", "origin"}.
     """
     from tega.config import load_config
-    from tega.stages.units import unit_of
+    from tega.stages.registry import unit_of
 
     values = load_config(file, sets=sets).values
     if changed:

@@ -103,7 +103,7 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
     import tomllib
 
     from tega.runtime.lifecycle import needs_tools
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
 
     with needs_tools("tega-teleop init --emulated"):
         from tega_emulators.bench_moves import MOVES

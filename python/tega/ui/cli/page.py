@@ -133,7 +133,7 @@ def run_viewed(
     """
     from tega.loop import run_session
     from tega.loop.controls import Controls as RunControls
-    from tega.loop.motor_tests import MotorTests
+    from tega.loop.controls import MotorTests
     from tega.records import bus as run_bus
     from tega.runtime.clock import PausableClock
     from tega.safety.stop import Stop

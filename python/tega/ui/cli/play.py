@@ -93,7 +93,7 @@ def play(
     from tega.recording.replay.play import play_file, playing_to
     from tega.recording.replay.playhead import Playhead
     from tega.records.bus import Bus
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega.ui.cli.report import print_summary
     from tega.ui.cli.run import stage
 

@@ -103,7 +103,7 @@ def replay(
     from tega.loop.controls import Controls
     from tega.records.bus import Bus
     from tega.records.display import Notice
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega.ui.cli.report import Findings, echo_summary
     from tega.ui.cli.verify import check_flags, replay_session
 

@@ -179,11 +179,11 @@ def run_settings(
     spare_threads()
     from tega.config import load_config
     from tega.loop import run_session
+    from tega.loop.adapting import REZERO_KEY, RezeroKey
     from tega.loop.controls import Controls
-    from tega.loop.rezeroing import REZERO_KEY, RezeroKey
     from tega.records.bus import Bus
     from tega.records.display import Notice
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega.ui.cli.report import echo_summary
 
     if wait_for_go and not view:

@@ -46,7 +46,7 @@ def identify(
     from tega.haptics import vest_frame
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
-    from tega.safety.ctrl_c import CtrlC
+    from tega.safety.stop import CtrlC
     from tega.setup.calibration.identify import light_motor, motor_place
 
     settings = load_config(config, sets=worn_by(person, sets)).config

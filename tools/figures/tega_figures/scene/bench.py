@@ -12,9 +12,8 @@ import numpy as np
 from tega.runtime.opencv import load_cv2
 from tega_figures.scene.render import Face, Film, SceneCamera, tag_face
 from tega_figures.scene.trials import TrueTrial
-from tega_scene.calibrate import board_size_mm, charuco_board
 from tega_scene.layout import PlacedTag, TagBody, TagCube, TagLayout, example_layout
-from tega_scene.lens import Lens
+from tega_scene.lens import Lens, board_size_mm, charuco_board
 from tega_sim.world.scene import PALM_ROTATION
 
 if TYPE_CHECKING:

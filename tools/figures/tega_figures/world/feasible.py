@@ -16,7 +16,7 @@ import numpy as np
 from tega.hand.mjcf import FULL_DUTY_NM
 from tega_figures.world.lift import LIFT_M
 from tega_sim.filling import HOLD_S, Filling
-from tega_sim.operator.forearm import AWAY_M, SimulatedForearm
+from tega_sim.operator.motor import AWAY_M, SimulatedForearm
 from tega_sim.score import SLIP_M_S
 from tega_sim.world.objects import OBJECTS, ObjectSpec
 from tega_sim.world.poses import hand_controller

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tega.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from tega.loop.motor_tests import MotorAnswer
+    from tega.loop.controls import MotorAnswer
     from tega.recording.replay.playhead import Playhead
 
 

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.loop.adapting import UNDO_SEAT
+from tega.loop.adapting import REZERO_SEAT, UNDO_SEAT
 from tega.loop.parts import Part
-from tega.loop.rezeroing import REZERO_SEAT
 from tega.records import Button, EmgSamples, Marker, Picture
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
@@ -25,7 +24,7 @@ from tega.ui.view.state import EmgTail, TouchImage, ViewState
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.loop.inbox.prepared import Muscles, Prepared
+    from tega.loop.inbox.inputs import Muscles, Prepared
     from tega.records.bus import Bus
 
 # Seconds of muscle signal kept for the page.

@@ -23,7 +23,7 @@ import websockets.exceptions
 from tega.ui.view.same_machine import foreign
 
 if TYPE_CHECKING:
-    from tega.loop.motor_tests import MotorAnswer
+    from tega.loop.controls import MotorAnswer
 
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.
