@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 from tega.hand.mjcf import joint_names
-from tega_figures.pads.grip import grip
+from tega_figures.pad_grip import grip
 from tega_sim.world import GRASP_POSES_RAD, OBJECTS, World
 
 

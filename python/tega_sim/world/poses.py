@@ -9,8 +9,8 @@ import numpy as np
 from tega.hand import HandController
 
 # Levels 1 (open) to 5 (tight): a finger's joints, the thumb's. Open, but no wider than the objects ask for. From level
-# 2 on pads meet the objects, by `python -m tega_figures.pads.design` and, for levels 4 and 5, firmer by hand, as far as
-# no joint has more than 0.38 torque units.
+# 2 on pads meet the objects, by `tega_figures.pads.design` of commit 49665fab and, for levels 4 and 5, firmer by hand,
+# as far as no joint has more than 0.38 torque units.
 _LEVELS_RAD: Final = (
     ((0.0, 0.500, 0.400, 0.300), (1.35, 0.200, -0.140, 0.400)),
     ((0.0, 1.045, 0.954, 0.477), (1.35, 0.033, 0.224, 0.981)),

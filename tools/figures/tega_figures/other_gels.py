@@ -17,7 +17,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PX_PER_MM", "Light", "OtherShape", "change_of_colour", "dent_mm"]
+__all__ = ["Light", "OtherShape", "change_of_colour", "dent_mm"]
 
 Light = Literal["slopes", "lamps"]
 OtherShape = Literal["small ball", "large ball", "bar", "edge", "face"]
