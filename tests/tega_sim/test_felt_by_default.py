@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from reference.recorded import read_recorded
-from tega_figures.felt.information import Discriminant
-from tega_figures.felt.shown import score_lifts
-from tega_figures.felt.skin import BatchSkin
+from tega_figures.felt_vest import BatchSkin, Discriminant, score_lifts
 from tega_sim.lab import lab_of
 from tega_sim.operator.person import typical_person
 from tega_sim.plan import TrialPlan, loop_settings

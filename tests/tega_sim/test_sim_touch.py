@@ -16,9 +16,9 @@ from tega_figures.check_touch import (
     ball_press,
     like_presses,
     load_presses,
+    match_press,
     readings,
 )
-from tega_figures.closeness import match_press
 from tega_sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
 
 

@@ -9,8 +9,7 @@ pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 from reference.gel import nearest_touch
 from reference.grip import Grip
 from tega.errors import InvalidValueError
-from tega_figures.world.lift import lift
-from tega_figures.world.rig import GRAVITY_M_S2
+from tega_figures.world.yardsticks import GRAVITY_M_S2, lift
 from tega_sim.world import OBJECTS, Physics, World
 from tega_sim.world.flex import mesh
 

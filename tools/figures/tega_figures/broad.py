@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.runtime.opencv import read_image
-from tega_figures.closeness import difference
+from tega_figures.check_touch import difference
 from tega_figures.gel_sequences import pressing
 from tega_sim.gel import Gel
 from tega_sim.seams import Indenter

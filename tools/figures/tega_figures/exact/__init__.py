@@ -7,8 +7,14 @@ written from the equations alone, without a line of what they judge.
 from __future__ import annotations
 
 from tega_figures.exact.contact import ExactContact, exact_contact, exact_paper, printed
-from tega_figures.exact.emg import dc_gain, design, filtered, gain_squared, transfer_function
-from tega_figures.exact.vest import exact_intensity
+from tega_figures.exact.decimals import (
+    dc_gain,
+    design,
+    exact_intensity,
+    filtered,
+    gain_squared,
+    transfer_function,
+)
 
 __all__ = [
     "ExactContact",

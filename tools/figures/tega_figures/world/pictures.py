@@ -10,8 +10,8 @@ import numpy as np
 
 from tega.errors import MissingExtraError
 from tega.hand.mjcf import FULL_DUTY_NM
-from tega_figures.world.lift import LIFT_M
 from tega_figures.world.solids import add_solids
+from tega_figures.world.yardsticks import LIFT_M
 from tega_sim.world.objects import OBJECTS
 from tega_sim.world.poses import hand_controller
 from tega_sim.world.world import World

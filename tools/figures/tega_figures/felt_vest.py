@@ -1,19 +1,28 @@
-"""Simulate what many looks at a vest tell one person, motor by motor, in batches of trials.
+"""What is felt of a vest: by a simulated skin, in batches of trials, and by the forces on the fingertips in lifts.
 
-It is the skin of :mod:`tega_sim.operator.vest_sense` (link, motor's lag, spread, threshold, noise of a look), with
+The skin is that of :mod:`tega_sim.operator.vest_sense` (link, motor's lag, spread, threshold, noise of a look), with
 the same numbers of the same simulated people, but with a place for every motor: that one sums a face up by its
 strongest column. What it adds is marked [P], a proposal that nobody has measured: how often a place is taken for its
-neighbour, and the distance of the rows.
+neighbour, and the distance of the rows. :class:`Discriminant` names the stimulus that a percept is most like: no person
+names better than the percepts allow; people name worse. :func:`score_lifts` scores what the vest shows of the forces
+in simulated lifts: felt where loaded, silent where not.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from tega.config import FINGERS
+from tega_figures.touch_demo import DEMO_OBJECTS, LOAD_N, RELEASE_S
+from tega_figures.touch_presses import rank_correlation
 from tega_sim.operator.vest_sense import POLL_S
+from tega_sim.plan import TrialPlan
+from tega_sim.streams import Streams
+from tega_sim.trial import run_trial
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -145,3 +154,89 @@ _erf: Callable[[Array], Array] = np.vectorize(math.erf, otypes=[np.float64])
 
 def _normal_cdf(z: Array) -> Array:
     return 0.5 * (1 + _erf(z / math.sqrt(2)))
+
+
+class Discriminant:
+    """Linear discriminant with one covariance, shrunk a little towards its diagonal.
+
+    ``percepts`` is (trials, features), ``stimuli`` the number of each trial's stimulus, int (trials,).
+    """
+
+    def __init__(self, percepts: Array, stimuli: NDArray[np.int64]) -> None:
+        self.kinds = np.unique(stimuli)
+        self.means = np.array([percepts[stimuli == kind].mean(axis=0) for kind in self.kinds])
+        rest = percepts - self.means[np.searchsorted(self.kinds, stimuli)]
+        covariance = rest.T @ rest / max(len(rest) - len(self.kinds), 1)
+        shrunk = 0.95 * covariance + 0.05 * np.diag(np.diag(covariance)) + 1e-6 * np.eye(len(covariance))
+        self.inverse = np.linalg.inv(shrunk)
+
+    def named(self, percepts: Array) -> NDArray[np.int64]:
+        """Return the stimulus that each percept is most like."""
+        weights = self.means @ self.inverse
+        scores = percepts @ weights.T - 0.5 * (weights * self.means).sum(axis=1)
+        named: NDArray[np.int64] = self.kinds[np.argmax(scores, axis=1)]
+        return named
+
+    def along(self, percepts: Array) -> Array:
+        """Return how far percepts lie from the first of two stimuli towards the second."""
+        far: Array = percepts @ (self.inverse @ (self.means[1] - self.means[0]))
+        return far
+
+
+FELT_PERCENT: Final = 20
+"""Intensity that skin feels where a wearer's threshold was not measured."""
+
+# A picture is this old when it is measured; what is shown is compared with the force of then.
+_LAG_S: Final = 0.02
+
+
+class Shown(NamedTuple):
+    """Vest frames of one finger in one lift.
+
+    Attributes:
+        loaded: Frames before which the finger carried 0.5 N throughout 0.1 s.
+        felt: Those of them in which a motor of its columns ran at 20 % or more.
+        free: Frames before which nothing touched the finger for 0.2 s.
+        false: Those of them in which a motor of its columns ran.
+        rank: Rank correlation of force and the mean of its columns, over all frames.
+    """
+
+    loaded: int
+    felt: int
+    free: int
+    false: int
+    rank: float
+
+
+def score_lifts(seeds: Iterable[int]) -> list[Shown]:
+    """Run lifts of the default person and settings, one a person's seed, and score every finger."""
+    found = []
+    for seed in seeds:
+        for name in DEMO_OBJECTS:
+            kept = Streams()
+            run_trial(TrialPlan(object=name, seed=seed, rules=3), streams=kept)
+            vest = np.array(kept.rows["vest"], np.float64)
+            t_s, motors = vest[:, 0], vest[:, 1:].reshape(len(vest), 2, -1, 4)
+            at_s = kept.array("truth", "t_s")
+            for column, finger in enumerate(FINGERS):
+                force_n = kept.array("truth", f"{finger}_force_n")
+                found.append(Shown(*_score(t_s, motors[..., column], at_s, force_n)))
+    return found
+
+
+def _score(
+    t_s: NDArray[np.float64],
+    motors: NDArray[np.float64],
+    at_s: NDArray[np.float64],
+    force_n: NDArray[np.float64],
+) -> tuple[int, int, int, int, float]:
+    before = np.searchsorted(at_s, t_s, side="right")
+    since = np.searchsorted(at_s, t_s - RELEASE_S), np.searchsorted(at_s, t_s - 2 * RELEASE_S)
+    least = np.array([force_n[i:j].min(initial=np.inf) for i, j in zip(since[0], before, strict=True)])
+    most = np.array([force_n[i:j].max(initial=0.0) for i, j in zip(since[1], before, strict=True)])
+    strongest = motors.max(axis=(1, 2))
+    loaded, free = np.isfinite(least) & (least >= LOAD_N), most == 0
+    rank = rank_correlation(np.interp(t_s - _LAG_S, at_s, force_n), motors.mean(axis=(1, 2)))
+    counts = (loaded, loaded & (strongest >= FELT_PERCENT), free, free & (strongest > 0))
+    n_loaded, n_felt, n_free, n_false = (int(some.sum()) for some in counts)
+    return n_loaded, n_felt, n_free, n_false, float(rank)

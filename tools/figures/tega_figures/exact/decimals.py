@@ -1,11 +1,15 @@
-"""The Butterworth low-pass in 60-digit decimals: design by pole placement, difference equation, response."""
+"""The Butterworth low-pass and the vest's intensity (Eq 7 to 9) in 60-digit decimals.
+
+Of the filter: design by pole placement, difference equation, response.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from decimal import Decimal, localcontext
+from decimal import Context, Decimal, localcontext
+from fractions import Fraction
 
-__all__ = ["dc_gain", "design", "filtered", "gain_squared", "transfer_function"]
+__all__ = ["dc_gain", "design", "exact_intensity", "filtered", "gain_squared", "transfer_function"]
 
 DIGITS = 60
 PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899")
@@ -120,3 +124,21 @@ def gain_squared(sos: Iterable[Sequence[float]], share: float) -> Decimal:
             below = (1 + a1 * cosine + a2 * cosine2) ** 2 + (a1 * sine + a2 * sine2) ** 2
             gain *= above / below
         return gain
+
+
+DIGITS = 60
+
+
+def exact_intensity(value: float, maximum: float, end_value: float | Fraction = Fraction(1, 100)) -> Decimal:
+    """Return 100 / (1 + exp(-k (value - maximum / 2))) with k = 2 ln((1 - e) / e) / maximum, in percent.
+
+    ``maximum`` counts as full touch, in the metric's unit; ``end_value`` is e, the share at a value of 0, a
+    float taken as the binary fraction that it is. Exact to 60 digits; 0 where the exponential has more digits
+    than a decimal's exponent.
+    """
+    with localcontext(Context(prec=DIGITS, traps=[])):
+        share = Fraction(end_value)
+        odds = Decimal((1 - share).numerator) / Decimal((1 - share).denominator)
+        odds /= Decimal(share.numerator) / Decimal(share.denominator)
+        k = 2 * odds.ln() / Decimal(maximum)
+        return 100 / (1 + (-k * (Decimal(value) - Decimal(maximum) / 2)).exp())
