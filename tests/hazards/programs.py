@@ -30,7 +30,7 @@ from tega.runtime.files.toml_text import tree_text
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
 from tega_emulators.stations import free_port, split, write_trees
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 __all__ = ["SUBJECTS", "Started", "Subject"]
 

@@ -24,7 +24,7 @@ from tega.loop.snapshot import LoopView
 from tega.recording.inspection import inspect_file
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.slow
 

@@ -32,7 +32,7 @@ from tega.haptics import vest_frame
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 from tega_emulators.stations import Program, free_port, split, write_trees
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.slow
 

@@ -17,8 +17,7 @@ from tega.haptics import MotorLevels, vest_frame
 from tega.wire import vest_levels
 from tega_emulators.hid_port import HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vest_bench import vest_bench
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by, vest_bench
 
 __all__ = ["OTHER", "SILENT", "TOUCH", "Bench", "bench", "make"]
 

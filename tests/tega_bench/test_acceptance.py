@@ -21,7 +21,7 @@ from tega_bench.acceptance import AcceptanceReport, accept_device, acceptance_ca
 from tega_bench.acceptance.report import STEPS
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import emulated_lab
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = [
     pytest.mark.slow,

@@ -22,7 +22,7 @@ from tega.runtime.clock import ManualClock
 from tega.runtime.guide import Bar
 from tega.safety.motor_budget import MotorBudget
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 from tega_figures.felt_vest import BatchSkin, Discriminant
 from tega_practice.kept import kept_records
 from tega_practice.vest_course import LONGEST, TwoDownOneUp, learn_vest

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError
-from tega_figures.broad import (
+from tega_figures.gel_sequences import (
+    SHAPES,
     TOLERANCES,
     Broad,
+    press_sequence,
+    ramp,
     recorded_disc,
     recorded_grasps,
     simulated_disc,
     simulated_grasps,
 )
-from tega_figures.gel_sequences import SHAPES, press_sequence, ramp
 from tega_sim.gel import Gel
 
 CURVE = ramp(peak_n=2.0, wait_s=0.1, rise_s=0.2, hold_s=0.2, fall_s=0.1)

@@ -16,7 +16,7 @@ from scipy import signal
 
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
 from tega.errors import InvalidValueError, ShapeError
-from tega_figures.holds import hold_shares, unsteady
+from tega_figures.simulated_person import hold_shares, unsteady
 from tega_sim.operator import ForearmEmg, PersonNumbers, calibrate, draw_person, typical_person
 from tega_sim.seams import Act
 

@@ -23,9 +23,9 @@ from reference.wizard import OnScreen, Wizard, presses, records
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import EmgRecord, utc_now, write_record
 from tega.ui.cli.main import main
+from tega_emulators.participant import Wearer
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
-from tega_emulators.wearer import Wearer
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.slow
 

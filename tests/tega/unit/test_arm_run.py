@@ -29,7 +29,7 @@ from tega.recording.replay.play import _settings
 from tega.ui.view.terminal import render
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 

@@ -40,7 +40,7 @@ from tega.runtime.files.toml_text import tree_text
 from tega.ui.cli.main import main
 from tega.ui.cli.report import print_summary
 from tega_emulators.lab import EmulatedLab, emulated_lab
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 SECONDS = 1.5
 

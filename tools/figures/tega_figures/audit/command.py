@@ -102,7 +102,7 @@ def audit(*, recording: Path, picture: Path | None, as_json: bool, **flags: Any)
 
     from tega.ui.cli.options import echo_json, progress_bar
     from tega_figures.audit import audit_recording
-    from tega_figures.audit.tables import print_report
+    from tega_figures.audit.shown import print_report
 
     with progress_bar(enabled=not as_json) as progress:
         found = audit_recording(
@@ -149,7 +149,7 @@ def _emg(flags: dict[str, Any]) -> EmgColumns | None:
 
 def _draw(found: Sequence[Audited], picture: Path) -> None:
     """Draw each recording; of several, and of several fingers, the name goes into the file's."""
-    from tega_figures.audit.pictures import draw_audit, draw_courses, draw_sweep
+    from tega_figures.audit.shown import draw_audit, draw_courses, draw_sweep
 
     for one in found:
         report: AuditReport = one.report

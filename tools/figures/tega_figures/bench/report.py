@@ -10,7 +10,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from tega_figures.bench.batches import BatchRow, batch_rows
 from tega_figures.bench.filters import (
     BLOCK_ROWS,
     CHANNELS,
@@ -22,7 +21,7 @@ from tega_figures.bench.filters import (
 from tega_figures.bench.machine import Machine, describe_machine
 from tega_figures.bench.peers import contact_peers
 from tega_figures.bench.scenes import SIZE_OF_A_FINGER, SIZE_OF_A_SENSOR, SIZES, BenchScene, scenes
-from tega_figures.bench.tick import TickRow, time_ticks
+from tega_figures.bench.tick import BatchRow, TickRow, batch_rows, time_ticks
 from tega_figures.bench.timing import Timing, ratio, single_threaded, take_turns, timing
 from tega_figures.bench.variants import (
     CONTACT_LAWS,

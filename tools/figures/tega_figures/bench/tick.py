@@ -1,14 +1,16 @@
 """A whole tick, stage by stage: four frames and one EMG block in, a vest packet and CAN bytes out.
 
 The stages are those of the dual loop, called as it calls them; devices, threads, recording and pacing are left out.
+And batches: many frames in one call against one call a frame.
 """
 
 from __future__ import annotations
 
 import time
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -20,12 +22,13 @@ from tega.hand import ModelledHand
 from tega.haptics import FINGERS
 from tega.loop.touch import TouchLoop
 from tega.stages.metrics import contact_record
-from tega.tactile import read_contact
+from tega.tactile import contact_metrics, contact_metrics_many, read_contact, read_contacts
 from tega.wire import allegro_torque_frames, x40_ble_frame
-from tega_figures.bench.timing import Timing, in_turns
+from tega_figures.bench.scenes import SIZE_OF_A_FINGER, scenes
+from tega_figures.bench.timing import Timing, in_turns, ratio, take_turns, timing
 from tega_sim.gel import Gel, ball
 
-__all__ = ["STAGES", "Tick", "TickRow", "time_ticks"]
+__all__ = ["STAGES", "BatchRow", "Tick", "TickRow", "batch_rows", "time_ticks"]
 
 STAGES = ("read", "map", "vest frame", "vest packet", "emg", "hand step", "can encode")
 # 10 ms of three channels at 1 kHz.
@@ -128,3 +131,59 @@ def _row(reading: str, n_in_contact: int, times_us: NDArray[np.float64]) -> Tick
             median_us=float(np.median(totals)), p99_us=float(np.percentile(totals, 99)), n_calls=len(totals)
         ),
     )
+
+
+# The fingers of a hand, which one core does sooner than it wakes another, and a batch for all of them.
+FRAMES = (4, 64)
+
+
+class BatchRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One reading of a batch of a finger's pictures.
+
+    ``reading`` is the law of the equations, or the preset. ``one_by_one`` is a call a frame, ``at_once`` one
+    call, each for all frames; ``to_one_by_one`` is the second's time over the first's.
+    """
+
+    reading: str
+    n_frames: int
+    one_by_one: Timing
+    at_once: Timing
+    to_one_by_one: float
+
+
+def batch_rows(*, budget_s: float) -> list[BatchRow]:
+    """Measure batches; unlike everything else here they may use all cores."""
+    pictures = scenes(SIZE_OF_A_FINGER)
+    still = pictures[0].baseline
+    readings: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
+        "rectified, spatial": (
+            partial(contact_metrics, difference="rectified"),
+            partial(contact_metrics_many, difference="rectified"),
+        ),
+        "live": (read_contact, read_contacts),
+    }
+    rows = []
+    for reading, (one, many) in readings.items():
+        for n_frames in FRAMES:
+            frames = [pictures[k % len(pictures)].frame.copy() for k in range(n_frames)]
+            calls = {
+                "one by one": partial(_one_by_one, one, frames, still),
+                "at once": partial(many, frames, still),
+            }
+            turns = take_turns(calls, budget_s=budget_s / 4)
+            rows.append(
+                BatchRow(
+                    reading=reading,
+                    n_frames=n_frames,
+                    one_by_one=timing(turns["one by one"]),
+                    at_once=timing(turns["at once"]),
+                    to_one_by_one=ratio(turns["at once"], turns["one by one"]),
+                )
+            )
+    return rows
+
+
+def _one_by_one(
+    read: Callable[..., Any], frames: list[NDArray[np.uint8]], still: NDArray[np.uint8]
+) -> list[Any]:
+    return [read(frame, still) for frame in frames]

@@ -126,9 +126,6 @@ def gain_squared(sos: Iterable[Sequence[float]], share: float) -> Decimal:
         return gain
 
 
-DIGITS = 60
-
-
 def exact_intensity(value: float, maximum: float, end_value: float | Fraction = Fraction(1, 100)) -> Decimal:
     """Return 100 / (1 + exp(-k (value - maximum / 2))) with k = 2 ln((1 - e) / e) / maximum, in percent.
 

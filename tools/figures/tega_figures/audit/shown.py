@@ -1,13 +1,19 @@
-"""Draw an audit: what each reading takes for the contact, and how its numbers go over pictures or over a sweep."""
+"""Show an audit: its tables on the terminal, and pictures of what each reading takes for the contact.
+
+The pictures have the contact's outline, and how the numbers go over pictures or over a sweep.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
 
 from tega.errors import InvalidValueError
 from tega.ui.view.figures import new_figure
@@ -15,6 +21,8 @@ from tega_figures.audit import AuditReport, EmgScore, FingerAudit, Mark, TouchSc
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from tega_figures.audit import AuditReport
 
 __all__ = ["draw_audit", "draw_courses", "draw_sweep"]
 
@@ -104,7 +112,7 @@ def draw_sweep(path: Path, report: AuditReport) -> None:
         for scores in (report.touch, report.emg, report.vest)
         if scores
         for name, label in _SWEPT[type(scores[0])]
-        if any(_number(score, name) is not None for score in scores)
+        if any(_value(score, name) is not None for score in scores)
     ]
     if not report.sweep or not panels:
         raise InvalidValueError("the report is of no sweep", "give --sweep KEY=FROM:TO:STEP")
@@ -116,7 +124,7 @@ def draw_sweep(path: Path, report: AuditReport) -> None:
     for ax, (scores, name, label) in zip(axes, panels, strict=False):
         for finger in dict.fromkeys(getattr(score, "finger", "") for score in scores):
             own = [score for score in scores if getattr(score, "finger", "") == finger]
-            y = [np.nan if (number := _number(score, name)) is None else number for score in own]
+            y = [np.nan if (number := _value(score, name)) is None else number for score in own]
             ax.plot([score.value for score in own], y, marker=".", lw=1, label=finger)
         ax.set_title(label, fontsize=8)
         ax.set_xlabel(report.sweep.rpartition(".")[2], fontsize=8)
@@ -128,7 +136,7 @@ def draw_sweep(path: Path, report: AuditReport) -> None:
     figure.savefig(path, metadata={"Software": None})
 
 
-def _number(score: Any, name: str) -> float | None:
+def _value(score: Any, name: str) -> float | None:
     """Return a score as one number."""
     value = getattr(score, name)
     if name == "level_shares":
@@ -157,3 +165,92 @@ def _draw_mark(ax: Axes, mark: Mark) -> None:
     ax.plot(x + mark.radius_px * np.cos(angle), y + mark.radius_px * np.sin(angle), color=MARK_YELLOW, lw=1.2)
     ax.set_xlim(-0.5, ax.get_images()[0].get_array().shape[1] - 0.5)  # type: ignore[union-attr]
     ax.set_ylim(ax.get_images()[0].get_array().shape[0] - 0.5, -0.5)  # type: ignore[union-attr]
+
+
+_Column = tuple[str, Callable[[Any], str | None]]
+
+
+def _number(name: str, form: str = ".2f") -> Callable[[Any], str | None]:
+    def reported(score: Any) -> str | None:
+        value = getattr(score, name)
+        return None if value is None else f"{value:{form}}"
+
+    return reported
+
+
+def _area(place: Callable[[list[int]], int]) -> Callable[[Any], str | None]:
+    return lambda score: str(sorted(score.eda)[place(score.eda)]) if score.eda else None
+
+
+_TOUCH: tuple[_Column, ...] = (
+    ("found", lambda s: f"{s.n_found} of {s.n_frames}"),
+    ("EDA least", _area(lambda _all: 0)),
+    ("median", _area(lambda all_: len(all_) // 2)),
+    ("most", _area(lambda _all: -1)),
+    ("changes/s", _number("changes_per_s")),
+    ("at rest", _number("eda_at_rest", "d")),
+    ("area / mark", _number("area_ratio")),
+    ("overlap", _number("iou")),
+    ("worst tenth", _number("iou_low")),
+    ("r with mark", _number("area_correlation")),
+    ("felt", lambda s: None if s.n_touched is None else f"{s.n_felt} of {s.n_touched}"),
+    ("false", _number("n_false", "d")),
+    ("EDA with N", _number("force_rank")),
+    ("CCI with N", _number("cci_force_rank")),
+)
+
+_EMG: tuple[_Column, ...] = (
+    ("blocks", _number("n_blocks", "d")),
+    ("share at 1 … 5", lambda s: " ".join(f"{100 * share:.0f}" for share in s.level_shares) + " %"),
+    ("changes/s", _number("changes_per_s")),
+    ("later ms", lambda s: None if s.later_s is None else f"{1000 * s.later_s:.0f}"),
+    ("same level", lambda s: f"{100 * s.agreement:.0f} %"),
+    ("muted", _number("n_muted", "d")),
+    ("r with N", _number("force_rank")),
+    ("maxima of", lambda s: str(s.maxima_of)),
+)
+
+_VEST: tuple[_Column, ...] = (
+    ("layout", lambda s: str(s.layout)),
+    ("frames lit", lambda s: f"{100 * s.lit_share:.0f} %"),
+    ("front %", _number("front_mean", ".0f")),
+    ("back %", _number("back_mean", ".0f")),
+    ("full", lambda s: f"{100 * s.full_share:.0f} %"),
+    ("flips/s", _number("flips_per_s")),
+    ("steps", _number("n_steps", "d")),
+    ("r with N", _number("force_rank")),
+    ("maxima of", lambda s: str(s.maxima_of)),
+)
+
+
+def print_report(report: AuditReport) -> None:
+    """Print a table for touch, EMG and vest each, where the report has it."""
+    console = Console(highlight=False, width=150)
+    for subject, scores, columns in (
+        ("touch", report.touch, _TOUCH),
+        ("EMG", report.emg, _EMG),
+        ("vest", report.vest, _VEST),
+    ):
+        if scores:
+            console.print(
+                _table(f"{report.recording}: {subject}", report.sweep or "reading", scores, columns)
+            )
+    if report.n_left_out:
+        console.print(f"{report.n_left_out} pictures left out: marks, masks or forces say nothing of them.")
+
+
+def _table(title: str, first: str, scores: Sequence[Any], columns: Sequence[_Column]) -> Table:
+    table = Table(title=title, title_justify="left", box=SIMPLE)
+    several = len({getattr(score, "finger", "") for score in scores}) > 1
+    table.add_column(first.rpartition("options.")[2], no_wrap=True)
+    if several:
+        table.add_column("finger")
+    displayed = [
+        (name, reported) for name, reported in columns if any(reported(score) is not None for score in scores)
+    ]
+    for name, _ in displayed:
+        table.add_column(name, justify="right")
+    for score in scores:
+        row = [score.reading, *([score.finger] if several else [])]
+        table.add_row(*row, *(reported(score) or "–" for _, reported in displayed))
+    return table
