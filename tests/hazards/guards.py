@@ -12,6 +12,7 @@ _LAWS: Final = "tests/tega/property/test_safety.py::test_"
 _HAND: Final = "tests/tega/unit/test_hand_guard.py::test_"
 _NAMES: Final = "tests/together/test_hostile_names.py::test_"
 _TIMES: Final = "tests/hazards/test_times.py::test_"
+_DEVICE_TIMES: Final = "tests/hazards/test_device_times.py::test_"
 _VOTES: Final = "tests/tega/unit/test_emg_votes.py::test_"
 _LEAD: Final = "tests/tega_study/test_study_lead.py::test_"
 _DISK: Final = "tests/tools/test_recording_disk.py::test_"
@@ -633,13 +634,13 @@ LATE: Final = (
         "the vest's watchdog",
         "WATCHDOG_S: Final = 0.2",
         "WATCHDOG_S: Final = 2.0",
-        f"{_TIMES}a_vest_that_is_told_nothing_rests_within_200_ms",
+        f"{_DEVICE_TIMES}a_vest_that_is_told_nothing_rests_within_200_ms",
     ),
     _late(
         "a vest that takes no frame",
         "_STALLED_S = 1.0  #",
         "_STALLED_S = 10.0  #",
-        f"{_TIMES}a_vest_that_takes_no_frame_counts_as_lost_after_a_second",
+        f"{_DEVICE_TIMES}a_vest_that_takes_no_frame_counts_as_lost_after_a_second",
     ),
     _late(
         "a stale finger",
@@ -717,43 +718,43 @@ LATE: Final = (
         "a silent hand",
         "msgspec.Meta(ge=10, le=10_000)] = 30.0",
         "msgspec.Meta(ge=10, le=10_000)] = 300.0",
-        f"{_TIMES}a_silent_hand_is_let_go_within_30_ms",
+        f"{_DEVICE_TIMES}a_silent_hand_is_let_go_within_30_ms",
     ),
     _late(
         "a slow hand",
         "msgspec.Meta(ge=0, le=1000)] = 250.0",
         "msgspec.Meta(ge=0, le=1000)] = 25.0",
-        f"{_TIMES}a_slow_hand_is_let_go_within_a_second",
+        f"{_DEVICE_TIMES}a_slow_hand_is_let_go_within_a_second",
     ),
     _late(
         "a program that stands still",
         "STUCK_S: Final = 1.0",
         "STUCK_S: Final = 10.0",
-        f"{_TIMES}a_program_that_stands_still_is_taken_over_from_within_a_second",
+        f"{_DEVICE_TIMES}a_program_that_stands_still_is_taken_over_from_within_a_second",
     ),
     _late(
         "a Bluetooth vest's program that stands still",
         "STUCK_S: Final = 1.0",
         "STUCK_S: Final = 10.0",
-        f"{_TIMES}a_bluetooth_vest_is_silenced_within_a_second_of_a_standstill",
+        f"{_DEVICE_TIMES}a_bluetooth_vest_is_silenced_within_a_second_of_a_standstill",
     ),
     _late(
         "a Bluetooth vest that takes no zeros",
         "_CALL_S = 1.5",
         "_CALL_S = 15.0",
-        f"{_TIMES}a_bluetooth_vest_that_takes_no_zeros_is_left_to_its_guard_after_a_second_and_a_half",
+        f"{_DEVICE_TIMES}a_bluetooth_vest_that_takes_no_zeros_is_left_to_its_guard_after_a_second_and_a_half",
     ),
     _late(
         "a hand that does not hear its end",
         "CONFIRM_S = 3.0",
         "CONFIRM_S = 30.0",
-        f"{_TIMES}a_hand_that_does_not_hear_its_end_is_left_to_its_guard_after_three_seconds",
+        f"{_DEVICE_TIMES}a_hand_that_does_not_hear_its_end_is_left_to_its_guard_after_three_seconds",
     ),
     _late(
         "a guard that stands still",
         "DEAF_S: Final = 2.0",
         "DEAF_S: Final = 20.0",
-        f"{_TIMES}a_guard_that_stands_still_is_replaced_within_two_seconds",
+        f"{_DEVICE_TIMES}a_guard_that_stands_still_is_replaced_within_two_seconds",
     ),
     _late(
         "a dead-man that says nothing",
