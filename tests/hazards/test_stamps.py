@@ -19,8 +19,7 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from hazards.bench import Lab, lab
-from hazards.test_lost import TIGHT, closed, column
+from hazards.bench import TIGHT, Lab, closed, column, lab
 from hazards.test_stop import start
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 
-from tega_sim.gel import fall
+from tega_sim.gel import Gel, ball, fall
 from tega_sim.seams import Indenter
 
 
@@ -24,3 +27,20 @@ def nearest_touch(indenter: Indenter) -> tuple[float, float, float, float]:
             if turned + off / 10 < best[3] + best[2] / 10:
                 best = (float(x), float(y), off, turned)
     return best
+
+
+PERIOD_NS = 16_666_667
+# A finger is pressed from here to there; the other for the whole time.
+PRESSED = range(20, 70)
+N_FRAMES = 190
+
+
+@lru_cache
+def gel_frames(seed: int, *, held: bool) -> tuple[list[np.ndarray[Any, Any]], np.ndarray[Any, Any]]:
+    """Return the frames of a gel that keeps something after a release, and its baseline."""
+    gel = Gel(seed, memory=True)
+    baseline = np.rint(np.mean([gel.frame([], k).astype(float) for k in range(10)], axis=0)).astype(np.uint8)
+    gel.forget()
+    press = [ball(force_n=4.0)]
+    frames = [gel.frame(press if k in PRESSED or (held and k >= 20) else [], k) for k in range(N_FRAMES)]
+    return frames, baseline
