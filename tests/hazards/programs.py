@@ -21,8 +21,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
-from reference.processes import begun_by, below
-from reference.waiting import until
+from reference.processes import begun_by, below, until
 from tega.config import check_tree
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import run_session

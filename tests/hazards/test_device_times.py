@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference.processes import until
 from reference.scripted import MS
-from reference.waiting import until
 from tega.devices.hand import guard_process, hand_bus, hand_guard, hand_loop
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_guard import guard_hand

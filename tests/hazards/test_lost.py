@@ -13,8 +13,7 @@ from typing import Any
 import pytest
 
 from hazards.bench import LONGEST_S, closed, column, lab, states
-from reference.processes import hand_guards
-from reference.waiting import until
+from reference.processes import hand_guards, until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError

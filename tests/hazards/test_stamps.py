@@ -21,8 +21,7 @@ import pytest
 
 from hazards.bench import TIGHT, Lab, closed, column, lab
 from hazards.test_stop import start
-from reference.processes import begun_by, hand_guards
-from reference.waiting import until
+from reference.processes import begun_by, hand_guards, until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.vest.player_settings import PlayerOptions

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from reference.command import call
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
 from tega_bench.acceptance import AcceptanceReport, accept_device, acceptance_case, report_text, write_report

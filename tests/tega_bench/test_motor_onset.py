@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from reference.command import call
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import OnsetRecord, read_record

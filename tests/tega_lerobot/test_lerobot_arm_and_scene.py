@@ -12,8 +12,7 @@ import pytest
 
 from reference import lerobot_data
 from reference.lerobot_data import FPS, info, rows
-from reference.recorded import read_recorded
-from reference.sessions import rewritten
+from reference.sessions import read_recorded, rewritten
 from reference.sessions import tree as sessions_tree
 from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.records import Contact

@@ -16,8 +16,7 @@ pytest.importorskip("foxglove", reason="needs the extra record")
 pytest.importorskip("av", reason="needs the extra lerobot")
 
 from reference.played_streams import MS, Heard, jumping, nowhere
-from reference.recorded import read_recorded
-from reference.sessions import record, rewritten
+from reference.sessions import read_recorded, record, rewritten
 from tega.config.choose import finger_metric
 from tega.loop.snapshot import LoopView, Snapshot
 from tega.recording.mcap_index import open_indexed

@@ -92,7 +92,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None:
-    from reference.recorded import read_recorded
+    from reference.sessions import read_recorded
 
     (file,) = session.glob("*.mcap")
     recorded = read_recorded(file)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.recorded import read_recorded
+from reference.sessions import read_recorded
 from tega_figures.felt_vest import BatchSkin, Discriminant, score_lifts
 from tega_sim.lab import lab_of
 from tega_sim.operator.person import typical_person

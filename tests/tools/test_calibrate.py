@@ -15,10 +15,9 @@ from typing import NamedTuple
 import msgspec
 import pytest
 
-from reference.calibrating import calibrate, lab, teleop
 from reference.chromium import launched, opened
-from reference.waiting import until
-from reference.wizard import Wizard, presses, records
+from reference.processes import until
+from reference.wizard import Wizard, calibrate, lab, presses, records, teleop
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import EmgRecord, utc_now, write_record
 from tega_emulators.process import Emulator

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from reference.calibrating import calibrate, lab, teleop
-from reference.waiting import until
-from reference.wizard import OnScreen, Wizard
+from reference.processes import until
+from reference.wizard import OnScreen, Wizard, calibrate, lab, teleop
 from tega_emulators.participant import Wearer
 from tega_emulators.process import Emulator
 from tega_emulators.vest_bench import seen_by

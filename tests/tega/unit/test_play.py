@@ -21,9 +21,9 @@ from msgspec.structs import replace
 
 from reference.parts import observed
 from reference.played import finger, muscles
-from reference.recorded import read_recorded
+from reference.processes import until
+from reference.sessions import read_recorded
 from reference.sessions import tree as sessions_tree
-from reference.waiting import until
 from tega.config import SessionConfig, check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import ConfigError

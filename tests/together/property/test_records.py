@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from msgspec.structs import asdict, replace
 
 from reference.record_strategies import records_of
-from reference.recorded import Recorded, read_recorded
+from reference.sessions import Recorded, read_recorded
 from tega.config import FINGERS, check_tree
 from tega.config.calibration import Calibration
 from tega.devices.base import DeviceInfo
