@@ -33,6 +33,23 @@ def tree(folder: Path, **recording: Any) -> dict[str, Any]:
     }
 
 
+def synthetic(duration_s: float, *fingers: str, more: str = "") -> str:
+    """Return settings that record made-up fingers and raw EMG into ``recorded``, and what is added to them."""
+    touch = "".join(f'[tactile.{finger}]\ndriver = "synthetic-touch"\n' for finger in fingers)
+    return f"""
+[session]
+preset = "live"
+pace = "fast"
+duration_s = {duration_s}
+{touch}[emg]
+driver = "synthetic-emg"
+kind = "raw"
+[recording]
+dir = "recorded"
+lossless = true
+{more}"""
+
+
 def record(folder: Path, **recording: Any) -> Path:
     summary = run_session(check_tree(tree(folder, **recording), {}, base=Path.cwd()).config)
     assert summary["recording"]["state"] == "complete"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from reference.audit import refused, reported
+from reference.sessions import synthetic
 from tega.config import load_config
 from tega.records import Intent
 from tega_figures.audit import (
@@ -60,23 +61,6 @@ def test_an_option_of_the_decoder_is_swept(squeeze: Path, capsys: Any) -> None:
 
 # Sessions.
 
-LAB = """
-[session]
-preset = "live"
-pace = "fast"
-duration_s = 3.0
-[tactile.index]
-driver = "synthetic-touch"
-[tactile.thumb]
-driver = "synthetic-touch"
-[emg]
-driver = "synthetic-emg"
-kind = "raw"
-[recording]
-dir = "recorded"
-lossless = true
-"""
-
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -85,7 +69,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from tega.loop import run_session
 
     folder = tmp_path_factory.mktemp("session")
-    (folder / "lab.toml").write_text(LAB)
+    (folder / "lab.toml").write_text(synthetic(3.0, "index", "thumb"))
     run_session(load_config(folder / "lab.toml", environ={}).config)
     return folder / "recorded"
 

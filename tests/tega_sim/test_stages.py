@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from reference.command import call
+from reference.sessions import synthetic
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
 from tega.config.choose import Chosen
 from tega.errors import ConfigError, InvalidValueError
@@ -216,18 +217,6 @@ def test_the_rules_are_options() -> None:
 # Beside the connected stages.
 
 BESIDE = """
-[session]
-preset = "live"
-pace = "fast"
-duration_s = 0.5
-[tactile.index]
-driver = "synthetic-touch"
-[emg]
-driver = "synthetic-emg"
-kind = "raw"
-[recording]
-dir = "recorded"
-lossless = true
 [[stages.beside]]
 group = "decoder"
 name = "rules"
@@ -251,7 +240,7 @@ def test_stages_beside_are_recorded_and_change_nothing(tmp_path: Path) -> None:
 
     def run(name: str, text: str) -> dict[str, list[Any]]:
         (tmp_path / name).mkdir()
-        (tmp_path / name / "lab.toml").write_text(text)
+        (tmp_path / name / "lab.toml").write_text(synthetic(0.5, "index", more=text))
         summary = run_session(load_config(tmp_path / name / "lab.toml", environ={}).config)
         file = tmp_path / name / "recorded" / summary["recording"]["file"]
         assert replay_file(file).same
@@ -260,7 +249,7 @@ def test_stages_beside_are_recorded_and_change_nothing(tmp_path: Path) -> None:
             found.setdefault(message.topic, []).append(message.value)
         return found
 
-    alone = run("alone", BESIDE.partition("[[")[0])
+    alone = run("alone", "")
     both = run("both", BESIDE)
     assert {topic for topic in both if topic.startswith("/beside/")} == {
         "/beside/rules/emg", "/beside/reading/index", "/beside/reading-2/index"
