@@ -119,6 +119,7 @@ def test_every_test_that_is_named_exists(path: Path) -> None:
 # Their tests move the clock themselves, or read the emulated devices' stamps.
 CLOCKS: Final = (
     "tests/hazards/test_times.py",
+    "tests/hazards/test_device_times.py",
     "tests/hazards/test_stamps.py",
     "tests/hazards/test_letting_go.py",
     "tests/tega/unit/test_arm.py",

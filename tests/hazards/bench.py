@@ -11,8 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from reference.parts import observed
 from tega.config import check_tree
+from tega.hand import CLOSURE_POSES_RAD
 from tega.loop.controls import Controls
 from tega.loop.session import run_session
 from tega.loop.snapshot import LoopView
@@ -20,6 +23,7 @@ from tega.records import RunState
 from tega.runtime.files.toml_text import tree_text
 from tega.safety.stop import Stop
 from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.vest_bench import seen_by
 
 # A busy machine may need this long; who takes a guard out knows that there is nothing to wait for.
 LONGEST_S = float(os.environ.get("TEGA_PATIENCE_S", "60"))
@@ -177,3 +181,21 @@ def lab(
                 for pipe in (process.stdout, process.stderr):
                     if pipe is not None:
                         pipe.close()
+
+
+OPEN, TIGHT = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
+
+
+def closed(made: Lab) -> bool:
+    """Whether the emulated fingers really are in the tight pose."""
+    return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - TIGHT).max() < 0.15)
+
+
+def states(made: Lab) -> list[str]:
+    """The states the run went through."""
+    return [change.state for change in made.changes]
+
+
+def column(made: Lab, finger: int) -> int:
+    """What a finger's column of the emulated vest does."""
+    return int(seen_by(made.vest).motors[finger])

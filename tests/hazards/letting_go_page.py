@@ -14,7 +14,7 @@ import pytest
 
 from hazards.letting_go import CELLS, EVENTS, Cell, Seen, expected, try_cell
 from hazards.programs import SUBJECTS
-from tega_campaigns.report import put_table, table
+from tega_campaigns.runner import put_table, table
 
 ROOT: Final = Path(__file__).parents[2]
 PAGE: Final = ROOT / "docs/evidence/faults.md"

@@ -21,8 +21,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
-from reference.processes import begun_by, below
-from reference.waiting import until
+from reference.processes import begun_by, below, until
 from tega.config import check_tree
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import run_session
@@ -30,7 +29,7 @@ from tega.runtime.files.toml_text import tree_text
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
 from tega_emulators.stations import free_port, split, write_trees
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 __all__ = ["SUBJECTS", "Started", "Subject"]
 

@@ -10,155 +10,20 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from hazards.bench import LONGEST_S, Lab, lab
-from reference.processes import hand_guards
-from reference.waiting import until
+from hazards.bench import LONGEST_S, closed, column, lab, states
+from reference.processes import hand_guards, until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
-from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
-from tega.hand import CLOSURE_POSES_RAD, TORQUE_LIMITS
-from tega.loop.snapshot import LoopView
+from tega.errors import CalibrationError, DeviceUnavailableError
+from tega.hand import TORQUE_LIMITS
 from tega.recording.inspection import inspect_file
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.slow
-
-OPEN, TIGHT = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
-
-
-def closed(made: Lab) -> bool:
-    """Whether the emulated fingers really are in the tight pose."""
-    return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - TIGHT).max() < 0.15)
-
-
-def opened(made: Lab) -> bool:
-    """Whether they really are in the open one."""
-    return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - OPEN).max() < 0.15)
-
-
-def states(made: Lab) -> list[str]:
-    """The states the run went through."""
-    return [change.state for change in made.changes]
-
-
-def column(made: Lab, finger: int) -> int:
-    """What a finger's column of the emulated vest does."""
-    return int(seen_by(made.vest).motors[finger])
-
-
-def test_emg_unplugged_holds_the_level_then_opens_the_hand(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 1500.0}) as made:
-
-        def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
-            made.emg.say("unplug")
-            made.until(lambda: made.state == "hold")
-            assert "emg: " in made.changes[-1].reason
-            assert closed(made)
-            made.until(lambda: made.state == "idle")
-            assert "held for 1.5 s" in made.changes[-1].reason
-            made.until(lambda: opened(made))
-
-        made.run(script)
-        assert made.limp()
-    assert states(made) == ["armed", "active", "hold", "idle", "stopped"]
-    held_s = (made.changes[3].t_ns - made.changes[2].t_ns) / 1e9
-    assert held_s >= 1.5
-    assert any("then the hand opens" in note for note in made.summary["notes"])
-
-
-def test_emg_lost_keeps_the_level_where_the_settings_say_so(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 100.0, "then": "keep"}) as made:
-
-        def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
-            made.emg.say("freeze 1")
-            made.until(lambda: made.state == "hold")
-            time.sleep(1.0)
-            assert made.state == "hold"
-            assert closed(made)
-
-        made.run(script)
-        assert made.limp()
-
-
-@pytest.mark.raises("emg")
-def test_emg_that_comes_back_steers_again(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 500.0}) as made:
-
-        def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
-            # Longer than the driver waits: the board is opened anew.
-            made.emg.say("freeze 1")
-            made.until(lambda: made.state == "idle")
-            made.until(lambda: "no valid sample" in made.said())
-            made.emg.say("freeze 0")
-            made.until(lambda: made.state == "active")
-            made.until(lambda: closed(made))
-
-        made.run(script)
-        assert made.limp()
-    assert states(made) == ["armed", "active", "hold", "idle", "armed", "active", "stopped"]
-    assert any("lost 1 times and found again" in note for note in made.summary["notes"])
-
-
-@pytest.mark.parametrize(
-    ("signal", "words"), [("rail", "stays at"), ("hum", "mostly 50 Hz mains"), ("flat", "stays at 0")]
-)
-@pytest.mark.raises("votes")
-def test_electrodes_that_are_off_hold_the_level_then_open_the_hand(
-    tmp_path: Path, signal: str, words: str
-) -> None:
-    lowest: list[int] = []
-
-    def note(view: LoopView) -> None:
-        if view.state in {"active", "hold"} and view.intent is not None:
-            lowest.append(view.intent.level)
-
-    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 1500.0}) as made:
-
-        def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
-            lowest.clear()
-            made.emg.say(f"signal {signal}")
-            made.until(lambda: made.state == "hold")
-            reason = made.changes[-1].reason
-            assert "emg: no channel can be believed: ch1: " in reason
-            assert words in reason
-            assert closed(made)
-            made.until(lambda: "no vote for ch1" in made.said())
-            made.until(lambda: made.state == "idle")
-            # All the while the run asked for nothing else than before.
-            assert set(lowest) == {5}
-            made.until(lambda: opened(made))
-            made.emg.say("signal emg")
-            made.until(lambda: made.state == "active" and closed(made))
-
-        made.run(script, observe=note)
-        assert made.limp()
-    assert states(made) == ["armed", "active", "hold", "idle", "armed", "active", "stopped"]
-
-
-def test_one_electrode_that_is_off_has_no_vote_and_the_others_go_on(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True) as made:
-
-        def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
-            made.emg.say("signal rail 2")
-            made.until(lambda: "no vote for ch2: stays at" in made.said())
-            assert made.views[0].intent is not None
-            made.until(lambda: made.views[0].intent.channels[1] == 0)  # type: ignore[union-attr]
-            time.sleep(0.5)
-            assert made.state == "active"
-            assert closed(made)
-
-        made.run(script)
-        assert made.limp()
 
 
 @pytest.mark.parametrize(
@@ -413,13 +278,6 @@ def test_a_slow_camera_does_not_arm(tmp_path: Path) -> None:
 
         made.run(script)
     assert states(made) == ["stopped"]
-
-
-def test_a_slow_board_is_refused(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True) as made:
-        made.emg.say("slow 0.7")
-        with pytest.raises(SampleRateError):
-            made.run(lambda: None)
 
 
 def test_without_calibration_nothing_starts(tmp_path: Path) -> None:

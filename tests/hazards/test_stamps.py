@@ -19,11 +19,9 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from hazards.bench import Lab, lab
-from hazards.test_lost import TIGHT, closed, column
+from hazards.bench import TIGHT, Lab, closed, column, lab
 from hazards.test_stop import start
-from reference.processes import begun_by, hand_guards
-from reference.waiting import until
+from reference.processes import begun_by, hand_guards, until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.vest.player_versions import PlayerOptions
@@ -32,7 +30,7 @@ from tega.haptics import vest_frame
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 from tega_emulators.stations import Program, free_port, split, write_trees
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.slow
 

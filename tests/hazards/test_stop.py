@@ -15,8 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from hazards.bench import Lab, lab
-from hazards.test_lost import closed, column
+from hazards.bench import Lab, closed, column, lab
 
 pytestmark = pytest.mark.slow
 

@@ -6,9 +6,14 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tega.arm import ArmCommand, LimitSettings, Pose
+from tega.arm import (
+    ArmCommand,
+    LimitSettings,
+    Pose,
+)
 
 __all__ = ["Obedience", "one_euro"]
 
@@ -98,3 +103,17 @@ class Obedience:
             assert change <= limits.acceleration_m_s2 * most_s + GIVE_M * rounding, change
             assert turning <= limits.turn_acceleration_rad_s2 * most_s + GIVE_RAD * rounding, turning
         self.tick = dt_s, v, w
+
+
+numbers = st.floats(-1, 1)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+quaternions = (
+    st.tuples(numbers, numbers, numbers, numbers)
+    .map(np.array)
+    .filter(lambda q: np.linalg.norm(q) > 0.1)
+    .map(lambda q: q / np.linalg.norm(q))
+)
+
+
+def turn_between(a: np.ndarray, b: np.ndarray) -> float:
+    return float((Rotation.from_quat(a) * Rotation.from_quat(b).inv()).magnitude())

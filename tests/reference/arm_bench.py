@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from tega.arm import (
     StampedPose,
 )
 from tega.arm import rotation as so3
+from tega.devices.arm.base import TellingArm
 
 MS = 1_000_000
 
@@ -66,3 +69,45 @@ class Bench:
     @property
     def away_m(self) -> list[float]:
         return [round(x, 4) for x in (self.arm.position_m - MIDDLE).tolist()]
+
+
+class Led:
+    """The chain and an arm, at about 100 Hz; the forearm is where the test puts it."""
+
+    def __init__(self, arm: TellingArm, settings: ArmSettings | None = None) -> None:
+        self.arm = arm
+        self.chain = ArmChain(settings or ArmSettings(mapping=MappingSettings(frame="base")))
+        self.forearm = np.zeros(3)
+        self.command: ArmCommand | None = None
+
+    def until(self, enough: Callable[[], object], *, clutch: bool = True) -> None:
+        # Counted, not timed: a machine that stands still for a while is no failure.
+        for _ in range(1500):
+            if enough():
+                return
+            now_ns = time.monotonic_ns()
+            poses = [StampedPose(now_ns, self.forearm.tolist(), (0.0, 0.0, 0.0, 1.0))]
+            self.command = self.chain.step(
+                now_ns, poses, clutch=clutch, dead_man=True, measured=self.arm.measured()
+            )
+            self.arm.follow(self.command)
+            time.sleep(0.01)
+        raise AssertionError((self.command, self.arm.phase, self.arm.problem, self.arm.measured()))
+
+    def go_on(self, turns: int, *, clutch: bool = True) -> None:
+        """Go on for so many turns."""
+        done = iter(range(turns))
+        self.until(lambda: next(done, None) is None, clutch=clutch)
+
+    def hold(self) -> None:
+        self.until(lambda: self.said("the clutch is open"), clutch=False)
+        self.until(lambda: self.arm.phase == "following")
+
+    def said(self, reason: str) -> bool:
+        return self.command is not None and self.command.reason == reason
+
+    @property
+    def place(self) -> np.ndarray:
+        pose = self.arm.measured()
+        assert pose is not None
+        return np.array(pose.position_m)

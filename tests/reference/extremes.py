@@ -9,7 +9,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from tega_campaigns.report import table
+from tega_campaigns.runner import table
 
 Group: TypeAlias = Literal["contact", "touch", "sigmoid", "emg", "decoders"]
 GROUPS: Final[dict[Group, str]] = {

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from reference.waiting import until
+from reference.processes import until
 from tega.records import Intent, PoseNumbers
 from tega_link.link import Channel, Link
 from tega_link.messages import (

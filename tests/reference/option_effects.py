@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from hypothesis import strategies as st
 
-from reference.recorded import Recorded, read_recorded
+from reference.sessions import Recorded, read_recorded
 from tega.config.choose import muscle_setup
 from tega.devices.base import EmgChunk, TactileFrame
 from tega.haptics import FeltMap

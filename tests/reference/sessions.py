@@ -1,11 +1,11 @@
-"""Recorded runs on made-up input, for the tests of recordings."""
+"""Recorded runs on made-up input, for the tests of recordings, and whole recordings as they are read."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
@@ -15,6 +15,11 @@ from tega.config import check_tree
 from tega.loop import run_session
 from tega.recording.mcap_schemas import decoder
 from tega.recording.replay import Replay
+from tega.recording.replay.feed import RecordFeed
+from tega.records import Contact, EmgSamples, Picture, Record
+from tega.records.schema import own_schema
+from tega.records.types import record_types
+from tega.runtime.files.foreign_file import reports_damage
 
 SECONDS = 1.5
 
@@ -26,6 +31,23 @@ def tree(folder: Path, **recording: Any) -> dict[str, Any]:
         "emg": muscles(SECONDS),
         "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0, **recording},
     }
+
+
+def synthetic(duration_s: float, *fingers: str, more: str = "") -> str:
+    """Return settings that record made-up fingers and raw EMG into ``recorded``, and what is added to them."""
+    touch = "".join(f'[tactile.{finger}]\ndriver = "synthetic-touch"\n' for finger in fingers)
+    return f"""
+[session]
+preset = "live"
+pace = "fast"
+duration_s = {duration_s}
+{touch}[emg]
+driver = "synthetic-emg"
+kind = "raw"
+[recording]
+dir = "recorded"
+lossless = true
+{more}"""
 
 
 def record(folder: Path, **recording: Any) -> Path:
@@ -96,3 +118,32 @@ def reported(path: Path) -> dict[str, dict[str, str]]:
         for table in NonSeekingReader(file).iter_metadata():
             tables.setdefault(table.name, {}).update(table.metadata)
     return tables
+
+
+Kind = TypeVar("Kind", bound=Record)
+
+
+class Recorded:
+    """Records of some types that a recording holds."""
+
+    def __init__(self, feed: RecordFeed, kinds: tuple[type[Record], ...]) -> None:
+        self.head = feed.head
+        self._records: dict[type[Record], list[Any]] = {kind: feed.collect(kind) for kind in kinds}
+        feed.read_rest()
+
+    def of(self, kind: type[Kind]) -> list[Kind]:
+        """Return the records of a type, in order."""
+        return self._records.get(kind, [])
+
+    @property
+    def contacts(self) -> dict[str, list[Contact]]:
+        """Contacts by finger, in order."""
+        return {f: [one for one in self.of(Contact) if one.finger == f] for f in self.head.baselines}
+
+
+@reports_damage
+def read_recorded(path: Path, *kinds: type[Record]) -> Recorded:
+    """Return the records of a recording: those of some types, or else all but pictures and samples."""
+    large = {EmgSamples, Picture}
+    every = tuple(kind for kind in record_types() if own_schema(kind) and kind not in large)
+    return Recorded(RecordFeed(path), kinds or every)

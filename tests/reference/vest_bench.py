@@ -1,4 +1,4 @@
-"""A vest driver and the emulator at its other end."""
+"""A vest driver and the emulator at its other end; a vest whose link keeps what it is told, in place of a radio."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tega.devices import driver_class
-from tega.devices.vest.vest_stream import StreamedVest
+from tega.devices.vest.vest_link import VestLink
+from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 from tega.haptics import MotorLevels, vest_frame
 from tega.wire import vest_levels
 from tega_emulators.hid_port import HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vest_bench import vest_bench
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by, vest_bench
 
-__all__ = ["OTHER", "SILENT", "TOUCH", "Bench", "bench", "make"]
+__all__ = ["OTHER", "SILENT", "TOUCH", "Bench", "HandedOver", "KeptLink", "KeptVest", "bench", "make"]
 
 TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
 
@@ -67,3 +68,40 @@ def bench(name: str, **options: Any) -> Iterator[Bench]:
         pytest.skip("dbus-daemon is not installed")
     with vest_bench(name, **options) as made:
         yield Bench(made.vest, made.peer, made.port)
+
+
+class KeptLink(VestLink):
+    """Keeps each frame, and when it came, in seconds of the monotonic clock."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[float, NDArray[np.uint8]]] = []
+
+    def connect(self) -> None: ...
+    def send(self, intensities: NDArray[np.uint8]) -> None:
+        self.sent.append((time.monotonic(), intensities.copy()))
+
+    def close(self) -> None: ...
+
+
+class HandedOver:
+    """A vest's account of the frames that have left, filled by hand."""
+
+    def __init__(self) -> None:
+        self.handed: list[tuple[int, int, int]] = []
+
+    def handed_over(self) -> list[tuple[int, int, int]]:
+        handed, self.handed = self.handed, []
+        return handed
+
+
+class KeptVest(StreamedVest):
+    """A streamed vest on such a link."""
+
+    name = "wire-vest"
+
+    def __init__(self, options: VestOptions) -> None:
+        super().__init__(options, "wire")
+        self.wire = KeptLink()
+
+    def _new_link(self) -> KeptLink:
+        return self.wire

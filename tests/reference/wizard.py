@@ -19,7 +19,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
-__all__ = ["OnScreen", "Wizard", "presses", "records"]
+import pytest
+
+from tega.ui.cli.main import main
 
 Answer = Callable[[str], str | None]
 
@@ -186,3 +188,23 @@ def presses(command: Callable[[str], object], firmness: list[float], *, hold_s: 
 def records(folder: Path) -> Iterator[str]:
     """Name every file under a folder."""
     yield from sorted(f.relative_to(folder).as_posix() for f in folder.rglob("*") if f.is_file())
+
+
+def lab(path: Path, *parts: str) -> Path:
+    file = path / "lab.toml"
+    file.write_text("\n".join(parts))
+    return file
+
+
+def teleop(*words: str) -> int:
+    with pytest.raises(SystemExit) as done:
+        main(list(words))
+    code: int = done.value.code  # type: ignore[assignment]
+    return code
+
+
+def calibrate(file: Path, answer: Any, *more: str) -> Wizard:
+    how = "--person", "p01", "--json", "--time-scale", "0.2", "--pause-s", "0"
+    wizard = Wizard(["calibrate", str(file), *how, *more], answer)
+    wizard.run()
+    return wizard

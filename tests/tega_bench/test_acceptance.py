@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from reference.command import call
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
 from tega_bench.acceptance.report import STEPS, AcceptanceReport, report_text, write_report
 from tega_bench.acceptance.run import accept_device, acceptance_case
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import emulated_lab
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = [
     pytest.mark.slow,

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from reference.command import call
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import OnsetRecord, read_record
@@ -33,8 +33,7 @@ from tega_emulators.lab import PRESSED, emulated_lab, pressing
 from tega_emulators.motor_sound import RATE_HZ
 from tega_emulators.process import Emulator
 from tega_emulators.sound_port import SoundPort
-from tega_emulators.vest_bench import vest_bench
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by, vest_bench
 
 pytest.importorskip("scipy")
 

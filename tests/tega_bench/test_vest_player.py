@@ -20,7 +20,7 @@ from tega.haptics import vest_frame
 from tega.loop import LoopView, run_session
 from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.state import ViewState
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = [
     pytest.mark.slow,

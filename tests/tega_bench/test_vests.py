@@ -21,8 +21,7 @@ from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels, vest_frame
 from tega.setup.contract import check_driver
 from tega_bench.acceptance.outputs import accept_vest
-from tega_emulators.vest_bench import LIVE_VESTS
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import LIVE_VESTS, seen_by
 
 pytestmark = [
     pytest.mark.slow,

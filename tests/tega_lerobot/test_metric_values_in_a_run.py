@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from reference.recorded import read_recorded
+from reference.sessions import read_recorded
 from tega.config import check_tree
 from tega.loop import run_session
 from tega.recording.replay import replay_file

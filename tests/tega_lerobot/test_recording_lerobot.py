@@ -12,53 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.recorded import read_recorded
+from reference import lerobot_data
+from reference.lerobot_data import FPS, episodes, info, rows
 from reference.sessions import record, rewritten
-from reference.sessions import tree as sessions_tree
-from tega.errors import ConfigError, RecordingError, UnsafeNameError
+from tega.errors import ConfigError, RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder, session_files
-from tega.recording.trim import trim_session
-from tega.records import Contact
 from tega.ui.cli.main import main
 from tega_lerobot.dataset import export_lerobot
 from tega_lerobot.streams import Stream
-from tega_lerobot.video import EpisodeCamera, Video
-from tega_scene.pictures import times_path
+from tega_lerobot.video import EpisodeCamera
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
 
-FPS = 25
-
-
-@pytest.fixture(scope="module")
-def parts(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    part = trim_session(lossless, from_s=0.4, to_s=1.1, out=tmp_path_factory.mktemp("part") / "part")
-    return [lossless, part]
-
-
-@pytest.fixture(scope="module")
-def dataset(parts: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("dataset") / "dataset"
-    return export_lerobot(parts, folder, fps=FPS, task="lift the bottle")
-
-
-def info(dataset: Path) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads((dataset / "meta" / "info.json").read_text())
-    return content
-
-
-def rows(dataset: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = parquet.read_table(dataset / "data/chunk-000/file-000.parquet").to_pylist()
-    return found
-
-
-def episodes(dataset: Path) -> list[dict[str, Any]]:
-    path = dataset / "meta/episodes/chunk-000/file-000.parquet"
-    found: list[dict[str, Any]] = parquet.read_table(path).to_pylist()
-    return found
+parts, dataset = lerobot_data.parts, lerobot_data.dataset
 
 
 def test_the_layout_is_the_published_one(dataset: Path) -> None:
@@ -114,137 +83,6 @@ def test_a_task_fills_only_what_an_episode_does_not_say(
     by_episode = {row["episode_index"]: row["task_index"] for row in rows(dataset)}
     assert by_episode == {0: 0, 1: 1, 2: 0}
     assert info(dataset)["total_tasks"] == 2
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
-def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Path) -> None:
-    recording = _with_arm(tmp_path)
-    dataset = export_lerobot([recording], tmp_path / "dataset", fps=FPS)
-    features, table = info(dataset)["features"], rows(dataset)
-    names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
-    assert features["observation.arm"] == {
-        "dtype": "float32", "shape": [7], "names": [f"arm.{name}" for name in names],
-    }  # fmt: skip
-    assert features["action"]["names"] == [
-        "grasp_level",
-        "closure",
-        *(f"arm_target.{name}" for name in names),
-    ]
-    (episode,) = json.loads((dataset / "meta" / "tega.json").read_text())["episodes"]
-    start_s = episode["start_ns"] / 1e9
-    for k, row in enumerate(table):
-        t_s = start_s + k / FPS
-        # The measured arm moves by 0.1 m/s along x; it is led from half a second on, 0.2 m higher.
-        assert row["observation.arm"][0] == pytest.approx(0.5 + 0.1 * t_s, abs=0.1 / 30)
-        if abs(t_s - 0.5) > 1 / 30:  # how long a fingertip may say nothing new
-            assert row["action"][4] == pytest.approx(0.5 if t_s > 0.5 else 0.3, abs=1e-6), t_s
-        assert row["action"][5:] == pytest.approx([0, 0, 0, 1])
-    assert [(m["text"], m["source"], m["frame_index"]) for m in episode["markers"]] == [
-        ("lift", "pedal", int((0.2 - start_s) * FPS + 1e-9)),
-        ("put down", "another program", int((0.8 - start_s) * FPS + 1e-9)),
-    ]
-
-
-def _with_arm(folder: Path) -> Path:
-    """Record a run whose records of an arm and markers are made up."""
-    from tega.config import check_tree
-    from tega.loop import run_session
-    from tega.records import ArmMeasured, ArmTarget, HeardMarker, Marker
-    from tega.records.bus import Bus
-
-    bus = Bus()
-    reported: list[int] = []
-
-    def observe(contact: Any) -> None:
-        """Say where the arm is, each time that a fingertip says something."""
-        t_ns = contact.taken_ns
-        turn = (0.0, 0.0, 0.0, 1.0)
-        common = {"t_ns": t_ns, "taken_ns": t_ns, "frame": "arm_base", "quaternion": turn}
-        x_m = 0.5 + 0.1 * t_ns / 1e9
-        bus.publish(ArmMeasured(position=(x_m, 0.0, 0.3), **common))
-        if t_ns >= 500_000_000:
-            bus.publish(ArmTarget(position=(x_m, 0.0, 0.5), **common))
-        if not reported:
-            bus.publish(Marker(t_ns=200_000_000, text="lift", source="pedal"))
-            bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
-        reported.append(t_ns)
-
-    bus.subscribe(Contact, observe)
-    tree = sessions_tree(folder / "arm")
-    summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus)
-    return folder / "arm" / str(summary["recording"]["file"])
-
-
-def filmed(video: Path, times_ns: list[int]) -> Path:
-    """Write a scene camera's video, a grey that rises with each picture, and its time code."""
-    made = Video(video, fps=30, height=48, width=64)
-    for k in range(len(times_ns)):
-        made.add(np.full((48, 64, 3), 40 + 4 * k, np.uint8), 1)
-    made.close()
-    lines = [f"{k},{t_ns}" for k, t_ns in enumerate(times_ns)]
-    times_path(video).write_text("\n".join(["picture,t_ns", *lines]) + "\n")
-    return video
-
-
-def test_a_scene_camera_is_laid_on_the_frames_by_the_machine_s_clock(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    begun_ns = 5_000_000_000
-    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
-    # A picture each 50 ms, from a little before the session's start on; none between 0.5 and 0.9 s.
-    offsets_ms = [ms for ms in range(-90, 1700, 50) if not 500 < ms < 900]
-    times_ns = [begun_ns + ms * 1_000_000 for ms in offsets_ms]
-    video = filmed(tmp_path / "side.mp4", times_ns)
-    out = tmp_path / "dataset"
-    words = ["--out", str(out), "--format", "lerobot", "--fps", str(FPS), "--scene", f"side={video}"]
-    with pytest.raises(SystemExit) as ended:
-        main(["recording", "export", str(moved), *words])
-    assert ended.value.code == 0, capsys.readouterr().err
-    assert info(out)["features"]["observation.images.side"]["shape"] == [48, 64, 3]
-    start_ns = json.loads((out / "meta" / "tega.json").read_text())["episodes"][0]["start_ns"]
-    with av.open(str(out / "videos/observation.images.side/chunk-000/file-000.mp4")) as opened:
-        greys = [frame.to_ndarray(format="rgb24").mean() for frame in opened.decode(video=0)]
-    assert len(greys) == info(out)["total_frames"]
-    for k, grey in enumerate(greys):
-        at_ns = begun_ns + start_ns + k * 1_000_000_000 // FPS
-        newest = sum(t_ns <= at_ns for t_ns in times_ns) - 1
-        assert grey == pytest.approx(40 + 4 * newest, abs=3), k
-    stats = json.loads((out / "meta" / "stats.json").read_text())["observation.images.side"]
-    assert np.ravel(stats["min"])[0] < np.ravel(stats["max"])[0]
-
-
-@pytest.mark.slow
-def test_a_scene_camera_of_another_time_or_without_one_is_refused(lossless: Path, tmp_path: Path) -> None:
-    begun_ns = 5_000_000_000
-    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
-    late = filmed(tmp_path / "late.mp4", [begun_ns + k * 50_000_000 for k in range(20, 40)])
-    short = filmed(tmp_path / "short.mp4", [begun_ns - 90_000_000 + k for k in range(3)])
-    for number, video in enumerate((late, short)):
-        with pytest.raises(RecordingError, match=r"does not cover trial-001\.mcap"):
-            export_lerobot([moved], tmp_path / f"out{number}", fps=FPS, scenes={"side": video})
-    with pytest.raises(ConfigError, match="named as a finger"):
-        export_lerobot([moved], tmp_path / "finger", fps=FPS, scenes={"thumb": late})
-    times_path(late).unlink()
-    with pytest.raises(RecordingError, match="has no time code"):
-        export_lerobot([moved], tmp_path / "untimed", fps=FPS, scenes={"side": late})
-    with pytest.raises(UnsafeNameError):
-        export_lerobot([moved], tmp_path / "unsafe", fps=FPS, scenes={"../side": late})
-
-
-def test_depth_and_force_are_observed_where_the_run_s_metric_measures_them(
-    dataset: Path, lossless: Path
-) -> None:
-    feature = info(dataset)["features"]["observation.touch_si"]
-    names = [f"{f}.{n}" for f in ("ring", "thumb") for n in ("area_mm2", "depth_mm", "force_n")]
-    assert feature["names"] == names
-    contacts = read_recorded(lossless).contacts["thumb"]
-    forces = {np.float32(one.force_n) for one in contacts}
-    found = [dict(zip(names, row["observation.touch_si"], strict=True)) for row in rows(dataset)]
-    assert {row["thumb.force_n"] for row in found} <= forces
-    assert max(row["thumb.force_n"] for row in found) > 0.5
-    assert max(row["thumb.depth_mm"] for row in found) > 0.05
-    assert {row["thumb.area_mm2"] for row in found} == {0.0}, "no gel's scale is known"
 
 
 def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path, tmp_path: Path) -> None:
@@ -392,42 +230,6 @@ def test_the_public_package_opens_it(dataset: Path, monkeypatch: pytest.MonkeyPa
         assert item["observation.images.ring"].shape == (2, 3, 320, 240)
         assert item["task"] == "lift the bottle"
         assert item["action"][0].tolist() == rows(dataset)[k]["action"]
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
-def test_the_public_package_opens_arm_force_and_scene_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    public = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="needs the package lerobot")
-    begun_ns = 5_000_000_000
-
-    tables = {"tega": {"start_ns": str(begun_ns)}}
-    recording = rewritten(_with_arm(tmp_path), tmp_path / "trial-001.mcap", tables=tables)
-    side = filmed(tmp_path / "side.mp4", [begun_ns + ms * 1_000_000 for ms in range(-90, 1700, 50)])
-    dataset = export_lerobot(
-        [recording], tmp_path / "dataset", fps=FPS, task="lift the bag", scenes={"side": side}
-    )
-    opened = public.LeRobotDataset("tega/test", root=dataset, video_backend="pyav")
-    table = rows(dataset)
-    assert set(opened.meta.video_keys) == {f"observation.images.{name}" for name in ("thumb", "ring", "side")}
-    greys = []
-    for k in (0, len(opened) // 2, len(opened) - 1):
-        item = opened[k]
-        for name, feature in opened.meta.features.items():
-            if feature["dtype"] == "float32" and name != "timestamp":
-                assert np.array_equal(item[name].numpy(), np.array(table[k][name], np.float32)), name
-        assert item["observation.arm"].shape == (7,)
-        assert item["action"].shape == (9,)
-        assert item["observation.touch_si"].shape == (6,)
-        assert item["observation.emg"].shape == (1000 // FPS, 3)
-        assert item["observation.vest"].shape == (40,)
-        assert item["observation.state"].shape == (16,)
-        assert item["observation.images.side"].shape == (3, 48, 64)
-        assert item["task"] == "lift the bag"
-        greys.append(255 * float(item["observation.images.side"].mean()))
-    assert greys == sorted(greys)
-    assert greys[-1] - greys[0] > 20  # the camera's pictures get brighter by 4 of 255 each 50 ms
 
 
 @pytest.mark.parametrize(

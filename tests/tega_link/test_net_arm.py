@@ -20,7 +20,7 @@ from tega.loop.controls import Controls
 pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.loop import LoopView, run_session
 from tega_emulators.lab import EmulatedLab, emulated_lab

@@ -18,7 +18,7 @@ from tega.loop.controls import Controls
 pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
-from reference.waiting import until
+from reference.processes import until
 from tega.config import load_config
 from tega.config.calibration import (
     Calibration,

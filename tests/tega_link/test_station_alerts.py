@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from reference.parts import observed
-from reference.waiting import until
+from reference.processes import until
 from tega.config import load_config
 from tega.loop import run_session
 from tega.loop.controls import Controls

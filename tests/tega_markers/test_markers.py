@@ -16,7 +16,7 @@ import pytest
 
 from reference.command import call
 from reference.parts import observed
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.loop import run_session
 from tega.loop.controls import Controls

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions

@@ -22,7 +22,7 @@ from tega.runtime.clock import ManualClock
 from tega.runtime.guide import Bar
 from tega.safety.motor_budget import MotorBudget
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 from tega_figures.felt.information import Discriminant
 from tega_figures.felt.skin import BatchSkin
 from tega_practice.kept import kept_records

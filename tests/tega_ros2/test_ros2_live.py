@@ -22,8 +22,8 @@ pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 pytest.importorskip("rosbags", reason="needs the extra ros2")
 
 from reference.parts import observed
+from reference.processes import until
 from reference.sessions import tree
-from reference.waiting import until
 from tega.config import check_tree
 from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, JOINT_NAMES
 from tega.loop import LoopView, run_session

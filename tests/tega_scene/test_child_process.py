@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from reference.waiting import until
+from reference.processes import until
 from tega.devices.arm.robot.process import ProcessSettings
 from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions
 from tega.runtime.child_process import end_child, is_running, start_child

@@ -27,7 +27,7 @@ from reference.film_server import (
     numbered_film,
 )
 from reference.filmed import number_of
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session

@@ -20,6 +20,7 @@ pytest.importorskip("foxglove")
 
 from reference.film_server import FilmServer  # noqa: E402
 from reference.filmed import SIZE, number_of, numbered  # noqa: E402
+from reference.processes import until  # noqa: E402
 from tega.config import check_tree, load_config  # noqa: E402
 from tega.config.attached import config_text  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
@@ -136,11 +137,11 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
 
     def film_twice() -> None:
         with server:
-            _until(lambda: n_pictures[0] > 10)
-        _until(lambda: bool(message) and dark.is_set())
+            until(lambda: n_pictures[0] > 10)
+        until(lambda: bool(message) and dark.is_set())
         before = n_pictures[0]
         with FilmServer(server.port):
-            _until(lambda: n_pictures[0] > before + 10)
+            until(lambda: n_pictures[0] > before + 10)
             done.set()
             time.sleep(0.3)
 
@@ -171,7 +172,7 @@ def test_what_a_sender_had_ready_is_not_filmed_as_if_it_were_of_now() -> None:
         film.open()
         film.begin(0)
         film.start()
-        _until(lambda: film.tally.seen > 10)
+        until(lambda: film.tally.seen > 10)
         film.leave()
     decoder, numbers = SceneDecoder(), []
     for t_ns, data in packets:
@@ -367,11 +368,6 @@ def test_doctor_tells_a_lens_of_another_size(tmp_path: Path) -> None:
         "error",
         "cam.json is of pictures of 640×480, and the camera films 192×128",
     )
-
-
-def _until(true: Any) -> None:
-    while not true():
-        time.sleep(0.02)
 
 
 def _children(module: str) -> list[int]:

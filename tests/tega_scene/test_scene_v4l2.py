@@ -23,7 +23,7 @@ pytest.importorskip("foxglove")
 pytest.importorskip("mujoco")
 
 from reference.filmed import number_of, numbered  # noqa: E402
-from reference.waiting import until  # noqa: E402
+from reference.processes import until  # noqa: E402
 from tega_scene.pictures import read_pictures  # noqa: E402
 from tega_scene.record import export_camera  # noqa: E402
 

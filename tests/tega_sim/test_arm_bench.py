@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, StampedPose
+from reference.arm_bench import Led
 from tega.arm.rotation import between
 from tega.config import load_config
 from tega.errors import MissingExtraError
@@ -22,7 +20,6 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or 
 pytest.importorskip("mujoco", reason="pip install '.[sim]'")
 
 _TURN = (0.0, 0.0, 0.0, 1.0)
-_MOST_TURNS = 1500
 
 
 def test_settings_are_written_with_the_bench_s_arm(tmp_path: Path) -> None:
@@ -31,37 +28,6 @@ def test_settings_are_written_with_the_bench_s_arm(tmp_path: Path) -> None:
     arm = load_config(path, environ={}).config.arm
     assert arm is not None
     assert arm.driver == "bench-arm"
-
-
-class Led:
-    """Chain and arm, at about 100 Hz, counted and not timed; the forearm is where the test puts it."""
-
-    def __init__(self, arm: BenchArm) -> None:
-        self.arm, self.forearm = arm, np.zeros(3)
-        self._chain = ArmChain(ArmSettings(mapping=MappingSettings(frame="base")))
-        self.command: ArmCommand | None = None
-
-    def until(self, enough: Callable[[], object], *, clutch: bool = True) -> None:
-        for _ in range(_MOST_TURNS):
-            if enough():
-                return
-            now_ns = time.monotonic_ns()
-            pose = StampedPose(now_ns, self.forearm.tolist(), _TURN)
-            self.command = self._chain.step(
-                now_ns, [pose], clutch=clutch, dead_man=True, measured=self.arm.measured()
-            )
-            self.arm.follow(self.command)
-            time.sleep(0.01)
-        raise AssertionError((self.command, self.arm.phase, self.arm.problem, self.arm.measured()))
-
-    def said(self, reason: str) -> bool:
-        return self.command is not None and self.command.reason == reason
-
-    @property
-    def place(self) -> np.ndarray:
-        pose = self.arm.measured()
-        assert pose is not None
-        return np.array(pose.position_m)
 
 
 def test_it_goes_where_the_forearm_goes_and_stays_where_it_was_let_go() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from reference.waiting import until
+from reference.processes import until
 from tega.safety.stop import CtrlC
 from tega_sim.cli.demo import demo
 

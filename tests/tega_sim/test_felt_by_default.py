@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.recorded import read_recorded
+from reference.sessions import read_recorded
 from tega_figures.felt.information import Discriminant
 from tega_figures.felt.shown import score_lifts
 from tega_figures.felt.skin import BatchSkin

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from reference.parts import observed
-from reference.recorded import read_recorded
+from reference.sessions import read_recorded
 from tega.config import check_tree
 from tega.loop import LoopView, run_session
 from tega.loop.controls import Controls

@@ -1,15 +1,17 @@
-"""Fingertips of the simulated hand's poses meet objects where their cameras see the contact, and hold them."""
+"""Fingertips of the simulated hand: where they are, that cameras see what they hold, and that they hold it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-
-from tega.hand.mjcf import joint_names
+from tega.hand import JOINT_LIMITS_RAD
+from tega.hand.mjcf import fingertips_m, joint_names, tip_heights_mm
+from tega.haptics import FINGERS
 from tega_figures.pads.grip import grip
 from tega_sim.world import GRASP_POSES_RAD, OBJECTS, World
+
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 
 @pytest.mark.parametrize("level", [3, 4, 5])
@@ -46,3 +48,27 @@ def test_pads_of_an_empty_hand_meet_from_level_3_on() -> None:
         apart_mm.append(1e3 * world.mujoco.mj_geomDistance(world.model, world.data, *pads, 0.2, None))
     assert apart_mm[0] > 10
     assert max(apart_mm[2:]) < 0
+
+
+def test_fingertips_are_where_the_physics_has_them() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    from tega_sim.world import World
+
+    world = World("bottle")
+    names = [f"{finger}_pad" for finger in FINGERS]
+    rng = np.random.default_rng(3)
+    low, high = JOINT_LIMITS_RAD.T
+    for angles in rng.uniform(low, high, size=(20, 16)):
+        world._angles[:] = angles
+        mujoco.mj_forward(world.model, world.data)
+        palm_m, turned = world.palm_pose
+        true_m = np.array([turned.T @ (world.data.site(name).xpos - palm_m) for name in names])
+        assert fingertips_m(angles) == pytest.approx(true_m, abs=1e-7)
+
+
+def test_an_upright_hand_has_its_index_fingertip_above_the_ring_finger_s() -> None:
+    thumb, index, middle, ring = tip_heights_mm(np.zeros(16))
+    assert index > middle > ring
+    assert thumb == pytest.approx(1e3 * fingertips_m(np.zeros(16))[0, 1])
+    with pytest.raises(ValueError, match="reshape"):
+        fingertips_m(np.zeros(15))

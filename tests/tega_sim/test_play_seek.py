@@ -17,8 +17,8 @@ pytest.importorskip("foxglove", reason="needs the extra record")
 
 from reference.chromium import launched, opened
 from reference.moments import Moments
-from reference.recorded import read_recorded
-from reference.waiting import until
+from reference.processes import until
+from reference.sessions import read_recorded
 from tega.config import SessionConfig, check_tree
 from tega.errors import InvalidValueError
 from tega.loop import run_session

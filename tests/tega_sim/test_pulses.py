@@ -37,7 +37,7 @@ from tega.stages.changes import ChangesMapping
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.stages.slip_row import SlipRowMapping
 from tega_emulators.lab import emulated_lab
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 FRAME_MS = 16
 LONG_S = 60.0

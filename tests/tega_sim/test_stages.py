@@ -9,20 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from reference.command import call
+from reference.sessions import synthetic
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
-from tega.config.calibration import TouchMaxima
 from tega.config.choose import Chosen
 from tega.errors import ConfigError, InvalidValueError
-from tega.haptics import FeltMap, MotorLevels, intensity
-from tega.haptics.motor_layout import PAPER32, X16, Motor, MotorLayout, find_layout
-from tega.loop.touch import TouchLoop
-from tega.records import Contact
+from tega.haptics.motor_layout import find_layout
 from tega.setup.contract import check_stage
-from tega.stages import FingerSetup, MuscleSetup, NamedValue, VestSetup, list_stages, stage_names
-from tega.stages.columns import ColumnsMapping, ColumnsOptions
+from tega.stages import FingerSetup, MuscleSetup, list_stages, stage_names
 from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.stages.metrics import contact_record
 from tega.stages.readings import ReadingMetric, ReadingOptions
@@ -219,103 +214,9 @@ def test_the_rules_are_options() -> None:
     )
 
 
-# Mapping and layouts.
-
-
-def contact(**values: Any) -> Any:
-    given = {"cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True} | values
-    return Contact(finger="index", t_ns=0, **given)
-
-
-def displayed(touched: Contact, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
-    """Return the upper row of front and back that an index finger's contact lights."""
-
-    def make(setup: VestSetup) -> ColumnsMapping:
-        return ColumnsMapping(setup, ColumnsOptions(**options))
-
-    loop = TouchLoop(
-        {"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout=layout, mirror=mirror, mapping=make
-    )
-    loop.update("index", touched)
-    frame = loop.frame(0)
-    half = len(frame.intensities) // 2
-    return [frame.intensities[:4].tolist(), frame.intensities[half : half + 4].tolist()]
-
-
-def test_law_routing_fingers_and_mirror_are_options() -> None:
-    assert displayed(contact()) == [[0, 50, 0, 0], [0, 50, 0, 0]]
-    assert displayed(contact(eda=8000), law="linear") == [[0, 50, 0, 0], [0, 100, 0, 0]]
-    assert displayed(contact(cci=0.0), end_value=0.1) == [[0, 10, 0, 0], [0, 50, 0, 0]]
-    high = round(intensity(0.1, 0.08))
-    assert displayed(contact(cci=0.1)) == [[0, high, 0, 0], [0, 50, 0, 0]]
-    assert displayed(contact(cci=0.1), saturate=True) == [[0, 99, 0, 0], [0, 50, 0, 0]]
-    assert displayed(contact(), front="eda", back="cci", law="linear", front_max=40_000.0)[0] == [0, 10, 0, 0]
-    assert displayed(contact(), mirror="back") == [[0, 50, 0, 0], [0, 0, 50, 0]]
-    order = ("ring", "middle", "thumb", "index")
-    assert displayed(contact(), mirror="all", fingers=order) == [[50, 0, 0, 0], [50, 0, 0, 0]]
-    own = contact(more=(NamedValue("pc1", 3.0, "1"),))
-    assert displayed(own, front="pc1", front_max=6.0, law="linear")[0] == [0, 50, 0, 0]
-    with pytest.raises(ConfigError, match=r"front_max: missing: .* no maximum of 'peak'"):
-        displayed(contact(), front="peak")
-    with pytest.raises(ConfigError, match="no value 'pc2'; it measures cci, eda"):
-        displayed(own, front="pc2", front_max=6.0)
-    with pytest.raises(ConfigError, match="named twice"):
-        displayed(contact(), fingers=("ring", "ring", "thumb", "index"))
-
-
-def test_a_layout_that_cannot_be_is_refused() -> None:
-    for motors, sentence in (
-        ([], "has 0 motors"),
-        ([Motor("front", 0, 0, 0), Motor("front", 0, 0, 1)], "one place"),
-        ([Motor("front", 0, 0, 0), Motor("front", 0, 1, 0)], "one number"),
-        ([Motor("side", 0, 0, 0)], "neither front nor back"),  # type: ignore[arg-type]
-        ([Motor("front", 0, 0, 40)], "0 to 39"),
-    ):
-        with pytest.raises(InvalidValueError, match=sentence):
-            MotorLayout("mine", "made here", motors)
-    with pytest.raises(InvalidValueError, match="is not known"):
-        find_layout("mine")
-    assert PAPER32.mirrored("all").motors[0] == Motor("front", 0, 3, 0)
-
-
-def test_a_mapping_that_goes_wrong_moves_nothing() -> None:
-    class Broken(ColumnsMapping):
-        def levels(self, t_ns: int, contacts: Any, events: Any) -> Any:  # noqa: ARG002
-            return np.full(len(X16.motors), math.nan)
-
-    loop = TouchLoop(
-        {"index": TouchMaxima()}, layout="x16", mapping=lambda setup: Broken(setup, ColumnsOptions())
-    )
-    with pytest.raises(InvalidValueError, match="not finite"):
-        loop.frame(0)
-    assert not loop.silence().intensities.any()
-
-
-def test_a_contact_goes_through_the_loop_with_all_its_values() -> None:
-    given = contact(more=(NamedValue("pc1", 3.0, "1"),), force_n=4.5, strength=0.5)
-    felt = TouchLoop({"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x16").update(
-        "index", given
-    )
-    assert (felt.cci_norm, felt.eda_norm, felt.front) == (0.5, 0.5, intensity(0.04, 0.08))
-    assert repr(replace(felt, cci_norm=0.0, eda_norm=0.0, front=0.0, back=0.0)) == repr(given)
-    assert FeltMap(threshold=20).apply(MotorLevels("x16", np.full(16, 50, np.uint8))).intensities[0] == 60
-
-
 # Beside the connected stages.
 
 BESIDE = """
-[session]
-preset = "live"
-pace = "fast"
-duration_s = 0.5
-[tactile.index]
-driver = "synthetic-touch"
-[emg]
-driver = "synthetic-emg"
-kind = "raw"
-[recording]
-dir = "recorded"
-lossless = true
 [[stages.beside]]
 group = "decoder"
 name = "rules"
@@ -339,7 +240,7 @@ def test_stages_beside_are_recorded_and_change_nothing(tmp_path: Path) -> None:
 
     def run(name: str, text: str) -> dict[str, list[Any]]:
         (tmp_path / name).mkdir()
-        (tmp_path / name / "lab.toml").write_text(text)
+        (tmp_path / name / "lab.toml").write_text(synthetic(0.5, "index", more=text))
         summary = run_session(load_config(tmp_path / name / "lab.toml", environ={}).config)
         file = tmp_path / name / "recorded" / summary["recording"]["file"]
         assert replay_file(file).same
@@ -348,7 +249,7 @@ def test_stages_beside_are_recorded_and_change_nothing(tmp_path: Path) -> None:
             found.setdefault(message.topic, []).append(message.value)
         return found
 
-    alone = run("alone", BESIDE.partition("[[")[0])
+    alone = run("alone", "")
     both = run("both", BESIDE)
     assert {topic for topic in both if topic.startswith("/beside/")} == {
         "/beside/rules/emg", "/beside/reading/index", "/beside/reading-2/index"
@@ -377,39 +278,6 @@ def test_a_stage_beside_is_checked_and_shown(tmp_path: Path, capsys: pytest.Capt
     file.write_text('[[stages.beside]]\ngroup = "metric"\nname = "reading"\n')
     for words in (["config", "show", str(file)], ["config", "show", str(file), "--json"]):
         assert "reading" in call(capsys, *words)[0]
-
-
-# The hand.
-
-
-def test_the_hand_goes_to_a_place_between_two_levels() -> None:
-    from tega.hand import CLOSURE_POSES_RAD, ModelledHand, closure_level, joined_level, split_level
-
-    level = closure_level(0.6)
-    hand, whole = ModelledHand(), ModelledHand()
-    for _ in range(1500):
-        hand.step(level)
-        whole.step(3)
-    low, high = CLOSURE_POSES_RAD[2], CLOSURE_POSES_RAD[3]
-    reached = hand.controller.target_rad
-    assert reached is not None
-    np.testing.assert_allclose(reached, low + 0.4 * (high - low), atol=1e-7)
-    np.testing.assert_array_equal(whole.controller.target_rad, low)
-    with pytest.raises(InvalidValueError, match=r"level = 5\.01 is out of range"):
-        hand.step(5.01)
-    for requested in (0, 1, 3, 5, 3.4, 1.0001, closure_level(1 / 3)):
-        assert joined_level(*split_level(requested)) == requested
-
-
-def test_the_guard_limits_a_closure_as_it_does_a_level() -> None:
-    from tega.safety.guard import Guard
-
-    guard = Guard()
-    guard.check(0, late_ns=0, stamps={}, counts={})
-    assert guard.state == "active"
-    assert [guard.level(wanted) for wanted in (3.4, 2, 9.0, -1.0, math.nan)] == [3.4, 2, 5, 1, 1]
-    guard.stop(1, "over")
-    assert guard.level(4.2) == 1
 
 
 def test_a_simulated_trial_refuses_settings_that_it_does_not_have() -> None:
@@ -454,23 +322,3 @@ def test_every_reading_of_the_list_changes_what_is_measured() -> None:
     for name, value in (("difference", "l2"), ("centroid_value", "disc"), ("ties", True), ("peak", "median")):
         with pytest.raises(InvalidValueError, match=f"{name} = .* take one of D3 to D8"):
             reading(baseline, threshold="D1", **{name: value})
-
-
-def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
-    assert displayed(contact(eda=2000), law="power")[1] == [0, 50, 0, 0]
-    assert displayed(contact(eda=2000), law="power", exponent=1.0)[1] == [0, 25, 0, 0]
-    ends = displayed(contact(cci=0.0, eda=0), end_value=0.1, back_end_value=0.2)
-    assert ends == [[0, 10, 0, 0], [0, 20, 0, 0]]
-    assert displayed(contact(in_contact=False), at_rest="law") == [[0, 1, 0, 0], [0, 1, 0, 0]]
-    assert displayed(contact(in_contact=False)) == [[0, 0, 0, 0], [0, 0, 0, 0]]
-
-    def make(setup: VestSetup) -> ColumnsMapping:
-        return ColumnsMapping(setup, ColumnsOptions(rows="bar", law="linear"))
-
-    loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x40", mapping=make)
-    loop.update("thumb", contact(cci=0.04, eda=8000))
-    levels = loop.frame(0).intensities.reshape(2, 5, 4)
-    assert levels[0, :, 0].tolist() == [0, 0, 50, 100, 100]
-    assert levels[1, :, 0].tolist() == [100] * 5
-    assert not levels[:, :, 1:].any()
-    assert loop.mapping.levels(0, {"thumb": contact(cci=0.08, eda=8000)}, ()).max() == 100

@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from reference.moments import SHAPES, Moments
-from reference.waiting import until
+from reference.processes import until
 from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
 from tega.ui.view.browser import BrowserView, Controls

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 pytest.importorskip("viser", reason="needs the extra view")
 
 from reference.moments import Moments
-from reference.waiting import until
+from reference.processes import until
 from tega.haptics import vest_frame
 from tega.ui.cli.page import browser_observer, view_options
 from tega.ui.view.browser import BrowserView, Controls

@@ -19,7 +19,7 @@ from PIL import Image
 
 from reference.chromium import launched, opened
 from reference.moments import Moments
-from reference.waiting import until
+from reference.processes import until
 from tega.loop.controls import MotorAnswer
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.state import ViewState

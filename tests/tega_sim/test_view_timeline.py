@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("viser", reason="needs the extra view")
 
 from reference.moments import Moments
-from reference.waiting import until
+from reference.processes import until
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.charts import COURSE_S, CourseChart
 from tega.ui.view.browser.pictures import picture_html

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from reference.moments import Moments
+from reference.processes import until
 from reference.sessions import tree
-from reference.waiting import until
 from tega.config import check_tree
 from tega.haptics import MotorLevels, vest_frame
 from tega.loop import run_session

@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.processes import hand_guards
-from reference.waiting import until
+from reference.processes import hand_guards, until
 from tega.arm import ArmChain, ArmSettings, StampedPose
 from tega.arm.move_to_start import SPEED_M_S, MoveToStart
 from tega.arm.pose import ArmCommand, Pose

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.processes import until
 from reference.study_bench import ScriptedDesk, quick_study
-from reference.waiting import until
 from tega.config import load_config
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 from tega_emulators.sound_port import SoundPort

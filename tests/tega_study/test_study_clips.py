@@ -19,8 +19,7 @@ import numpy as np
 from reference.clipped import LEAD_NS, LENGTH_NS, MS, PEOPLE, S, clipped_study, planned
 from reference.command import call
 from reference.filmed import EPOCH_NS, number_of, packets, write_scene
-from reference.recorded import read_recorded
-from reference.sessions import record, rewritten
+from reference.sessions import read_recorded, record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.recording.mcap_reader import McapReader

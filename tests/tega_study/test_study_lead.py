@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from reference.processes import until
 from reference.study_bench import (
     Experimenter,
     StandingBench,
@@ -18,7 +19,6 @@ from reference.study_bench import (
     kinds,
     study,
 )
-from reference.waiting import until
 from tega.errors import InvalidValueError
 from tega.runtime.clock import SystemClock
 from tega_study.analyse import analyse_study

@@ -101,7 +101,7 @@ def test_a_session_killed_ten_times_loses_nothing(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
 def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from reference.recorded import read_recorded
+    from reference.sessions import read_recorded
     from tega.config import check_tree
     from tega.recording.mcap_reader import McapReader
     from tega_emulators.lab import emulated_lab

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from reference.command import call
+from reference.processes import until
 from reference.study_bench import ScriptedDesk, StandingBench, quick_study
-from reference.waiting import until
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.clock import ManualClock, SystemClock
 from tega_study.cli.run import COMMANDS

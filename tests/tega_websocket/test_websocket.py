@@ -26,8 +26,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from reference.chromium import launched
+from reference.processes import until
 from reference.sessions import tree
-from reference.waiting import until
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.loop import run_session

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from reference.played import finger, muscles
+from reference.processes import until
 from reference.sessions import tree
-from reference.waiting import until
 from tega.config import check_tree
 from tega.loop import LoopView, Snapshot, run_session
 from tega.recording.replay import replay_file

@@ -16,8 +16,8 @@ from rich.console import Console
 
 from hazards.bench import Lab, lab
 from reference.parts import observed
-from reference.recorded import Recorded, read_recorded
-from reference.waiting import until
+from reference.processes import until
+from reference.sessions import Recorded, read_recorded
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session

@@ -58,7 +58,7 @@ def everything(folder: Path) -> set[Path]:
     return {path for path in folder.rglob("*") if "out" not in path.relative_to(folder).parts[:2]}
 
 
-# Which names are plain is a property of its own, in `test_plain_name.py`.
+# Which names are plain is a property of its own, in `test_settings_text.py`.
 @pytest.mark.parametrize("name", ["{tmp}/.bashrc", "../../authorized_keys", ""])
 def test_an_attachment_s_name_never_leaves_the_folder(name: str, lossless: Path, tmp_path: Path) -> None:
     name = name.format(tmp=tmp_path)

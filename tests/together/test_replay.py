@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 import pytest
 
+from reference.processes import until
 from reference.recordings import baseline, squeezes, write_emg_csv, write_folder, write_video
-from reference.waiting import until
 from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.config.calibration.store import parse_calibration
 from tega.config.choose import preset_metric

@@ -10,22 +10,11 @@ import numpy as np
 import pytest
 
 from reference.command import call
+from reference.sessions import synthetic
 from tega.config import load_config
 from tega.ui.cli.main import main
 
-LAB = """
-[session]
-preset = "live"
-pace = "fast"
-duration_s = 4.0
-[tactile.index]
-driver = "synthetic-touch"
-[emg]
-driver = "synthetic-emg"
-kind = "raw"
-[recording]
-dir = "recorded"
-lossless = true
+BESIDE = """
 [[stages.beside]]
 group = "metric"
 name = "live"
@@ -45,7 +34,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from tega.loop import run_session
 
     folder = tmp_path_factory.mktemp("session")
-    (folder / "lab.toml").write_text(LAB)
+    (folder / "lab.toml").write_text(synthetic(4.0, "index", more=BESIDE))
     summary = run_session(load_config(folder / "lab.toml", environ={}).config)
     return folder / "recorded" / str(summary["recording"]["file"])
 
@@ -121,7 +110,7 @@ def test_a_session_with_a_mapping_of_felt_steps_changes_or_places_is_computed_ag
     from tega.loop import run_session
     from tega.recording.mcap_reader import McapReader
 
-    plain = LAB.partition("[[stages")[0]
+    plain = synthetic(4.0, "index")
     (tmp_path / "lab.toml").write_text(
         f"{plain}[vest]\nthreshold = 24.0\nstep = 7.0\n[stages.mapping]\nname = '{mapping}'\n"
     )

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
 from reference.option_effects import NUMBERS_OF_A_CONTACT, RUNS, Run, drawn, lift_muscles, recorded_lift
-from reference.waiting import until
+from reference.processes import until
 from tega.errors import TegaError
 from tega.hand import joined_level
 from tega.records import Intent

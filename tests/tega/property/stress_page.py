@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tega_campaigns.report import put_table
+from tega_campaigns.runner import put_table
 
 HERE = Path(__file__).resolve().parent
 

@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from reference.vests import KeptVest
+from reference.vest_bench import KeptVest
 from tega.devices.vest.vest_stream import VestOptions
 from tega.hand import TORQUE_LIMITS, HandController
 from tega.hand.link import HandLink, Received

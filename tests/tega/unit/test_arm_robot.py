@@ -10,14 +10,15 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, Pose, StampedPose
+from reference.arm_bench import Led
+from tega.arm import ArmCommand, Pose, StampedPose
 from tega.arm.messages import ArmTargetWords, decode, encode
 from tega.arm.rotation import between
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
@@ -31,7 +32,6 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or 
 
 _MS = 1_000_000
 _PATIENCE_S = 60.0
-_MOST_TURNS = 1500
 _TURN = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -162,47 +162,6 @@ def test_the_slew_is_never_faster_and_arrives(
                 break
     slew.toward((0.0, 0.0, 0.0), _TURN, 100.0)
     assert slew.place == (0.0, 0.0, 0.0)
-
-
-class Led:
-    """The chain and an arm, at about 100 Hz; the forearm is where the test puts it."""
-
-    def __init__(self, arm: SimulatedArm | FrankyArm, settings: ArmSettings | None = None) -> None:
-        self.arm = arm
-        self.chain = ArmChain(settings or ArmSettings(mapping=MappingSettings(frame="base")))
-        self.forearm = np.zeros(3)
-        self.command: ArmCommand | None = None
-
-    def until(self, enough: Callable[[], object], *, clutch: bool = True) -> None:
-        # Counted, not timed: a machine that stands still for a while is no failure.
-        for _ in range(_MOST_TURNS):
-            if enough():
-                return
-            now_ns = time.monotonic_ns()
-            poses = [StampedPose(now_ns, self.forearm.tolist(), _TURN)]
-            self.command = self.chain.step(
-                now_ns, poses, clutch=clutch, dead_man=True, measured=self.arm.measured()
-            )
-            self.arm.follow(self.command)
-            time.sleep(0.01)
-        raise AssertionError((self.command, self.arm.phase, self.arm.problem))
-
-    def go_on(self, turns: int, *, clutch: bool = True) -> None:
-        """Go on for so many turns."""
-        done = iter(range(turns))
-        self.until(lambda: next(done, None) is None, clutch=clutch)
-
-    def hold(self) -> None:
-        self.until(
-            lambda: self.command is not None and self.command.reason == "the clutch is open", clutch=False
-        )
-        self.until(lambda: self.arm.phase == "following")
-
-    @property
-    def place(self) -> np.ndarray:
-        pose = self.arm.measured()
-        assert pose is not None
-        return np.array(pose.position_m)
 
 
 @pytest.fixture

@@ -20,16 +20,14 @@ from rich.console import Console
 
 from reference.parts import observed
 from tega.arm import StampedPose
-from tega.config import check_tree, load_config
+from tega.config import check_tree
 from tega.devices.tracker.sources import write_poses
-from tega.errors import ConfigError
 from tega.loop import LoopView, run_session
 from tega.loop.controls import Controls
-from tega.recording.replay.play import _settings
 from tega.ui.view.terminal import render
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 
@@ -332,69 +330,6 @@ def test_a_recorded_path_moves_the_arm_as_it_was_recorded(tmp_path: Path) -> Non
     went = [place for _, place in places(run.rows(), "arm")]
     moved = [b - a for a, b in zip(went[0], went[-1], strict=True)]
     assert moved == pytest.approx([0.0, 0.05, 0.1], abs=5e-3)
-
-
-_HELD = "input.dead_man.options.silent_after_ms=1000"
-
-
-@pytest.mark.parametrize(
-    ("sets", "text"),
-    [
-        (("input.dead_man.driver=spacemouse", _HELD), "nothing leads it"),
-        (
-            (
-                "input.dead_man.driver=spacemouse",
-                _HELD,
-                "input.motion.driver=spacemouse",
-                "arm.mapping.frame=base",
-                "arm.mapping.absolute=true",
-            ),
-            "absolute is for programs",
-        ),
-        ((), "no dead-man switch is set"),
-        (("session.pace=fast",), "an arm moves in real time"),
-        (
-            (
-                "input.dead_man.driver=spacemouse",
-                _HELD,
-                "arm.tracker.driver=hololens",
-                "arm.tracker.options.host=h",
-                "arm.mapping.frame=base",
-            ),
-            "set arm.mapping.frame = 'openxr'",
-        ),
-    ],
-)
-def test_settings_of_an_arm_that_do_not_fit_are_said_in_words(
-    sets: tuple[str, ...], text: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from tega.devices.input.spacemouse import SpaceMouse
-
-    monkeypatch.setattr(SpaceMouse, "open", lambda _self: None)
-    config = load_config(None, environ={}, sets=["arm.driver=simulated-arm", *sets]).config
-    with pytest.raises(ConfigError, match=text):
-        run_session(config)
-
-
-def test_a_recording_that_is_played_moves_no_arm() -> None:
-    then = load_config(None, environ={}, sets=["arm.driver=simulated-arm"]).config
-    assert then.arm is not None
-    assert _settings(then, then, speed=1.0, vest_pace="steady").arm is None
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "text"),
-    [
-        ("arm.limits.speed_m_s", "9", "arm.limits.speed_m_s"),
-        ("arm.limits.low_m", "[0.8, -0.4, 0.0]", "workspace's x goes from 0.8 to 0.7 m"),
-        ("arm.watchdog.hold_ms", "500", "are not in order"),
-        ("arm.options.speed", "1", "did you mean 'speed_m_s'"),
-        ("arm.tracker.driver", "spacemouse", "kind 'input', not 'tracker'"),
-    ],
-)
-def test_a_wrong_setting_of_the_arm_is_named(key: str, value: str, text: str) -> None:
-    with pytest.raises(ConfigError, match=text):
-        load_config(None, environ={}, sets=["arm.driver=simulated-arm", f"{key}={value}"])
 
 
 def test_a_reflex_of_the_robot_stops_the_arm_until_the_button_says_that_it_may_go_on(tmp_path: Path) -> None:

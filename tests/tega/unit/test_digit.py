@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import tega.devices.fingertip.digit
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.devices.fingertip.picture_check import (

@@ -19,7 +19,7 @@ from tega.setup.doctor import probe_drivers
 from tega.setup.doctor.bench import POLL_S, ROLES, TRY_S, in_time, probe_all, try_all
 from tega.setup.doctor.findings import DriverCase, holders
 from tega_emulators.emulated_bench import EmulatedBench
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 FINDING_KEYS = {"check", "status", "finding", "why", "todo", "driver", "device", "measured"}
 

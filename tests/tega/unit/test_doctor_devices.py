@@ -14,7 +14,7 @@ from tega.setup.doctor import Finding
 from tega.setup.doctor.bench import probe_all
 from tega.setup.doctor.sensors import FoundCamera, crowded
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from reference.waiting import until
+from reference.processes import until
 from tega.config import load_config
 from tega.setup.doctor import Finding, examine, lab_settings
 from tega.setup.doctor.bench import ROLES, probe_all

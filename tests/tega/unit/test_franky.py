@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from unit.test_arm_robot import Led
 
+from reference.arm_bench import Led
 from tega.arm import ArmSettings, LimitSettings, MappingSettings
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError

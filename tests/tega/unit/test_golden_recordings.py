@@ -19,8 +19,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from msgspec.structs import replace
 
-from reference.recorded import read_recorded
-from reference.sessions import messages, reported
+from reference.sessions import messages, read_recorded, reported
 from tega.config import StagesSection, check_tree
 from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo

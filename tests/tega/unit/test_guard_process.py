@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from reference.waiting import until
+from reference.processes import until
 from tega.devices.hand import guard_process
 from tega.devices.hand.guard_process import GuardProcess
 

@@ -15,8 +15,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from reference.processes import begun_by, below, hand_guards
-from reference.waiting import until
+from reference.processes import begun_by, below, hand_guards, until
 from tega.devices.hand import guard_process, hand_guard
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions

@@ -14,8 +14,7 @@ from typing import Any
 import pytest
 from unit.test_hand_guard import limp, steering
 
-from reference.processes import begun_by, hand_guards
-from reference.waiting import until
+from reference.processes import begun_by, hand_guards, until
 from tega.devices.hand import hand_loop
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_loop import HandLoop

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.vests import HandedOver
+from reference.vest_bench import HandedOver
 from tega.config import check_tree
 from tega.config.motor_onset import MotorOnset
 from tega.loop.inbox.histogram import Histogram

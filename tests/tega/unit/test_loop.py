@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from reference.recordings import baseline
-from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from reference.scripted import MS, Sink, touching
 from reference.wired import wired_loop
 from tega.config.calibration import TouchMaxima
-from tega.config.choose import preset_metric
-from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import MotorLevels, intensity
-from tega.loop.inbox.frames import measured_contacts
-from tega.loop.inbox.reader import ReadAhead, Reader
-from tega.loop.inbox.sources import SourceReport
-from tega.loop.inbox.stream import LiveStream, PulledStream
+from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
 from tega.loop.pacing import LATE_EDGES_NS, Pacer
 from tega.loop.snapshot import LoopView, Snapshot
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Intent
 from tega.records.bus import Bus
-from tega.runtime.clock import ManualClock, SystemClock
+from tega.runtime.clock import ManualClock
 
-SMALL = np.zeros((9, 9, 3), np.uint8)
 LIMP = [(0x180, bytes(8)), (0x184, bytes(8)), (0x188, bytes(8)), (0x18C, bytes(8)), (0x104, b"")]
 
 
@@ -250,181 +241,6 @@ def test_after_a_long_stall_old_commands_are_left_out() -> None:
     times = [t // MS for t, _ in hand.sent]
     assert times[:11] == [*range(0, 30, 3), 432]
     assert loop._pacer.report().n_skipped > 0
-
-
-def test_a_manual_clock_never_sleeps_and_the_system_clock_keeps_time() -> None:
-    clock = ManualClock(5)
-    clock.sleep_until(10**18)
-    clock.sleep_until(3)
-    assert clock.now_ns() == 10**18
-    system = SystemClock()
-    until = system.now_ns() + 2 * MS
-    system.sleep_until(until)
-    assert system.now_ns() >= until
-
-
-def test_a_threaded_recording_arrives_whole_and_in_order() -> None:
-    def produce(_stopped: Callable[[], bool]) -> Iterator[Intent]:
-        for k in range(500):
-            yield Intent(t_ns=k * MS)
-
-    stream = PulledStream(ReadAhead("test", produce, capacity=4))
-    got = []
-    for t in range(0, 600, 7):
-        while (item := stream.next_until(t * MS)) is not None:
-            assert item.t_ns <= t * MS
-            got.append(item.t_ns // MS)
-    assert got == list(range(500))
-    assert stream.ended
-    stream.close()
-
-
-def test_an_error_in_the_thread_comes_after_what_was_made_before_it() -> None:
-    def produce(_stopped: Callable[[], bool]) -> Iterator[Intent]:
-        yield Intent(t_ns=0)
-        yield Intent(t_ns=MS)
-        raise RecordingError("frame 3 is torn")
-
-    stream = PulledStream(ReadAhead("test", produce))
-    assert stream.next_until(0) == Intent(t_ns=0)
-    with pytest.raises(RecordingError, match="torn"):
-        stream.next_until(MS)
-    stream.close()
-
-
-def test_a_live_stream_never_makes_the_loop_wait_and_loses_the_oldest() -> None:
-    lost: list[int] = []
-    filled = threading.Event()
-
-    def produce(stopped: Callable[[], bool]) -> Iterator[Intent]:
-        for k in range(10):
-            yield Intent(t_ns=k)
-        filled.set()
-        while not stopped():
-            threading.Event().wait(0.01)
-
-    stream: LiveStream[Intent] = LiveStream(capacity=4, on_loss=lambda: lost.append(1))
-    reader = Reader("test", produce, stream.put, stream.end)
-    assert filled.wait(5)
-    got = []
-    while (item := stream.next_until(MS)) is not None:
-        got.append(item.t_ns)
-    assert got == [6, 7, 8, 9]
-    assert len(lost) == 6
-    assert not stream.ended
-    reader.close()
-    assert stream.next_until(MS) is None
-    assert stream.ended
-
-
-def test_a_live_stream_ends_with_its_error_after_the_items_before_it() -> None:
-    stream: LiveStream[Intent] = LiveStream()
-    stream.put(Intent(t_ns=1))
-    stream.end(error=RecordingError("frame 3 is torn"))
-    assert not stream.ended
-    assert stream.next_until(MS) == Intent(t_ns=1)
-    with pytest.raises(RecordingError, match="torn"):
-        stream.next_until(MS)
-    assert (stream.ended, stream.next_until(MS)) == (True, None)
-
-
-def test_what_came_over_a_link_lapses() -> None:
-    now, lost = [0], list[int]()
-    stream: LiveStream[Intent] = LiveStream(clock=lambda: now[0], on_loss=lambda: lost.append(1))
-    stream.put(Intent(t_ns=1), use_by_ns=10)
-    stream.put(Intent(t_ns=2), use_by_ns=30)
-    now[0] = 20
-    assert stream.next_until(MS) == Intent(t_ns=2)
-    assert len(lost) == 1
-
-
-def test_a_pulled_stream_gives_items_when_they_are_known_and_ends_when_that_is_known() -> None:
-    over = [False]
-    first, second = Intent(t_ns=1), Intent(t_ns=2)
-    stream = PulledStream([first, second], known=[10, 20], end_ns=25, over=lambda: over[0])
-    assert [stream.next_until(t) for t in (5, 10, 15, 20)] == [None, first, None, second]
-    assert (stream.next_until(25), stream.ended) == (None, False)
-    over[0] = True
-    assert (stream.next_until(25), stream.ended, stream.end_ns) == (None, True, 25)
-
-
-def test_closing_a_stream_frees_a_thread_that_waits_for_room() -> None:
-    stream = PulledStream(
-        ReadAhead("waits", lambda _stopped: (Intent(t_ns=k) for k in range(10**9)), capacity=2)
-    )
-    assert "tega-waits" in {thread.name for thread in threading.enumerate()}
-    stream.close()
-    assert "tega-waits" not in {thread.name for thread in threading.enumerate()}
-
-
-def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
-    report = SourceReport()
-    script = [live_frame(0), None, live_frame(1, image=SMALL), RecordingError("torn"), live_frame(4)]
-    camera: Any = ScriptedCamera(script)
-    got = list(
-        measured_contacts(camera, baseline(), preset_metric("paper", baseline()), report, start_ns=STARTED_NS)
-    )
-    assert [contact.t_ns // MS for contact in got] == [0, 64]
-    assert all(contact.in_contact for contact in got)
-    assert (report.n_items, report.n_dropped, report.n_missing, report.lost) == (2, 2, 3, "")
-
-
-def test_a_live_sensor_that_goes_away_says_why_for_as_long_as_it_is_gone() -> None:
-    report = SourceReport()
-    camera: Any = ScriptedCamera([live_frame(0), DeviceUnavailableError("unplugged"), live_frame(2)])
-    got = list(
-        measured_contacts(
-            camera,
-            baseline(),
-            preset_metric("paper", baseline()),
-            report,
-            start_ns=STARTED_NS,
-            stopped=lambda: report.lost != "",
-        )
-    )
-    assert len(got) == 1
-    assert report.lost == "unplugged"
-
-
-def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> None:
-    camera: Any = ScriptedCamera([live_frame(0, image=SMALL)], live=False)
-    with pytest.raises(RecordingError, match=r"frame 0: 9×9×3 pixels, its baseline has 80×60×3"):
-        list(measured_contacts(camera, baseline(), preset_metric("paper", baseline()), SourceReport()))
-
-
-def test_chunk_size_does_not_change_levels_or_stamps() -> None:
-    from tega.config.calibration import EmgMaxima
-    from tega.loop.inbox.sources import grasp_blocks
-    from tega.stages.base import MuscleSetup
-    from tega.stages.decoders import RulesDecoder, RulesOptions
-
-    samples = np.random.default_rng(3).standard_normal((1000, 2)) * np.linspace(0, 3, 1000)[:, None]
-
-    class Chunks:
-        def __init__(self, size: int) -> None:
-            self._at, self._size = 0, size
-            self.info = DeviceInfo(driver="x", kind="emg", label="x", live=False, rate_hz=200.0)
-
-        @property
-        def ended(self) -> bool:
-            return self._at >= len(samples)
-
-        def read(self, timeout_s: float) -> EmgChunk:
-            assert timeout_s >= 0
-            first = self._at
-            self._at = min(first + self._size, len(samples))
-            return EmgChunk(round(self._at * 5 * MS), first, samples[first : self._at])
-
-    def blocks(size: int) -> list[Any]:
-        source: Any = Chunks(size)
-        setup = MuscleSetup("raw", 200.0, 20, ("a", "b"), (2.0, 2.0), "live")
-        decoder = RulesDecoder(setup, RulesOptions())
-        maxima = EmgMaxima(kind="raw", rate_hz=200.0, tau=20, channels=("a", "b"), maxima=(2.0, 2.0))
-        return list(grasp_blocks(source, decoder, SourceReport(), maxima=maxima))
-
-    whole = blocks(1000)
-    assert [intent.t_ns for intent in whole] == [k * 100 * MS for k in range(1, 51)]
-    assert blocks(1) == blocks(7) == blocks(333) == whole
 
 
 def test_nothing_of_the_loop_names_a_device() -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from reference import waiting
+from reference import processes
 from reference.trackers import Steered, some, until, wrist_goes
 from tega.devices.tracker.openxr import OpenXr
 from tega.devices.tracker.openxr_instance import OpenXrOptions
@@ -234,7 +234,7 @@ def test_it_leaves_as_a_runtime_wants_it_and_no_thread_is_left(service: Emulator
         with tracker:
             some(tracker)
         assert [t.name for t in threading.enumerate() if t.name == "tega-openxr"] == []
-    waiting.until(lambda: service.say("look")["clients"] == 0)  # it hears of the end in its own time
+    processes.until(lambda: service.say("look")["clients"] == 0)  # it hears of the end in its own time
     assert service.say("look")["asked"] == ["session", "begin", "end"] * 2
     with pytest.raises(DeviceUnavailableError, match="not open"):
         tracker.read(0)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.loop import run_session

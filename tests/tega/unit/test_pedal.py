@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference.held import PEDAL, TWO, emulated, pedal, spacemouse
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.devices.input.debounce import Debounce
 from tega.devices.input.hid_input import AT_REST

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 PORT = 15882  # the client asks for no other
 

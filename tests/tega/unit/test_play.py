@@ -20,10 +20,9 @@ import pytest
 from msgspec.structs import replace
 
 from reference.parts import observed
-from reference.played import finger, muscles
-from reference.recorded import read_recorded
+from reference.processes import until
+from reference.sessions import read_recorded
 from reference.sessions import tree as sessions_tree
-from reference.waiting import until
 from tega.config import SessionConfig, check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import ConfigError
@@ -40,7 +39,7 @@ from tega.runtime.files.toml_text import tree_text
 from tega.ui.cli.main import main
 from tega.ui.cli.report import print_summary
 from tega_emulators.lab import EmulatedLab, emulated_lab
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 SECONDS = 1.5
 
@@ -56,28 +55,15 @@ def checked(tree: dict[str, Any]) -> SessionConfig:
     return check_tree(tree, {}, base=Path.cwd()).config
 
 
-@pytest.fixture(scope="module")
-def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of two made-up fingers and muscles."""
-    folder = tmp_path_factory.mktemp("made-up")
-    tree = {
-        "session": {"pace": "fast"},
-        "tactile": {"thumb": finger(SECONDS), "ring": finger(1.0, seed=3)},
-        "emg": muscles(SECONDS),
-        "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0},
-    }
-    return folder / str(run_session(checked(tree))["recording"]["file"])
-
-
 def rows(path: Path) -> list[list[str]]:
     with path.open(newline="") as file:
         return list(csv.reader(file))[1:]
 
 
-def test_as_fast_as_it_goes_it_is_what_was_recorded(made_up: Path, tmp_path: Path) -> None:
-    summary = play_file(made_up, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
+def test_as_fast_as_it_goes_it_is_what_was_recorded(lossless: Path, tmp_path: Path) -> None:
+    summary = play_file(lossless, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
     assert summary["ended"] == "complete"
-    recorded = read_recorded(made_up)
+    recorded = read_recorded(lossless)
     then = {round(one.t_ns / 1e9, 6): list(one.intensities) for one in recorded.of(VestFrame)}
     now = {float(row[0]): [int(v) for v in row[1:]] for row in rows(tmp_path / "out" / "vest.csv")}
     assert now == then
@@ -85,12 +71,12 @@ def test_as_fast_as_it_goes_it_is_what_was_recorded(made_up: Path, tmp_path: Pat
     frames = [f"{f.id:03X} {f.data.hex().upper()}" for one in recorded.of(HandCommand) for f in one.frames]
     assert [f"{row[1]} {row[2]}" for row in rows(tmp_path / "out" / "can.csv")][: len(frames)] == frames
     notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
-    assert f"thumb: played from {made_up.name} as fast as it went" in notes
+    assert f"thumb: played from {lossless.name} as fast as it went" in notes
 
 
-def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(made_up: Path, tmp_path: Path) -> None:
-    play_file(made_up, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=4.0)
-    recorded = read_recorded(made_up)
+def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(lossless: Path, tmp_path: Path) -> None:
+    play_file(lossless, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=4.0)
+    recorded = read_recorded(lossless)
     times = [float(row[0]) for row in rows(tmp_path / "out" / "vest.csv")][:-1]
     # A thirtieth of a second is four thirtieths of the recording.
     assert all(abs(t_s * 30 / 4 - round(t_s * 30 / 4)) < 1e-3 for t_s in times)
@@ -98,9 +84,9 @@ def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(made_up: Path, 
 
 
 def test_input_is_counted_without_the_lead(
-    made_up: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    summary = play_file(made_up, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
+    summary = play_file(lossless, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
     length_s = summary["duration_s"]
     ahead = {"duration_s": length_s + 40.0, "played": summary["played"] | {"lead_s": 40.0}}
     print_summary(summary | ahead, measured={"wall_s": 1.0, "real_time_factor": 1.0})
@@ -245,7 +231,7 @@ def test_a_kill_in_the_middle_leaves_both_without_force(session: Session, tmp_pa
 
 
 @pytest.mark.slow
-def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up: Path) -> None:
+def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(lossless: Path) -> None:
     seen: list[tuple[int, int, bool]] = []
 
     def check(view: LoopView) -> None:
@@ -253,17 +239,17 @@ def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up:
             seen.append((view.t_ns, view.intent.level, bool(view.vest.intensities.any())))
 
     # A live driver, and nothing but this terminal's error output behind it.
-    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, bus=observed(check))
+    play_file(lossless, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, bus=observed(check))
     lead = [(level, felt) for t_ns, level, felt in seen if t_ns < 2 * LEAD_S * 1e9]
     assert len(lead) > 40
-    assert set(lead) == {(read_recorded(made_up).of(HandCommand)[0].level, False)}
+    assert set(lead) == {(read_recorded(lossless).of(HandCommand)[0].level, False)}
     assert any(felt for _, _, felt in seen)
 
 
-def test_asked_to_stop_while_it_reads_it_opens_nothing(made_up: Path) -> None:
+def test_asked_to_stop_while_it_reads_it_opens_nothing(lossless: Path) -> None:
     nowhere = checked({"vest": {"driver": "bhaptics-player", "options": {"port": 1}}})
     with pytest.raises(KeyboardInterrupt):
-        play_file(made_up, nowhere, controls=Controls(stop=lambda: True))
+        play_file(lossless, nowhere, controls=Controls(stop=lambda: True))
 
 
 def refused(call: Callable[[], object]) -> str:
@@ -272,20 +258,20 @@ def refused(call: Callable[[], object]) -> str:
     return caught.value.message
 
 
-def test_what_is_real_is_not_played_to_at_any_speed(made_up: Path) -> None:
+def test_what_is_real_is_not_played_to_at_any_speed(lossless: Path) -> None:
     real = checked({"vest": {"driver": "bhaptics-player"}})
-    assert "speed max is for virtual" in refused(lambda: play_file(made_up, real, speed=None))
-    assert "faster than it was recorded" in refused(lambda: play_file(made_up, real, speed=1.5))
-    assert "out of range" in refused(lambda: play_file(made_up, real, speed=0.01))
+    assert "speed max is for virtual" in refused(lambda: play_file(lossless, real, speed=None))
+    assert "faster than it was recorded" in refused(lambda: play_file(lossless, real, speed=1.5))
+    assert "out of range" in refused(lambda: play_file(lossless, real, speed=0.01))
     on_a_bus = checked({"hand": {"driver": "allegro", "options": {"interface": "slcan", "channel": "x"}}})
-    assert "hand: allegro" in refused(lambda: play_file(made_up, on_a_bus, speed=None))
+    assert "hand: allegro" in refused(lambda: play_file(lossless, on_a_bus, speed=None))
 
 
 def test_of_a_session_with_several_recordings_one_has_to_be_named(
-    made_up: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("trial-001.mcap", "trial-002.mcap"):
-        (tmp_path / name).write_bytes(made_up.read_bytes())
+        (tmp_path / name).write_bytes(lossless.read_bytes())
     with pytest.raises(SystemExit) as left:
         main(["play", str(tmp_path), "--speed", "max"])
     assert left.value.code == 1

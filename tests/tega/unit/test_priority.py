@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from reference.parts import observed
-from reference.waiting import until
+from reference.processes import until
 from tega.config import check_tree
 from tega.loop.pacing import settle, settled
 from tega.loop.session import run_session

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 from unit.test_hand_guard import limp
 
-from reference.waiting import until
+from reference.processes import until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import DeviceUnavailableError

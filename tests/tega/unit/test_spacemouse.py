@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference.held import MS, ONE, PEDAL, TWO, emulated, holds, moves, pedal, spacemouse
-from reference.waiting import until
+from reference.processes import until
 from tega.devices.input.hid_input import AT_REST, HidInput
 from tega.devices.input.pedal import Pedal
 from tega.devices.input.spacemouse import MODELS, NOT_SIX_AXES, SpaceMouse

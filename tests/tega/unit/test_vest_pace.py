@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from reference.recorded import read_recorded
+from reference.processes import until
 from reference.scripted import MS, Sink, touching
-from reference.vests import HandedOver, KeptVest
-from reference.waiting import until
+from reference.sessions import read_recorded
+from reference.vest_bench import HandedOver, KeptVest
 from reference.wired import wired_loop
 from tega.config import VestConfig, check_tree
 from tega.config.calibration import TouchMaxima

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from reference.scripted import touching
-from reference.vests import KeptVest
+from reference.vest_bench import KeptVest
 from tega.config import VestConfig, load_config
 from tega.config.calibration import TouchMaxima
 from tega.config.load import driver_options, stage_options

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference.waiting import until
+from reference.processes import until
 from tega.devices import driver_class
 from tega.devices.vest.vest_sound import COLUMN_HZ, RATE_HZ, ColumnTones, SoundVest, SoundVestOptions
 from tega.errors import DeviceUnavailableError

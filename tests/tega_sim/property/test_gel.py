@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reference.pad import pad_pose
+from reference.gel import pad_pose
 from tega import _native
 from tega_sim.gel import HEIGHT, PX_PER_MM, STIFFNESS_N_MM3, WIDTH, Gel, ball
 from tega_sim.seams import Indenter

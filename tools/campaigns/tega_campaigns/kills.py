@@ -31,8 +31,7 @@ from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.runtime.files.toml_text import tree_text
 from tega_campaigns.program import noted_tick_ns
-from tega_campaigns.report import put_table, table
-from tega_campaigns.runner import CampaignCase, report_cases, until
+from tega_campaigns.runner import CampaignCase, put_table, report_cases, table, until
 from tega_campaigns.supervisor import Supervisor
 
 __all__ = ["Kill", "kill_one", "kill_table", "main", "settings"]

@@ -1,7 +1,7 @@
 """Run the cases of a campaign one after another, and report each: faults, stations, kills and soak alike.
 
 A case that the machine stood still in is tried again, or reported as such to a campaign that cannot: see
-:mod:`tega_campaigns.standstill`.
+:mod:`tega_campaigns.standstill`. What campaigns write into pages are tables.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -17,7 +18,7 @@ import msgspec
 from tega.errors import TegaError
 from tega_campaigns.standstill import Standstills
 
-__all__ = ["CampaignCase", "report_cases", "run_cases", "until"]
+__all__ = ["CampaignCase", "put_table", "report_cases", "run_cases", "table", "until"]
 
 Found = TypeVar("Found")
 Reported = TypeVar("Reported", bound=msgspec.Struct)
@@ -80,3 +81,18 @@ def report_cases(
                 sys.stdout.write("\n  ".join(f"{name}: {value}" for name, value in reported.items()) + "\n")
             sys.stdout.flush()
     return done
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown, ending with a newline."""
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def put_table(page: Path, text: str, *, name: str) -> None:
+    """Put a table between the two marks of a page that bear a name; :class:`ValueError` where it has none."""
+    begin, end = (f"<!-- {name}: {where} -->\n" for where in ("begin", "end"))
+    head, rest = page.read_text(encoding="utf-8").split(begin)
+    _, tail = rest.split(end)
+    page.write_text(f"{head}{begin}\n{text}\n{end}{tail}", encoding="utf-8", newline="\n")

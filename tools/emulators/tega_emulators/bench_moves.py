@@ -21,7 +21,7 @@ from tega.errors import InvalidValueError, TegaError
 from tega.hand.poses import ClosureScale
 from tega.runtime.clock import every
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vest_bench import seen_by
 
 __all__ = ["MOVES", "Moves"]
 

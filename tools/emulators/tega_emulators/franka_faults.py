@@ -28,7 +28,7 @@ import time
 import xml.etree.ElementTree as ET
 from typing import Any
 
-from tega_emulators.pipe import notify, obey
+from tega_emulators.pipe import notify, obey_next
 
 __all__ = ["HAND_CENTRE_M", "HAND_KG", "main", "on_franky_sim"]
 
@@ -144,11 +144,8 @@ class _FrankaEmulator:
             next_s = time.monotonic()
             while not sys.stdin.closed:
                 ready, _, _ = select.select([sys.stdin], [], [], max(0.0, next_s - time.monotonic()))
-                if ready:
-                    line = sys.stdin.readline()
-                    if not line:
-                        break
-                    obey(line, self._act)
+                if ready and not obey_next(self._act):
+                    break
                 if time.monotonic() < next_s:
                     continue
                 # A machine that is busy makes it slow, not jerky.

@@ -27,7 +27,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from tega_emulators.pipe import notify, obey
+from tega_emulators.pipe import notify, obey_next
 
 __all__ = ["DEVICES", "FAULTS", "InputDevice", "main"]
 
@@ -151,11 +151,8 @@ class _HidEmulator:
         while True:
             ready, _, _ = select.select([sys.stdin, *self._port.watched], [], [], 0.002)
             self._port.attend(ready)
-            if sys.stdin in ready:
-                line = sys.stdin.readline()
-                if not line:
-                    return
-                obey(line, self._act)
+            if sys.stdin in ready and not obey_next(self._act):
+                return
             now_s = time.monotonic()
             if self._back_s is not None and now_s >= self._back_s:
                 self._back_s = None

@@ -32,7 +32,7 @@ import time
 from collections import deque
 from typing import Any, Final
 
-from tega_emulators.pipe import notify, obey
+from tega_emulators.pipe import HiddenPort, notify, obey_next
 
 __all__ = ["FAULTS", "Headset", "main"]
 
@@ -110,36 +110,22 @@ class Headset:
 class _HeadsetEmulator:
     def __init__(self, headset: Headset, rate_hz: float) -> None:
         self._headset, self._step_s = headset, 1 / rate_hz
-        self._listener: socket.socket | None = None
+        self._port = HiddenPort()
         self._clients: list[socket.socket] = []
         self._began_s = self._next_s = time.monotonic()
         self._first_100ns: int | None = None
         self._stalled_until_s = 0.0
         self._late_s = 0.0
         self._waiting: deque[tuple[float, bytes]] = deque()
-        self._port = 0
-        self.show()
-
-    def show(self) -> int:
-        """Listen, at the same port as before."""
-        if self._listener is None:
-            self._listener = socket.create_server(("127.0.0.1", self._port), backlog=4)
-            self._port = self._listener.getsockname()[1]
-        return self._port
 
     def run(self) -> None:
+        notify({"host": "127.0.0.1", "port": self._port.show()})
         while True:
-            listeners = [] if self._listener is None else [self._listener]
+            listeners = [self._port.listener] if self._port.listener else []
             ready, _, _ = select.select([sys.stdin, *listeners], [], [], 0.002)
-            if sys.stdin in ready:
-                line = sys.stdin.readline()
-                if not line:
-                    return
-                obey(line, self._act)
-            if self._listener is not None and self._listener in ready:
-                client, _ = self._listener.accept()
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._clients.append(client)
+            if sys.stdin in ready and not obey_next(self._act):
+                return
+            self._clients.extend(self._port.newcomers(ready))
             self._go_on(time.monotonic())
 
     def _go_on(self, now_s: float) -> None:
@@ -204,11 +190,9 @@ class _HeadsetEmulator:
             self._headset.origin = (numbers[0], numbers[1], numbers[2])
             self._began_s = self._next_s = time.monotonic()
         elif verb == "hide":
-            if self._listener is not None:
-                self._listener.close()
-            self._listener = None
+            self._port.hide()
         elif verb == "show":
-            return {"port": self.show()}
+            return {"port": self._port.show()}
         elif verb == "look":
             return {"clients": len(self._clients)}
         elif verb != "hang-up":
@@ -224,9 +208,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     with contextlib.suppress(KeyboardInterrupt):
-        emulator = _HeadsetEmulator(Headset(options.seed), options.rate_hz)
-        notify({"host": "127.0.0.1", "port": emulator.show()})
-        emulator.run()
+        _HeadsetEmulator(Headset(options.seed), options.rate_hz).run()
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from tega_emulators.emulated_operator import PEDAL, write_hidapi
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vests import felt_now
+from tega_emulators.vest_bench import felt_now
 
 __all__ = ["PRESSED", "EmulatedLab", "emulated_lab", "pressing"]
 

@@ -31,7 +31,7 @@ import sys
 import time
 from typing import Any, Final
 
-from tega_emulators.pipe import notify, obey
+from tega_emulators.pipe import HiddenPort, notify, obey_next
 
 __all__ = ["EXTENSIONS", "FAULTS", "Service", "main"]
 
@@ -166,33 +166,21 @@ class Service:
 class _Emulator:
     def __init__(self, service: Service) -> None:
         self._service = service
-        self._listener: socket.socket | None = None
+        self._port = HiddenPort()
         self._clients: dict[socket.socket, bytes] = {}
-        self._port = 0
-
-    def show(self) -> int:
-        """Listen, at the same port as before."""
-        if self._listener is None:
-            self._listener = socket.create_server(("127.0.0.1", self._port), backlog=4)
-            self._port = self._listener.getsockname()[1]
-        return self._port
 
     def run(self) -> None:
+        notify({"host": "127.0.0.1", "port": self._port.show()})
         while True:
-            listeners = [] if self._listener is None else [self._listener]
+            listeners = [self._port.listener] if self._port.listener else []
             frozen = "freeze" in self._service.faults
             clients = [] if frozen else list(self._clients)
             ready, _, _ = select.select([sys.stdin, *listeners, *clients], [], [])
             if sys.stdin in ready:
-                line = sys.stdin.readline()
-                if not line:
+                if not obey_next(self._act):
                     return
-                obey(line, self._act)
                 continue  # what it said holds for what is answered from here on
-            if self._listener is not None and self._listener in ready:
-                client, _ = self._listener.accept()
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._clients[client] = b""
+            self._clients.update(dict.fromkeys(self._port.newcomers(ready), b""))
             for client in clients:
                 if client in ready:
                     self._receive(client)
@@ -213,16 +201,14 @@ class _Emulator:
     def _act(self, words: list[str]) -> dict[str, Any] | None:
         verb = words[0]
         if verb == "hide":
-            if self._listener is not None:
-                self._listener.close()
-            self._listener = None
+            self._port.hide()
             for client in self._clients:
                 client.close()
             self._clients.clear()
             return None
         if verb == "show":
             self._service.events.clear()
-            return {"port": self.show()}
+            return {"port": self._port.show()}
         if verb == "look":
             return {"clients": len(self._clients), "asked": self._service.requested}
         return self._service.act(verb, words[1:])
@@ -234,9 +220,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     with contextlib.suppress(KeyboardInterrupt):
-        emulator = _Emulator(Service(options.seed))
-        notify({"host": "127.0.0.1", "port": emulator.show()})
-        emulator.run()
+        _Emulator(Service(options.seed)).run()
 
 
 if __name__ == "__main__":

@@ -9,11 +9,40 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import sys
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-__all__ = ["notify", "obey", "typed"]
+__all__ = ["HiddenPort", "notify", "obey", "obey_next", "typed"]
+
+
+class HiddenPort:
+    """A TCP port on this computer that can be hidden; it comes back under the same number."""
+
+    def __init__(self) -> None:
+        self.listener: socket.socket | None = None
+        self._port = 0
+
+    def show(self) -> int:
+        """Listen, at the same port as before, and return that."""
+        if self.listener is None:
+            self.listener = socket.create_server(("127.0.0.1", self._port), backlog=4)
+            self._port = self.listener.getsockname()[1]
+        return self._port
+
+    def hide(self) -> None:
+        """Listen no more."""
+        if self.listener is not None:
+            self.listener.close()
+        self.listener = None
+
+    def newcomers(self, ready: Sequence[object]) -> Iterator[socket.socket]:
+        """Yield who has connected, where the listener is among what is ready."""
+        if self.listener is not None and self.listener in ready:
+            client, _ = self.listener.accept()
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            yield client
 
 
 def notify(text: Mapping[str, Any]) -> None:
@@ -42,3 +71,10 @@ def obey(line: str, act: Callable[[list[str]], Mapping[str, Any] | None]) -> Non
     except (ValueError, KeyError, IndexError) as error:
         text = {"error": f"{line.strip()!r} means nothing here: {error}"}
     notify(text or {})
+
+
+def obey_next(act: Callable[[list[str]], Mapping[str, Any] | None]) -> bool:
+    """Carry out the line of standard input that has come, as :func:`obey` does; return False where it has ended."""
+    if line := sys.stdin.readline():
+        obey(line, act)
+    return bool(line)

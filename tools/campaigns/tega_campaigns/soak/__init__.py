@@ -4,12 +4,11 @@
 module         what it does
 =============  =========================================================================================
 ``plan``       which faults there are, how each is made, seen and over; in which order a seed puts them
-``programs``   one run or two stations, each with its supervisor
-``operator``   the foot on the pedal, and the hand on the arm
-``faults``     makes the faults, and takes them away
+``programs``   one run or two stations, each with its supervisor, and who operates them: foot and arm
+``faults``     the settings; makes the faults, and takes them away
 ``trial``      the soak: one fault after another, what was seen when, what the emulators really got
 ``lost``       what is missing in the recordings
-``report``     the result, for people and machines
+``report``     the result, for people and machines, and its picture
 =============  =========================================================================================
 
 What it shares with the other campaigns: :mod:`tega_campaigns.runner` runs its faults, :mod:`tega_campaigns.supervisor`

@@ -57,8 +57,7 @@ def soak(
     import msgspec
 
     from tega.ui.cli.options import echo_json, progress_bar
-    from tega_campaigns.soak.picture import draw
-    from tega_campaigns.soak.report import print_report
+    from tega_campaigns.soak.report import draw, print_report
     from tega_campaigns.soak.trial import soak as run_soak
 
     with ExitStack() as stack:

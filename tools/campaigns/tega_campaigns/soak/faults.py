@@ -1,4 +1,4 @@
-"""Makes the faults of a soak on its emulated devices, its link and its programs, and takes them away."""
+"""Makes the faults of a soak on its emulated devices, its link and its programs, and takes them away; its settings."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import os
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
+from tega.hand import TORQUE_LIMITS
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.soak.plan import Kind
 from tega_campaigns.soak.programs import Programs
 from tega_emulators.lab import EmulatedLab
 
-__all__ = ["Breaker", "link_board"]
+__all__ = ["Breaker", "soak_settings"]
 
 _CLOCK_S = 3600.0
 # What ends a fault of the tracker, where "clear" does not.
 _TRACKER_AGAIN = {"hide": "show", "late 400": "late 0", "lose": "find"}
 
 
-def link_board(folder: Path, lab: EmulatedLab) -> Path:
+def _link_board(folder: Path, lab: EmulatedLab) -> Path:
     """Give the board's port its name, as udev gives it the same one wherever it is plugged in, and return that."""
     port = folder / "board"
     port.unlink(missing_ok=True)
@@ -79,7 +81,7 @@ class Breaker:
         match kind.device:
             case "emg" if kind.how == "unplug":
                 lab.emg.say("plug")
-                link_board(self._folder, lab)
+                _link_board(self._folder, lab)
             case "emg":
                 lab.emg.say("clear")
                 lab.emg.say("signal emg")
@@ -130,3 +132,29 @@ class Breaker:
             self._link.resume()
         else:
             self._link.delay_ms = self._link.loss = 0.0
+
+
+VEST_LIMIT = 60
+HEAT_SHARE = 0.3
+TORQUE_SHARE = 0.2
+SLEW = 0.05
+# The emulated vest's sum of heat is taken in other steps than the driver's.
+_HEAT_SLACK = 0.02
+
+
+def soak_settings(lab: EmulatedLab, folder: Path, *, patient: bool) -> dict[str, Any]:
+    """Return settings with limits that a run without them would break, and set what the emulators count."""
+    tree = lab.tree
+    lab.vest.say(f"limit {VEST_LIMIT} {HEAT_SHARE + _HEAT_SLACK}")
+    lab.hand.say("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))
+    tree["vest"]["options"] |= {"limit": VEST_LIMIT, "heat_share": HEAT_SHARE}
+    hand = tree["hand"]["options"]
+    hand["torque_share"] = TORQUE_SHARE
+    for name in ("silent_after_ms", "lowest_rate_hz", "reconnects"):
+        hand.pop(name, None)  # as they come
+    if patient:
+        # A machine that is shared holds an emulated hand up now and then.
+        hand |= {"silent_after_ms": 1000.0, "reconnects": 20, "lowest_rate_hz": 0.0}
+    tree["emg"]["options"]["port"] = str(_link_board(folder, lab))
+    tree["recording"] = {"dir": str(folder / "session"), "stop_free_mib": 64.0, "warn_free_mib": 64.0}
+    return tree

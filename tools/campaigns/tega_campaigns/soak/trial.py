@@ -17,18 +17,16 @@ from tega.runtime.files.toml_text import tree_text
 from tega.runtime.threads import short_turns
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import CampaignCase, run_cases, until
-from tega_campaigns.soak.faults import Breaker
+from tega_campaigns.soak.faults import Breaker, soak_settings
 from tega_campaigns.soak.lost import KeptCounts, check
-from tega_campaigns.soak.operator import SoakOperator
 from tega_campaigns.soak.plan import KINDS, STATION_KINDS, Kind, Planned, plan
-from tega_campaigns.soak.programs import Programs
+from tega_campaigns.soak.programs import Programs, SoakOperator
 from tega_campaigns.soak.report import NOT_JUDGED, SoakFault, SoakReport
-from tega_campaigns.soak.settings import soak_settings
 from tega_campaigns.standstill import Standstills, within_ns
 from tega_campaigns.supervisor import SaidLine, Supervisor
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import free_port, split, write_trees
-from tega_emulators.vests import felt_now, seen_by
+from tega_emulators.vest_bench import felt_now, seen_by
 
 __all__ = ["soak"]
 

@@ -1,0 +1,153 @@
+"""The stages of the vest and the hand: every law, layout and limit an option, and what cannot be is refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from tega.config.calibration import TouchMaxima
+from tega.errors import ConfigError, InvalidValueError
+from tega.haptics import FeltMap, MotorLevels, intensity
+from tega.haptics.motor_layout import PAPER32, X16, Motor, MotorLayout, find_layout
+from tega.loop.touch import TouchLoop
+from tega.records import Contact
+from tega.stages import NamedValue, VestSetup
+from tega.stages.columns import ColumnsMapping, ColumnsOptions
+
+# Mapping and layouts.
+
+
+def contact(**values: Any) -> Any:
+    given = {"cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True} | values
+    return Contact(finger="index", t_ns=0, **given)
+
+
+def displayed(touched: Contact, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
+    """Return the upper row of front and back that an index finger's contact lights."""
+
+    def make(setup: VestSetup) -> ColumnsMapping:
+        return ColumnsMapping(setup, ColumnsOptions(**options))
+
+    loop = TouchLoop(
+        {"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout=layout, mirror=mirror, mapping=make
+    )
+    loop.update("index", touched)
+    frame = loop.frame(0)
+    half = len(frame.intensities) // 2
+    return [frame.intensities[:4].tolist(), frame.intensities[half : half + 4].tolist()]
+
+
+def test_law_routing_fingers_and_mirror_are_options() -> None:
+    assert displayed(contact()) == [[0, 50, 0, 0], [0, 50, 0, 0]]
+    assert displayed(contact(eda=8000), law="linear") == [[0, 50, 0, 0], [0, 100, 0, 0]]
+    assert displayed(contact(cci=0.0), end_value=0.1) == [[0, 10, 0, 0], [0, 50, 0, 0]]
+    high = round(intensity(0.1, 0.08))
+    assert displayed(contact(cci=0.1)) == [[0, high, 0, 0], [0, 50, 0, 0]]
+    assert displayed(contact(cci=0.1), saturate=True) == [[0, 99, 0, 0], [0, 50, 0, 0]]
+    assert displayed(contact(), front="eda", back="cci", law="linear", front_max=40_000.0)[0] == [0, 10, 0, 0]
+    assert displayed(contact(), mirror="back") == [[0, 50, 0, 0], [0, 0, 50, 0]]
+    order = ("ring", "middle", "thumb", "index")
+    assert displayed(contact(), mirror="all", fingers=order) == [[50, 0, 0, 0], [50, 0, 0, 0]]
+    own = contact(more=(NamedValue("pc1", 3.0, "1"),))
+    assert displayed(own, front="pc1", front_max=6.0, law="linear")[0] == [0, 50, 0, 0]
+    with pytest.raises(ConfigError, match=r"front_max: missing: .* no maximum of 'peak'"):
+        displayed(contact(), front="peak")
+    with pytest.raises(ConfigError, match="no value 'pc2'; it measures cci, eda"):
+        displayed(own, front="pc2", front_max=6.0)
+    with pytest.raises(ConfigError, match="named twice"):
+        displayed(contact(), fingers=("ring", "ring", "thumb", "index"))
+
+
+def test_a_layout_that_cannot_be_is_refused() -> None:
+    for motors, sentence in (
+        ([], "has 0 motors"),
+        ([Motor("front", 0, 0, 0), Motor("front", 0, 0, 1)], "one place"),
+        ([Motor("front", 0, 0, 0), Motor("front", 0, 1, 0)], "one number"),
+        ([Motor("side", 0, 0, 0)], "neither front nor back"),  # type: ignore[arg-type]
+        ([Motor("front", 0, 0, 40)], "0 to 39"),
+    ):
+        with pytest.raises(InvalidValueError, match=sentence):
+            MotorLayout("mine", "made here", motors)
+    with pytest.raises(InvalidValueError, match="is not known"):
+        find_layout("mine")
+    assert PAPER32.mirrored("all").motors[0] == Motor("front", 0, 3, 0)
+
+
+def test_a_mapping_that_goes_wrong_moves_nothing() -> None:
+    class Broken(ColumnsMapping):
+        def levels(self, t_ns: int, contacts: Any, events: Any) -> Any:  # noqa: ARG002
+            return np.full(len(X16.motors), math.nan)
+
+    loop = TouchLoop(
+        {"index": TouchMaxima()}, layout="x16", mapping=lambda setup: Broken(setup, ColumnsOptions())
+    )
+    with pytest.raises(InvalidValueError, match="not finite"):
+        loop.frame(0)
+    assert not loop.silence().intensities.any()
+
+
+def test_a_contact_goes_through_the_loop_with_all_its_values() -> None:
+    given = contact(more=(NamedValue("pc1", 3.0, "1"),), force_n=4.5, strength=0.5)
+    felt = TouchLoop({"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x16").update(
+        "index", given
+    )
+    assert (felt.cci_norm, felt.eda_norm, felt.front) == (0.5, 0.5, intensity(0.04, 0.08))
+    assert repr(replace(felt, cci_norm=0.0, eda_norm=0.0, front=0.0, back=0.0)) == repr(given)
+    assert FeltMap(threshold=20).apply(MotorLevels("x16", np.full(16, 50, np.uint8))).intensities[0] == 60
+
+
+# The hand.
+
+
+def test_the_hand_goes_to_a_place_between_two_levels() -> None:
+    from tega.hand import CLOSURE_POSES_RAD, ModelledHand, closure_level, joined_level, split_level
+
+    level = closure_level(0.6)
+    hand, whole = ModelledHand(), ModelledHand()
+    for _ in range(1500):
+        hand.step(level)
+        whole.step(3)
+    low, high = CLOSURE_POSES_RAD[2], CLOSURE_POSES_RAD[3]
+    reached = hand.controller.target_rad
+    assert reached is not None
+    np.testing.assert_allclose(reached, low + 0.4 * (high - low), atol=1e-7)
+    np.testing.assert_array_equal(whole.controller.target_rad, low)
+    with pytest.raises(InvalidValueError, match=r"level = 5\.01 is out of range"):
+        hand.step(5.01)
+    for requested in (0, 1, 3, 5, 3.4, 1.0001, closure_level(1 / 3)):
+        assert joined_level(*split_level(requested)) == requested
+
+
+def test_the_guard_limits_a_closure_as_it_does_a_level() -> None:
+    from tega.safety.guard import Guard
+
+    guard = Guard()
+    guard.check(0, late_ns=0, stamps={}, counts={})
+    assert guard.state == "active"
+    assert [guard.level(wanted) for wanted in (3.4, 2, 9.0, -1.0, math.nan)] == [3.4, 2, 5, 1, 1]
+    guard.stop(1, "over")
+    assert guard.level(4.2) == 1
+
+
+def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
+    assert displayed(contact(eda=2000), law="power")[1] == [0, 50, 0, 0]
+    assert displayed(contact(eda=2000), law="power", exponent=1.0)[1] == [0, 25, 0, 0]
+    ends = displayed(contact(cci=0.0, eda=0), end_value=0.1, back_end_value=0.2)
+    assert ends == [[0, 10, 0, 0], [0, 20, 0, 0]]
+    assert displayed(contact(in_contact=False), at_rest="law") == [[0, 1, 0, 0], [0, 1, 0, 0]]
+    assert displayed(contact(in_contact=False)) == [[0, 0, 0, 0], [0, 0, 0, 0]]
+
+    def make(setup: VestSetup) -> ColumnsMapping:
+        return ColumnsMapping(setup, ColumnsOptions(rows="bar", law="linear"))
+
+    loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x40", mapping=make)
+    loop.update("thumb", contact(cci=0.04, eda=8000))
+    levels = loop.frame(0).intensities.reshape(2, 5, 4)
+    assert levels[0, :, 0].tolist() == [0, 0, 50, 100, 100]
+    assert levels[1, :, 0].tolist() == [100] * 5
+    assert not levels[:, :, 1:].any()
+    assert loop.mapping.levels(0, {"thumb": contact(cci=0.08, eda=8000)}, ()).max() == 100

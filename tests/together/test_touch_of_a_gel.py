@@ -1,0 +1,187 @@
+"""Depth, force and full touch of a gel that was calibrated with known presses, from the file to the vest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from reference.gel import PERIOD_NS, gel_frames
+from tega.config import StagesSection, check_tree, load_config
+from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima
+from tega.config.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
+from tega.config.choose import finger_metric, vest_mapping
+from tega.errors import CalibrationError
+from tega.haptics import intensity
+from tega.loop import run_session
+from tega.loop.maxima import guided_maxima, touch_maxima
+from tega.setup.calibration.presses import Ball, fit_gel, held
+from tega.stages import FingerSetup, VestSetup, find_layout
+from tega.stages.metrics import LiveMetric, LiveOptions
+from tega.tactile.tracker import DEPTH_LAW
+from tega_sim.gel import PX_PER_MM, Gel, ball, board
+
+
+def _pressed_with(gel: Gel, indenter: Any, metric: LiveMetric, first: int) -> list[Any]:
+    """Return what a metric says of a press of a second and of the rest after it."""
+    return [
+        metric.update(gel.frame([indenter] if k < 60 else [], first + k), (first + k) * PERIOD_NS)
+        for k in range(180)
+    ]
+
+
+def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> None:
+    ball_of = Ball(diameter_mm=12.0, force_n=3.0)
+    near: list[float] = []
+    off: list[float] = []
+    for seed in (11, 12, 13):
+        gel = Gel(seed, memory=True)
+        baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+        plain = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
+        known = ball(force_n=ball_of.force_n, radius_mm=ball_of.diameter_mm / 2)
+        presses = [_pressed_with(gel, known, plain, 30 + 180 * n) for n in range(3)]
+        full = TouchMaxima(cci_max=1.0, eda_max=9000.0, **fit_gel(presses, ball_of)._asdict())
+        fitted = finger_metric(StagesSection(), "live", "thumb", baseline, full)
+        assert isinstance(fitted, LiveMetric)
+        gel.forget()
+        # Another ball and another force than those that it was fitted to.
+        for metric, errors in ((fitted, near), (plain, off)):
+            gel.forget()
+            contact = held(_pressed_with(gel, ball(force_n=5.0, radius_mm=9.0), metric, 0))
+            assert contact is not None
+            assert contact.force_n is not None
+            if metric is plain:
+                assert contact.area_mm2 is None, "the scale is not known"
+            else:
+                assert contact.area_mm2 == pytest.approx(contact.eda / PX_PER_MM**2, rel=0.15)
+            errors.append(abs(contact.force_n / 5.0 - 1))
+    assert max(near) < 0.25
+    assert np.mean(near) < np.mean(off) / 2
+    with pytest.raises(CalibrationError, match="no press with the known ball was felt"):
+        fit_gel([[]], ball_of)
+
+
+def test_a_calibration_file_keeps_what_is_known_of_the_gel() -> None:
+    full = TouchMaxima(
+        cci_max=1.0,
+        eda_max=9000.0,
+        noise_counts=(1.5, 0.8, 1.25),
+        depth_gain=1.25,
+        stiffness_n_mm3=0.4,
+        mm_per_px=0.05,
+    )
+    calibration = Calibration(preset="live", origin="presses", tactile=FingerMaxima(thumb=full))
+    text = calibration_text(calibration)
+    assert parse_calibration(text, "calibration.toml") == calibration
+    assert "stiffness_n_mm3 = 0.4" in text
+    # One of an earlier version says nothing of it, and nothing is assumed.
+    old = text.replace(
+        "noise_counts = [1.5, 0.8, 1.25]\ndepth_gain = 1.25\nstiffness_n_mm3 = 0.4\nmm_per_px = 0.05\n", ""
+    )
+    assert parse_calibration(old, "old.toml").tactile.thumb == TouchMaxima(cci_max=1.0, eda_max=9000.0)
+
+
+def test_depth_and_force_that_were_calibrated_for_another_law_are_refused_and_the_rest_is_used(
+    tmp_path: Path,
+) -> None:
+    frames, baseline = gel_frames(3, held=False)
+    noise = (1.5, 0.8, 1.25)
+    plain = TouchMaxima(cci_max=1.0, eda_max=9000.0, noise_counts=noise)
+    fitted = {"depth_gain": 1.25, "stiffness_n_mm3": 0.4}
+    read = {}
+    for name, full in (
+        ("nominal", plain),
+        ("before laws were numbered", msgspec.structs.replace(plain, **fitted)),
+        ("another law", msgspec.structs.replace(plain, **fitted, depth_law=DEPTH_LAW + 1)),
+        ("this law", msgspec.structs.replace(plain, **fitted, depth_law=DEPTH_LAW)),
+    ):
+        metric = finger_metric(StagesSection(), "live", "thumb", baseline, full)
+        contact = held([metric.update(frame, k * PERIOD_NS) for k, frame in enumerate(frames[:60])])
+        assert contact is not None
+        read[name] = contact.depth_mm, contact.force_n
+        sentence = refused_law("thumb", full, "tega-teleop calibrate lab.toml --person p01")
+        assert len(sentence) == (name in {"before laws were numbered", "another law"})
+        assert all("--known-ball" in one and "nominal" in one for one in sentence)
+        assert full.of_this_law().noise_counts == noise
+    assert read["before laws were numbered"] == read["another law"] == read["nominal"]
+    assert read["this law"] != read["nominal"]
+    # A run says so, whole, and goes on.
+    old = msgspec.structs.replace(plain, **fitted)
+    file = tmp_path / "old.toml"
+    save_calibration(Calibration(preset="live", origin="presses", tactile=FingerMaxima(thumb=old)), file)
+    tree = {
+        "session": {"preset": "live", "pace": "fast", "duration_s": 0.1},
+        "tactile": {"thumb": {"driver": "synthetic-touch"}},
+        "calibration": {"file": str(file)},
+        "recording": {"dir": str(tmp_path / "run"), "stop_free_mib": 0.0},
+    }
+    summary = run_session(check_tree(tree, {}, base=tmp_path).config)
+    assert any("thumb: depth and force were calibrated for law 0" in one for one in summary["notes"])
+
+
+def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
+    gel = Gel(7, memory=True)
+    baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+    metric = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
+    marble, lid = ball(force_n=6.0, radius_mm=4.0), board(force_n=6.0)
+    presses = {}
+    for number, (name, indenter) in enumerate((("round", marble), ("flat", lid))):
+        contacts = _pressed_with(gel, indenter, metric, 30 + 180 * number)
+        presses[name] = contacts
+    both = guided_maxima(presses["round"] + presses["flat"])
+    single = {name: touch_maxima(frames) for name, frames in presses.items()}
+    wide, narrow = single["flat"], single["round"]
+    assert wide.eda_max and narrow.eda_max and narrow.cci_max and both.cci_max and both.eda_max  # noqa: PT018
+    assert wide.eda_max > 1.3 * narrow.eda_max
+    assert both.cci_max == pytest.approx(narrow.cci_max, rel=0.02)
+    assert both.eda_max == pytest.approx(1.3 * wide.eda_max, rel=0.02)
+    # Held with either object, as firmly as can be, no column is full.
+    felt = [
+        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for m in frames[20:55]
+    ]
+    full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
+    assert full_share == 0.0
+
+
+def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:
+    gel = Gel(5)
+    baseline = gel.still()
+    config = load_config(
+        None,
+        environ={},
+        sets=[
+            "stages.metric.name=live",
+            "stages.metric.options.trend=rise",
+            "stages.mapping.name=columns",
+            "stages.mapping.options.front=trend_mm_s",
+            "stages.mapping.options.front_max=1.0",
+        ],
+    ).config
+    metric = finger_metric(config.stages, "live", "index", baseline)
+    setup = VestSetup(find_layout("paper32"), ("index",), {"index": {"eda": 20_000.0}})
+    mapping = vest_mapping(config.stages, "live")(setup)
+    rates, fronts = [], []
+    for k in range(150):  # a second of rest, half a second of pressing, holding, and letting go from 2 s on
+        force_n = 4.0 * min(max((k - 60) / 30, 0.0), 1.0) if k < 120 else max(4.0 - (k - 120) / 5, 0.0)
+        contact = metric.update(gel.frame([ball(force_n=force_n)], k), k * PERIOD_NS)
+        rates.append(next(v.value for v in contact.more if v.name == "trend_mm_s"))
+        fronts.append(mapping.columns("index", contact)[0])
+    assert max(rates[:60]) == 0.0
+    rising, held, easing = rates[68:90], rates[110:120], rates[125:140]
+    assert min(rising) > 5 * max(held)
+    assert max(held) < 0.15  # the average of depth still settles
+    assert max(easing) < 0.05
+    assert max(fronts[:60]) == 0.0
+    assert np.mean(fronts[70:88]) > 3 * np.mean(fronts[110:120])
+    both = LiveMetric(FingerSetup("index", baseline), LiveOptions(trend="change", trend_s=0.05))
+    assert LiveMetric.units(LiveOptions(trend="change")) == {"trend_mm_s": "mm/s"}
+    assert LiveMetric.units(LiveOptions()) == {}
+    gel.forget()
+    falls = [
+        both.update(gel.frame([ball(force_n=4.0)] if k < 30 else [], k), k * PERIOD_NS) for k in range(40)
+    ]
+    assert falls[-1].more[0].value >= 0.0
+    assert max(c.more[0].value for c in falls[30:]) > 1.0
