@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from reference import emg as reference
 from tega.emg import (
     BlockMean,
     ButterworthLowpass,
@@ -19,7 +20,6 @@ from tega.emg import (
     fuse_levels,
     grasp_level,
 )
-from tega.ui.cli.emg import emg as reference
 from tega_figures.exact import filtered
 
 RATES_HZ = [200.0, 250.0, 1e3, 2e3, 1e4, 3e4, 1e5, 1e6]

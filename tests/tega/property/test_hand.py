@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
+from reference import hand as reference
 from tega.hand import (
     CLOSURE_POSES_RAD,
     JOINT_LIMITS_RAD,
@@ -21,7 +22,6 @@ from tega.hand import (
     JointModel,
     ModelledHand,
 )
-from tega.ui.cli.hand import hand as reference
 from tega.wire import allegro_angle_counts, allegro_angles_rad, allegro_torque_frames
 
 LOW, HIGH = JOINT_LIMITS_RAD.T
