@@ -25,11 +25,23 @@ Each message names the thing, the value and its unit; ``hint`` is the next step 
 from __future__ import annotations
 
 __all__ = [
-    "CalibrationError", "ConfigError", "DeviceUnavailableError", "DtypeError", "FeatureError",
-    "InvalidValueError", "MissingExtraError", "MissingToolError", "RecordingError", "SampleRateError",
-    "ShapeError", "StreamContradictionError", "TegaError", "UnsafeNameError", "WireError",
+    "CalibrationError",
+    "ConfigError",
+    "DeviceUnavailableError",
+    "DtypeError",
+    "FeatureError",
+    "InvalidValueError",
+    "MissingExtraError",
+    "MissingToolError",
+    "RecordingError",
+    "SampleRateError",
+    "ShapeError",
+    "StreamContradictionError",
+    "TegaError",
+    "UnsafeNameError",
+    "WireError",
     "WrongDeviceError",
-]  # fmt: skip
+]
 
 
 class TegaError(Exception):

@@ -41,9 +41,12 @@ class _Unasked(_Requested):
 @click.argument("device", metavar="DEVICE")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
-    "--out", type=click.Path(file_okay=False, path_type=Path), default=Path("acceptance"),
-    show_default=True, help="Folder of the report.",
-)  # fmt: skip
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("acceptance"),
+    show_default=True,
+    help="Folder of the report.",
+)
 @click.option("--yes", is_flag=True, help="Ask nothing, and make the pulse or motion. For emulated devices.")
 @json_option
 @click.pass_context

@@ -36,9 +36,12 @@ class _Wanted(NamedTuple):
 @click.command(epilog="Example: tega-teleop vest onset lab.toml --motor 0 --motor 21")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
 @click.option(
-    "--motor", "motors", type=click.IntRange(0, 39), multiple=True,
+    "--motor",
+    "motors",
+    type=click.IntRange(0, 39),
+    multiple=True,
     help="Motor to measure; repeatable. Else motor 0.",
-)  # fmt: skip
+)
 @click.option(
     "--percent", type=click.IntRange(10, 100), default=60, show_default=True, help="How hard it vibrates."
 )
@@ -48,14 +51,17 @@ class _Wanted(NamedTuple):
 @click.option("--microphone", metavar="NAME", help="Number or part of a name; else the system's own choice.")
 @click.option("--list", "list_them", is_flag=True, help="List the microphones, and end.")
 @click.option(
-    "--sync", type=click.Choice(["keys", "speaker"]),
+    "--sync",
+    type=click.Choice(["keys", "speaker"]),
     help="Clicks that synchronize recording and commands: the space bar, struck by you, or the loudspeaker. "
     "Default: speaker with a microphone here, else keys.",
-)  # fmt: skip
+)
 @click.option(
-    "--log", "log_file", type=click.Path(path_type=Path, dir_okay=False),
+    "--log",
+    "log_file",
+    type=click.Path(path_type=Path, dir_okay=False),
     help="Record elsewhere, such as with a phone: play the bursts and write the commands to this file.",
-)  # fmt: skip
+)
 @click.option(
     "--wav", type=click.Path(path_type=Path, dir_okay=False), help="Read that recording, with its --log."
 )
@@ -63,9 +69,10 @@ class _Wanted(NamedTuple):
     "--keep", type=click.Path(path_type=Path, file_okay=False), help="Keep recording and log in this folder."
 )
 @click.option(
-    "--folder", type=click.Path(path_type=Path, file_okay=False),
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
     help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
-)  # fmt: skip
+)
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option
 def onset(
@@ -161,8 +168,11 @@ def _measure(
         if len(motors) > 1 and sys.stdin.isatty():
             click.prompt(
                 f"Tape the microphone onto motor {motor} ({motor_place(motor)}), then Enter",
-                default="", show_default=False, prompt_suffix=" ", err=True,
-            )  # fmt: skip
+                default="",
+                show_default=False,
+                prompt_suffix=" ",
+                err=True,
+            )
         with Microphone(microphone) as ear:
             log = _played(wanted, motor)
             samples = ear.received()
@@ -223,9 +233,16 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
         clicks_s += clicks()
         info = opened.info
     return log_of(
-        info, bursts_s, clicks_s, unsent=unsent,
-        made=made, layout=layout, motor=motor, percent=wanted.percent, clicks=wanted.sync,
-    )  # fmt: skip
+        info,
+        bursts_s,
+        clicks_s,
+        unsent=unsent,
+        made=made,
+        layout=layout,
+        motor=motor,
+        percent=wanted.percent,
+        clicks=wanted.sync,
+    )
 
 
 @contextmanager
@@ -254,8 +271,9 @@ def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[
         def struck() -> list[float]:
             click.echo(
                 f"Strike the space bar hard {_CLICKS} times, not evenly, beside the microphone: ",
-                nl=False, err=True,
-            )  # fmt: skip
+                nl=False,
+                err=True,
+            )
             times: list[float] = []
             while len(times) < _CLICKS:
                 if stop():

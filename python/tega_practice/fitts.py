@@ -42,9 +42,13 @@ import msgspec
 from tega.errors import InvalidValueError
 
 CONDITIONS: Final[tuple[tuple[float, float, float], ...]] = (
-    (0.25, 0.5, 0.2), (0.5, 0.75, 0.12), (0.25, 0.5, 0.08),
-    (0.25, 0.75, 0.2), (0.25, 0.75, 0.12), (0.25, 0.75, 0.08),
-)  # fmt: skip
+    (0.25, 0.5, 0.2),
+    (0.5, 0.75, 0.12),
+    (0.25, 0.5, 0.08),
+    (0.25, 0.75, 0.2),
+    (0.25, 0.75, 0.12),
+    (0.25, 0.75, 0.08),
+)
 """Lower centre, upper centre and width: ID 1.17 to 2.86 bits. Every target holds one of the five levels and lies
 within 0 to 1, because no overshoot is possible at an end of the range. Decoders of levels can hit all of them."""
 

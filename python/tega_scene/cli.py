@@ -27,9 +27,13 @@ def _size(_ctx: click.Context, _option: click.Parameter, text: str) -> tuple[int
 
 
 _size_option = click.option(
-    "--size", metavar="WxH", default="1920x1080", show_default=True, callback=_size,
+    "--size",
+    metavar="WxH",
+    default="1920x1080",
+    show_default=True,
+    callback=_size,
     help="Width and height of the pictures.",
-)  # fmt: skip
+)
 
 
 @click.group(
@@ -56,21 +60,36 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
     """Add the options of a lens, a layout, the second mark and deformation."""
     for option in (
         click.option(
-            "--mark", "mark", metavar="X,Y", callback=_mark,
+            "--mark",
+            "mark",
+            metavar="X,Y",
+            callback=_mark,
             help="Second mark, on which the object is to be put down: mm from the first one, along the table's axes.",
         ),
         click.option(
-            "--harm-mm", type=click.FloatRange(0.1, 100), default=6.0, show_default=True,
+            "--harm-mm",
+            type=click.FloatRange(0.1, 100),
+            default=6.0,
+            show_default=True,
             help="How far the object must narrow to count as deformed, mm.",
         ),
         click.option(
-            "--layout", "layout_file", type=_FILE, required=required, metavar="TAGS.toml",
+            "--layout",
+            "layout_file",
+            type=_FILE,
+            required=required,
+            metavar="TAGS.toml",
             help="File that says where the tags are.",
         ),
         click.option(
-            "--lens", "lens_file", type=_FILE, required=required, metavar="CAM.json", help="The camera's intrinsics."
+            "--lens",
+            "lens_file",
+            type=_FILE,
+            required=required,
+            metavar="CAM.json",
+            help="The camera's intrinsics.",
         ),
-    ):  # fmt: skip
+    ):
         function = option(function)
     return function
 
@@ -78,9 +97,12 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
 @scene.command(epilog="Example: tega-teleop scene tags tags.pdf --layout tags.toml")
 @click.argument("out", type=_FILE, metavar="OUT.pdf")
 @click.option(
-    "--layout", "layout_file", type=_FILE, metavar="TAGS.toml",
+    "--layout",
+    "layout_file",
+    type=_FILE,
+    metavar="TAGS.toml",
     help="Print this layout's tags; where the file is missing, write the example's into it.",
-)  # fmt: skip
+)
 @json_option
 def tags(*, out: Path, layout_file: Path | None, as_json: bool) -> None:
     """Write tags and the calibration board to scale, as PDF or SVG on A4.
@@ -216,17 +238,24 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
 )
 @click.argument("out", type=_FILE, metavar="OUT.mcap")
 @click.option(
-    "--camera", "cameras", multiple=True, required=True, metavar="NAME=SOURCE",
+    "--camera",
+    "cameras",
+    multiple=True,
+    required=True,
+    metavar="NAME=SOURCE",
     help="Name and address of a camera; repeatable.",
-)  # fmt: skip
+)
 @_size_option
 @click.option(
     "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
 )
 @click.option(
-    "--video", type=click.Choice(["h264", "av1"]), default="h264", show_default=True,
+    "--video",
+    type=click.Choice(["h264", "av1"]),
+    default="h264",
+    show_default=True,
     help="Format of the video.",
-)  # fmt: skip
+)
 @click.option(
     "--seconds", type=click.FloatRange(0.1), help="Seconds after which recording stops; else Ctrl-C stops it."
 )

@@ -30,10 +30,26 @@ from tega_sim.operator import sham_vest
 from tega_sim.operator.shams import Sham, ShamName
 
 Condition = Literal[
-    "haptic", "non-haptic", "silent", "constant", "unrelated", "replayed", "permuted", "inverted", "half",
-    "unfelt", "event-gated", "oracle", "true-force", "true-steps", "ideal-vest", "mistimed", "reflex",
-    "haptic-reflex", "true-reflex",
-]  # fmt: skip
+    "haptic",
+    "non-haptic",
+    "silent",
+    "constant",
+    "unrelated",
+    "replayed",
+    "permuted",
+    "inverted",
+    "half",
+    "unfelt",
+    "event-gated",
+    "oracle",
+    "true-force",
+    "true-steps",
+    "ideal-vest",
+    "mistimed",
+    "reflex",
+    "haptic-reflex",
+    "true-reflex",
+]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
 """Haptic, non-haptic, the sham arms, event-gated, the positive controls, and the arms with a reflex."""

@@ -107,9 +107,20 @@ class LiftRecorder:
 _CHANNELS = tuple(f"ch{k}" for k in (1, 2, 3))
 _COLUMNS: dict[str, tuple[str, ...]] = {
     "truth": (
-        "t_s", "object_height_m", "lift_off", *(f"{finger}_force_n" for finger in FINGERS), "slip_m",
-        "slip_m_s", "deformation_m", "damage_m", "dropped", "hand_to_object_m", "excitation",
-        "forearm_height_m", "forearm_back_m", "phase",
+        "t_s",
+        "object_height_m",
+        "lift_off",
+        *(f"{finger}_force_n" for finger in FINGERS),
+        "slip_m",
+        "slip_m_s",
+        "deformation_m",
+        "damage_m",
+        "dropped",
+        "hand_to_object_m",
+        "excitation",
+        "forearm_height_m",
+        "forearm_back_m",
+        "phase",
     ),
     "contacts": columns(Contact),
     "levels": columns(Intent, channels=_CHANNELS),
@@ -117,7 +128,7 @@ _COLUMNS: dict[str, tuple[str, ...]] = {
     "beside-contacts": columns(BesideContact),
     "beside-values": ("t_s", "stage", "finger", *NamedValue.__struct_fields__),
     "beside-levels": columns(BesideIntent, channels=_CHANNELS),
-}  # fmt: skip
+}
 # Tables that are there only where a stage of the settings fills them.
 _AT_NEED = ("values", "beside-contacts", "beside-values", "beside-levels")
 

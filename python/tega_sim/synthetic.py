@@ -29,9 +29,18 @@ Seed = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]
 _CHUNK_TICKS = 5
 # The grasp that both devices follow, as shares of its duration and of full effort: reach, close in steps, hold, let go.
 _GRASP = (
-    (0.00, 0.02), (0.10, 0.02), (0.18, 0.35), (0.30, 0.40), (0.38, 0.62), (0.50, 0.66), (0.60, 0.97),
-    (0.72, 0.92), (0.80, 0.45), (0.86, 0.04), (1.00, 0.02),
-)  # fmt: skip
+    (0.00, 0.02),
+    (0.10, 0.02),
+    (0.18, 0.35),
+    (0.30, 0.40),
+    (0.38, 0.62),
+    (0.50, 0.66),
+    (0.60, 0.97),
+    (0.72, 0.92),
+    (0.80, 0.45),
+    (0.86, 0.04),
+    (1.00, 0.02),
+)
 # The hand and the gel follow the muscles this much later, seconds.
 _TOUCH_DELAY_S = 0.35
 

@@ -13,10 +13,28 @@ from tega.runtime.files.foreign_file import plain_name
 from tega.runtime.files.json_lines import JsonLines, read_json_lines
 
 Kind = Literal[
-    "session_start", "session_stop", "trial_start", "trial_end", "lift_off", "lifted", "slip", "deformation",
-    "drop", "placed", "note", "override", "redo", "rating", "beep", "answer", "muscles", "squeeze", "undo",
-    "unblind", "behaviour",
-]  # fmt: skip
+    "session_start",
+    "session_stop",
+    "trial_start",
+    "trial_end",
+    "lift_off",
+    "lifted",
+    "slip",
+    "deformation",
+    "drop",
+    "placed",
+    "note",
+    "override",
+    "redo",
+    "rating",
+    "beep",
+    "answer",
+    "muscles",
+    "squeeze",
+    "undo",
+    "unblind",
+    "behaviour",
+]
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
 

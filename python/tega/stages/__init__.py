@@ -23,8 +23,27 @@ from tega.stages.base import (
 from tega.stages.registry import StageRecord, list_stages, stage_class, stage_names
 
 __all__ = [
-    "Contact", "Decoder", "Event", "FingerSetup", "GelTraits", "Intent", "Mapping", "MeasuredPicture",
-    "Metric", "Motor", "MotorLayout", "MuscleSetup", "NamedValue", "Reflex", "ReflexSetup",
-    "StageOptions", "StageRecord", "TouchMap", "VestSetup", "find_layout", "list_stages", "stage_class",
+    "Contact",
+    "Decoder",
+    "Event",
+    "FingerSetup",
+    "GelTraits",
+    "Intent",
+    "Mapping",
+    "MeasuredPicture",
+    "Metric",
+    "Motor",
+    "MotorLayout",
+    "MuscleSetup",
+    "NamedValue",
+    "Reflex",
+    "ReflexSetup",
+    "StageOptions",
+    "StageRecord",
+    "TouchMap",
+    "VestSetup",
+    "find_layout",
+    "list_stages",
+    "stage_class",
     "stage_names",
-]  # fmt: skip
+]

@@ -14,9 +14,12 @@ from tega.ui.cli.page import view_options
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
 @click.option("--person", required=True, metavar="ID", help="Whose calibration to use.")
 @click.option(
-    "--seconds", type=click.FloatRange(10, 600), default=60.0, show_default=True,
+    "--seconds",
+    type=click.FloatRange(10, 600),
+    default=60.0,
+    show_default=True,
     help="How long the practice lasts, seconds.",
-)  # fmt: skip
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the target's curve.")
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
@@ -73,17 +76,26 @@ def practice(
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
 @click.option("--person", required=True, metavar="ID", help="Whose calibration to use.")
 @click.option(
-    "--movements", type=click.IntRange(1, 100), default=6, show_default=True,
+    "--movements",
+    type=click.IntRange(1, 100),
+    default=6,
+    show_default=True,
     help="Movements for each distance and width.",
-)  # fmt: skip
+)
 @click.option(
-    "--dwell-s", type=click.FloatRange(0.1, 5), default=1.0, show_default=True,
+    "--dwell-s",
+    type=click.FloatRange(0.1, 5),
+    default=1.0,
+    show_default=True,
     help="Seconds to stay in a target.",
-)  # fmt: skip
+)
 @click.option(
-    "--timeout-s", type=click.FloatRange(0.2, 60), default=10.0, show_default=True,
+    "--timeout-s",
+    type=click.FloatRange(0.2, 60),
+    default=10.0,
+    show_default=True,
     help="Seconds after which the next target comes.",
-)  # fmt: skip
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the order.")
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")

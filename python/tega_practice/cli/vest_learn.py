@@ -15,9 +15,12 @@ from tega.ui.cli.options import echo_json, json_option, worn_by
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
 @click.option("--person", required=True, metavar="ID", help="Who learns: their thresholds, dose and scores.")
 @click.option(
-    "--questions", type=click.IntRange(1, 500), default=30, show_default=True,
+    "--questions",
+    type=click.IntRange(1, 500),
+    default=30,
+    show_default=True,
     help="About how many questions the test has.",
-)  # fmt: skip
+)
 @click.option("--test-only", is_flag=True, help="Go straight to the test: show and practise nothing first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the order.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")

@@ -27,37 +27,56 @@ TITLE = "TEGA demo: everything but the loop is simulated"
 
 @click.command(epilog="Example: tega-teleop demo --objects bag --condition non-haptic --out my-demo")
 @click.option(
-    "--objects", type=NameList(), default="bottle,container,bag", show_default=True,
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
     help="Objects to lift, one after the other.",
-)  # fmt: skip
+)
 @click.option(
-    "--condition", default="haptic", show_default=True,
+    "--condition",
+    default="haptic",
+    show_default=True,
     help="Condition of the vest: haptic (on), non-haptic (off), or another of docs/sim.md.",
-)  # fmt: skip
+)
 @click.option(
-    "--operator", type=click.Choice(["simulated", "scripted", "keyboard"]), default="simulated",
+    "--operator",
+    type=click.Choice(["simulated", "scripted", "keyboard"]),
+    default="simulated",
     show_default=True,
     help="Who leads the hand: the simulated person, a fixed script, or you at the keyboard.",
-)  # fmt: skip
+)
 @click.option(
-    "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True,
+    "--seed",
+    type=click.IntRange(0, 2**31),
+    default=1,
+    show_default=True,
     help="Seed of the simulated person and of all noise.",
-)  # fmt: skip
+)
 @click.option(
-    "--practice", type=click.IntRange(0, 20), default=0, show_default=True,
+    "--practice",
+    type=click.IntRange(0, 20),
+    default=0,
+    show_default=True,
     help="Lifts of each object before the one that counts.",
-)  # fmt: skip
+)
 @loop_options
 @click.option("--fast", is_flag=True, help="Compute as fast as the machine can; do not wait for real time.")
 @view_options
 @click.option(
-    "--out", "out_dir", type=click.Path(path_type=Path, file_okay=False), default=Path("tega-demo"),
-    show_default=True, help="Folder for the tables and the picture.",
-)  # fmt: skip
+    "--out",
+    "out_dir",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("tega-demo"),
+    show_default=True,
+    help="Folder for the tables and the picture.",
+)
 @click.option(
-    "--record", type=click.Path(path_type=Path, file_okay=False), metavar="DIR",
+    "--record",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
     help="Record each lift into this session folder, for play, verify, recording inspect and export.",
-)  # fmt: skip
+)
 @json_option
 def demo(
     *,

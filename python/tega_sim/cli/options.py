@@ -24,24 +24,32 @@ def object_options(function: _Function) -> _Function:
     """Add the options for lifted objects of simulated trials: an object file, and factors to cross its objects with."""
     for option in (
         click.option(
-            "--friction", type=NumberList(), help="Friction between object and gel, instead of the object's own."
+            "--friction",
+            type=NumberList(),
+            help="Friction between object and gel, instead of the object's own.",
         ),
         click.option(
             "--stiffness-n-m", type=NumberList(), help="Stiffness of the object's wall, instead of its own."
         ),
         click.option(
-            "--mass-kg", type=NumberList(),
+            "--mass-kg",
+            type=NumberList(),
             help="Mass instead of each object's own. Every combination with the next two options is run.",
         ),
         click.option(
-            "--objects-file", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
+            "--objects-file",
+            type=click.Path(path_type=Path, dir_okay=False, exists=True),
+            metavar="FILE.toml",
             help="File that describes the --objects, as tega_sim/world/objects.toml does.",
         ),
         click.option(
-            "--view", type=click.Choice(["direct", "aside", "hidden"]), default="direct", show_default=True,
+            "--view",
+            type=click.Choice(["direct", "aside", "hidden"]),
+            default="direct",
+            show_default=True,
             help="How well people see the hand while it holds.",
         ),
-    ):  # fmt: skip
+    ):
         function = option(function)
     return function
 
@@ -61,19 +69,27 @@ def loop_options(function: _Function) -> _Function:
     """Add the options for the loop of a simulated trial: preset, settings file, single settings."""
     for option in (
         click.option(
-            "--set", "sets", multiple=True, metavar="KEY=VALUE",
+            "--set",
+            "sets",
+            multiple=True,
+            metavar="KEY=VALUE",
             help="A setting of the loop: stages.*, session.pose_base, vest.layout, vest.mirror, vest.threshold, "
             "vest.step; repeatable.",
         ),
         click.option(
-            "--config", type=click.Path(path_type=Path, dir_okay=False), metavar="LAB.toml",
+            "--config",
+            type=click.Path(path_type=Path, dir_okay=False),
+            metavar="LAB.toml",
             help="Take the stages, session.pose_base and the vest's layout, mirror, threshold and step from here.",
         ),
         click.option(
-            "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
+            "--preset",
+            type=click.Choice(["paper", "live"]),
+            default="live",
+            show_default=True,
             help="Readings of the equations: paper (as printed) or live (meant for people).",
         ),
-    ):  # fmt: skip
+    ):
         function = option(function)
     return function
 

@@ -23,46 +23,68 @@ def sim() -> None:
 
 @sim.command(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
 @click.option(
-    "--objects", type=NameList(), default="bottle,container,bag", show_default=True,
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
     help="Objects that are lifted.",
-)  # fmt: skip
+)
 @click.option(
-    "--conditions", type=NameList(), default="haptic,non-haptic", show_default=True,
+    "--conditions",
+    type=NameList(),
+    default="haptic,non-haptic",
+    show_default=True,
     help=f"Conditions to compare: any of {', '.join(CONDITIONS)}.",
-)  # fmt: skip
+)
 @click.option(
-    "--seeds", "n_seeds", type=click.IntRange(1, 100_000), default=10, show_default=True,
+    "--seeds",
+    "n_seeds",
+    type=click.IntRange(1, 100_000),
+    default=10,
+    show_default=True,
     help="How many persons.",
-)  # fmt: skip
+)
 @click.option(
     "--first-seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="The first one."
 )
 @click.option(
-    "--operator", type=click.Choice(["simulated", "scripted"]), default="simulated", show_default=True,
+    "--operator",
+    type=click.Choice(["simulated", "scripted"]),
+    default="simulated",
+    show_default=True,
     help="Who leads the hand: the simulated person, or a fixed script.",
-)  # fmt: skip
+)
 @click.option(
     "--practice", type=click.IntRange(0, 100), default=0, show_default=True, help="Lifts before each trial."
 )
 @click.option(
-    "--rules", type=click.IntRange(1, 3), default=1, show_default=True,
+    "--rules",
+    type=click.IntRange(1, 3),
+    default=1,
+    show_default=True,
     help="Version of the rules that the persons follow; by 2 and 3 they practise first.",
-)  # fmt: skip
+)
 @click.option(
-    "--task", type=click.Choice(["lift", "place", "fill"]), default="lift", show_default=True,
+    "--task",
+    type=click.Choice(["lift", "place", "fill"]),
+    default="lift",
+    show_default=True,
     help="lift: put down where it stood. place: carried to a second marked place first. fill: held for ten seconds "
     "while it grows heavier.",
-)  # fmt: skip
+)
 @object_options
 @loop_options
 @click.option(
-    "--jobs", type=click.IntRange(0, 1024), default=0,
+    "--jobs",
+    type=click.IntRange(0, 1024),
+    default=0,
     help="Worker processes; 0 for as many as there are cores.",
-)  # fmt: skip
+)
 @click.option(
-    "--out", type=click.Path(path_type=Path, dir_okay=False),
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
     help="Keep results in this file, and go on from it.",
-)  # fmt: skip
+)
 @json_option
 def trials(
     *,

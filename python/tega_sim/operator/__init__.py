@@ -19,8 +19,28 @@ from tega_sim.operator.shams import SHAMS, Sham, sham_vest
 from tega_sim.operator.vision import VIEWS, ViewName
 
 __all__ = [
-    "CHANNELS", "EFFECTS", "KEYS_HELP", "SHAMS", "TICK_HZ", "VIEWS", "Calibrated", "ForearmEmg",
-    "KeyboardOperator", "Keys", "Operator", "Parameters", "PersonNumbers", "RulesVersion",
-    "ScriptedOperator", "Sham", "ViewName", "calibrate", "clear_skin", "draw_person", "load_parameters",
-    "people_digest", "sham_vest", "typical_person",
-]  # fmt: skip
+    "CHANNELS",
+    "EFFECTS",
+    "KEYS_HELP",
+    "SHAMS",
+    "TICK_HZ",
+    "VIEWS",
+    "Calibrated",
+    "ForearmEmg",
+    "KeyboardOperator",
+    "Keys",
+    "Operator",
+    "Parameters",
+    "PersonNumbers",
+    "RulesVersion",
+    "ScriptedOperator",
+    "Sham",
+    "ViewName",
+    "calibrate",
+    "clear_skin",
+    "draw_person",
+    "load_parameters",
+    "people_digest",
+    "sham_vest",
+    "typical_person",
+]

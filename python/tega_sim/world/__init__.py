@@ -22,6 +22,16 @@ from tega_sim.world.scene import Physics
 from tega_sim.world.world import Shape, World
 
 __all__ = [
-    "FULL_DUTY_NM", "GRASP_POSES_RAD", "OBJECTS", "TORQUE_LIMITS_NM", "ObjectRecord", "ObjectSpec",
-    "Physics", "Shape", "World", "crossed", "hand_controller", "read_objects",
-]  # fmt: skip
+    "FULL_DUTY_NM",
+    "GRASP_POSES_RAD",
+    "OBJECTS",
+    "TORQUE_LIMITS_NM",
+    "ObjectRecord",
+    "ObjectSpec",
+    "Physics",
+    "Shape",
+    "World",
+    "crossed",
+    "hand_controller",
+    "read_objects",
+]

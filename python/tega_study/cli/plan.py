@@ -22,21 +22,26 @@ if TYPE_CHECKING:
 )
 @design_options(seed="Seed from which all orders are drawn.", conditions="; a third can be event-gated")
 @shown_option(
-    "--layout", type=click.Choice(["abba", "pairs", "period"]), default="abba",
+    "--layout",
+    type=click.Choice(["abba", "pairs", "period"]),
+    default="abba",
     help="Order of conditions: there and back per object (abba), in random pairs, or one after the other (period).",
-)  # fmt: skip
+)
 @click.option(
     "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
 )
 @shown_option(
-    "--scored-by", type=click.Choice(["session", "camera"]), default="session",
+    "--scored-by",
+    type=click.Choice(["session", "camera"]),
+    default="session",
     help="Outcome of a trial that counts: the session's and its raters', or the scene camera's if it measured it.",
-)  # fmt: skip
+)
 @click.option("--anyway", is_flag=True, help="Write a plan with too few people for a significant result.")
 @click.option(
-    "--behaviours", type=NameList(),
+    "--behaviours",
+    type=NameList(),
     help="Behaviours that raters code besides lift-off, slip, deformation and drop, such as regrasp,contact.",
-)  # fmt: skip
+)
 @click.option(
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )

@@ -89,9 +89,10 @@ def _export_bids(folder: Path, out: Path, *, as_json: bool) -> None:
 @participant_argument
 @click.argument("out", type=FILE)
 @click.option(
-    "--bids", is_flag=True,
+    "--bids",
+    is_flag=True,
     help="Name its files as BIDS does (sub-…_ses-…_task-…_run-…); study open undoes it.",
-)  # fmt: skip
+)
 @json_option
 def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bool) -> None:
     """Write a person's session as one ZIP file: plan, events, raters, recordings, versions and a hash of each file.

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("--out", type=FOLDER, help="Folder for report.html and report/; the study's own unless given.")
 @click.option(
-    "--unblind", is_flag=True,
+    "--unblind",
+    is_flag=True,
     help="Compare conditions before the plan is complete; the study's journal and report keep that.",
-)  # fmt: skip
+)
 @json_option
 def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> None:
     """Analyse a study's folder, or a file of sim trials, and write one HTML page with tables and figures.
@@ -115,9 +116,11 @@ _ALPHA = 0.05
 @shown_option("--slips", default="5.9,2.8", help="Mean per trial without and with touch.")
 @shown_option("--trials", type=click.IntRange(1, 1000), default=10, help="Trials of each condition.")
 @shown_option(
-    "--tests", type=click.IntRange(1, 100), default=7,
+    "--tests",
+    type=click.IntRange(1, 100),
+    default=7,
     help="Number of tests in the plan's family, for Holm's correction. The others find nothing.",
-)  # fmt: skip
+)
 @json_option
 def power(*, slips: str, trials: int, tests: int, as_json: bool) -> None:
     """Compute how many people a study needs to find a difference in counts.

@@ -27,46 +27,66 @@ if TYPE_CHECKING:
 @folder_argument
 @participant_argument
 @click.option(
-    "--lab", type=click.Path(path_type=Path), metavar="LAB.toml",
+    "--lab",
+    type=click.Path(path_type=Path),
+    metavar="LAB.toml",
     help="Settings file of the lab's devices, as for run.",
-)  # fmt: skip
+)
 @click.option(
     "--emulated", is_flag=True, help="Run on emulated devices; only in a plan made with --simulated."
 )
 @click.option(
-    "--simulated", is_flag=True,
+    "--simulated",
+    is_flag=True,
     help="Run on the simulated bench, with a simulated participant; only in such a plan.",
-)  # fmt: skip
+)
 @click.option(
-    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
     help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout. Repeatable.",
-)  # fmt: skip
+)
 @click.option(
-    "--config", type=FILE, metavar="LAB.toml",
+    "--config",
+    type=FILE,
+    metavar="LAB.toml",
     help="With --simulated: take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
-)  # fmt: skip
+)
 @shown_option(
-    "--preset", type=click.Choice(["paper", "live"]), default="live",
+    "--preset",
+    type=click.Choice(["paper", "live"]),
+    default="live",
     help="Preset of the loop, with --simulated.",
-)  # fmt: skip
+)
 @shown_option(
-    "--task", type=click.Choice(["lift", "place"]), default="lift",
+    "--task",
+    type=click.Choice(["lift", "place"]),
+    default="lift",
     help="lift: a trial ends when the object is held up. place: it ends when the object is put down again (Enter).",
-)  # fmt: skip
+)
 @click.option(
-    "--pedals", "--pedal", default="", metavar="KEYS",
+    "--pedals",
+    "--pedal",
+    default="",
+    metavar="KEYS",
     help="Keys that foot pedals type, such as 12345: go on, end, slip, deformation, again.",
-)  # fmt: skip
+)
 @shown_option(
-    "--answer", default="p", metavar="KEY",
+    "--answer",
+    default="p",
+    metavar="KEY",
     help="The key that the participant's pedal types at a beep, in a plan made with --probe.",
-)  # fmt: skip
+)
 @click.option("--trials", type=click.IntRange(1), help="Number of trials after which to stop.")
 @click.option("--yes", is_flag=True, help="Go on by the clock and pass over the questions; to rehearse.")
 @click.option(
-    "--time-scale", type=click.FloatRange(0.01, 1.0), default=1.0, metavar="FACTOR",
+    "--time-scale",
+    type=click.FloatRange(0.01, 1.0),
+    default=1.0,
+    metavar="FACTOR",
     help="Shorten rests and countdowns; to rehearse.",
-)  # fmt: skip
+)
 @json_option
 def run(
     *,

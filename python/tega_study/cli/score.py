@@ -15,28 +15,45 @@ if TYPE_CHECKING:
 
 
 _COLUMNS = {
-    "event": "kind", "first": "a", "second": "b", "trials": "trials", "n first": "n_a", "n second": "n_b",
-    "F1": "f1", "chance": "chance_f1", "delay s": "delay_s", "kappa 1 s": "kappa", "ICC": "icc", "": "note",
-}  # fmt: skip
+    "event": "kind",
+    "first": "a",
+    "second": "b",
+    "trials": "trials",
+    "n first": "n_a",
+    "n second": "n_b",
+    "F1": "f1",
+    "chance": "chance_f1",
+    "delay s": "delay_s",
+    "kappa 1 s": "kappa",
+    "ICC": "icc",
+    "": "note",
+}
 """Attributes of an agreement in the printed table, by heading."""
 
 
 @click.command(epilog="Example: tega-teleop study score my-study --boris my-study.boris")
 @folder_argument
 @shown_option(
-    "--tolerance-s", type=click.FloatRange(0.01, 10), default=1.0,
+    "--tolerance-s",
+    type=click.FloatRange(0.01, 10),
+    default=1.0,
     help="How far apart two events may be and still be one; 0.5 suits video, 1 suits live.",
-)  # fmt: skip
+)
 @click.option("--boris", type=click.Path(path_type=Path), metavar="OUT.boris", help="Write a BORIS project.")
 @click.option(
-    "--elan", type=click.Path(path_type=Path), metavar="FOLDER",
+    "--elan",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
     help="Write an ELAN file for each trial into a new folder.",
-)  # fmt: skip
+)
 @click.option(
-    "--import", "taken", type=click.Path(path_type=Path), metavar="FILE",
+    "--import",
+    "taken",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
     help="Events to import: a BORIS project (.boris, .boris.gz), its tabular or aggregated events as TSV or CSV, or an "
     "ELAN file or a folder of them.",
-)  # fmt: skip
+)
 @click.option(
     "--rater", metavar="ID", help="With --import: code of the rater whose events they are; it must be new."
 )
@@ -102,9 +119,10 @@ def _cell(value: str | float | None) -> str:
 @folder_argument
 @click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
 @click.option(
-    "--live", is_flag=True,
+    "--live",
+    is_flag=True,
     help="Use only earlier data at each moment (causal), as event-gated feedback must.",
-)  # fmt: skip
+)
 @json_option
 def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:
     """Find lift-off and slip in the signals of the trials that were run.
@@ -158,13 +176,18 @@ def _reported(one: TrialEvents) -> str:
     "--rater", metavar="ID", required=True, help="Code of the rater who gets the clips; it must be new."
 )
 @click.option(
-    "--proposals", is_flag=True,
+    "--proposals",
+    is_flag=True,
     help="Put the events that rule and detector found into the project, for the rater to decide.",
-)  # fmt: skip
+)
 @click.option(
-    "--scene", "scenes", multiple=True, type=FILE, metavar="SCENE.mcap",
+    "--scene",
+    "scenes",
+    multiple=True,
+    type=FILE,
+    metavar="SCENE.mcap",
     help="Scene recording of the sessions, which shows the object in the clips; repeatable.",
-)  # fmt: skip
+)
 @click.option(
     "--take", type=FILE, metavar="FILE.boris", help="BORIS project with the rater's codes to take in."
 )

@@ -57,13 +57,16 @@ def trials_displayed() -> Iterator[Callable[[str, int, int], None]]:
 @design_options(seed="Seed of the people and of all chance.")
 @workers_options
 @click.option(
-    "--parameters", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
+    "--parameters",
+    type=click.Path(path_type=Path, dir_okay=False, exists=True),
+    metavar="FILE.toml",
     help="Another parameter file for the simulated people; the report then calls it changed.",
-)  # fmt: skip
+)
 @click.option(
-    "--fresh", is_flag=True,
+    "--fresh",
+    is_flag=True,
     help="Each condition is met as if there were no other, with the same chance under each; only simulated people can.",
-)  # fmt: skip
+)
 @object_options
 @loop_options
 @json_option
@@ -127,9 +130,11 @@ def simulate(
 )
 @trials_option(2)
 @click.option(
-    "--vary", type=NameList(), metavar="NAMES",
+    "--vary",
+    type=NameList(),
+    metavar="NAMES",
     help="Parameters such as vest.weber,motor.aim_sd; a set unless given.",
-)  # fmt: skip
+)
 @workers_options
 @json_option
 def sensitivity(*, folder: Path, vary: list[str] | None, as_json: bool, **requested: Any) -> None:

@@ -18,9 +18,11 @@ _PATH = click.Path(path_type=Path)
 @folder_argument
 @click.option("--task", required=True, help="Task of the episodes, in words.")
 @click.option(
-    "--pedals", default="", metavar="KEYS",
+    "--pedals",
+    default="",
+    metavar="KEYS",
     help="Keys of a foot switch for continue, discard, repeat: bnm; or buttons of input.marker: left,right.",
-)  # fmt: skip
+)
 @click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
 @click.option(
     "--episodes", "most", type=click.IntRange(1), help="Number of kept episodes after which to end."
@@ -88,9 +90,12 @@ def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -
 @click.argument("session", type=_PATH)
 @click.option("--out", type=_PATH, required=True, help="Folder: new or empty.")
 @click.option(
-    "--quality", type=click.IntRange(1, 100), default=90, show_default=True,
+    "--quality",
+    type=click.IntRange(1, 100),
+    default=90,
+    show_default=True,
     help="Quality of the JPEG pictures.",
-)  # fmt: skip
+)
 @json_option
 def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:
     """Copy recordings with their frames encoded as JPEG; everything else stays unchanged.

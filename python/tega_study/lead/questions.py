@@ -37,25 +37,57 @@ class Question(NamedTuple):
 TLX = (
     Question("tlx.mental", "Mental Demand", "How mentally demanding was the task?", "low", "high"),
     Question("tlx.physical", "Physical Demand", "How physically demanding was the task?", "low", "high"),
-    Question("tlx.temporal", "Temporal Demand", "How hurried or rushed was the pace of the task?", "low", "high"),
-    Question("tlx.performance", "Performance",
-             "How successful were you in accomplishing what you were asked to do?", "good", "poor"),
-    Question("tlx.effort", "Effort",
-             "How hard did you have to work to accomplish your level of performance?", "low", "high"),
-    Question("tlx.frustration", "Frustration",
-             "How insecure, discouraged, irritated, stressed, and annoyed were you?", "low", "high"),
-)  # fmt: skip
+    Question(
+        "tlx.temporal", "Temporal Demand", "How hurried or rushed was the pace of the task?", "low", "high"
+    ),
+    Question(
+        "tlx.performance",
+        "Performance",
+        "How successful were you in accomplishing what you were asked to do?",
+        "good",
+        "poor",
+    ),
+    Question(
+        "tlx.effort",
+        "Effort",
+        "How hard did you have to work to accomplish your level of performance?",
+        "low",
+        "high",
+    ),
+    Question(
+        "tlx.frustration",
+        "Frustration",
+        "How insecure, discouraged, irritated, stressed, and annoyed were you?",
+        "low",
+        "high",
+    ),
+)
 
 COMFORT = (
-    Question("comfort.vest", "Comfort of the vest",
-             "How comfortable was the vest?", "very uncomfortable", "very comfortable"),
+    Question(
+        "comfort.vest",
+        "Comfort of the vest",
+        "How comfortable was the vest?",
+        "very uncomfortable",
+        "very comfortable",
+    ),
     Question("comfort.warmth", "Warmth of the vest", "How warm was the vest?", "not warm", "too hot"),
-    Question("comfort.distraction", "Distraction by the vest",
-             "How much did the vest distract you from the task?", "none", "very distracting"),
+    Question(
+        "comfort.distraction",
+        "Distraction by the vest",
+        "How much did the vest distract you from the task?",
+        "none",
+        "very distracting",
+    ),
     Question("comfort.arm", "Tiredness of the arm", "How tired is your arm?", "none", "cannot go on"),
-    Question("comfort.grip", "Confidence in the grip",
-             "How sure were you that the hand held the object?", "none", "complete"),
-)  # fmt: skip
+    Question(
+        "comfort.grip",
+        "Confidence in the grip",
+        "How sure were you that the hand held the object?",
+        "none",
+        "complete",
+    ),
+)
 
 QUESTIONS: tuple[Question, ...] = TLX + COMFORT
 

@@ -102,9 +102,17 @@ class Telling:
 Command = Literal["start", "mark", "slip", "deformation", "drop", "undo", "end", "break", "safety", "quit"]
 
 KEYS: Final[dict[Command, tuple[str, ...]]] = {
-    "start": (ENTER,), "mark": (" ",), "slip": ("s",), "deformation": ("d",), "drop": ("x",), "undo": ("u",),
-    "end": ("e",), "break": ("a",), "safety": ("z",), "quit": ("q", "q"),
-}  # fmt: skip
+    "start": (ENTER,),
+    "mark": (" ",),
+    "slip": ("s",),
+    "deformation": ("d",),
+    "drop": ("x",),
+    "undo": ("u",),
+    "end": ("e",),
+    "break": ("a",),
+    "safety": ("z",),
+    "quit": ("q", "q"),
+}
 """What each command presses."""
 
 FRESH_S: Final = 3.0

@@ -27,10 +27,20 @@ SENSITIVITY = "sensitivity"
 """Folder in the study's folder."""
 
 VARIED = (
-    "vest.threshold", "vest.weber", "vest.rt_ms", "vest.dual_ms", "vision.rt_ms", "vision.motion_c",
-    "vision.gaze_grasp", "vision.deform_theta", "motor.aim_sd", "motor.slack_per_s", "emg.drive_share",
-    "grip.harm_cost", "grip.effort_cost",
-)  # fmt: skip
+    "vest.threshold",
+    "vest.weber",
+    "vest.rt_ms",
+    "vest.dual_ms",
+    "vision.rt_ms",
+    "vision.motion_c",
+    "vision.gaze_grasp",
+    "vision.deform_theta",
+    "motor.aim_sd",
+    "motor.slack_per_s",
+    "emg.drive_share",
+    "grip.harm_cost",
+    "grip.effort_cost",
+)
 """Parameters changed by default: what people feel and see, the muscles, the weighing."""
 
 ARMS = ("half", "unrelated", "constant", "inverted")

@@ -183,9 +183,12 @@ def take_presses(
             return meter
 
         _, text = until_good(
-            guide, f"{finger}: {name} presses", attempt, lambda m: m.problems(),
+            guide,
+            f"{finger}: {name} presses",
+            attempt,
+            lambda m: m.problems(),
             can_keep=lambda m: bool(m.firm) and not m.touched,
-        )  # fmt: skip
+        )
         notes += text
         if name == "known":
             known = [[c for c in felt if p.start_ns <= c.t_ns <= p.end_ns] for p in meter.firm]

@@ -12,6 +12,12 @@ from tega.stages.learned.proportional import ProportionalDecoder
 from tega.stages.learned.training import fit
 
 __all__ = [
-    "FEATURES", "Decoded", "LearnedDecoder", "Model", "ProportionalDecoder", "fit", "load_model",
+    "FEATURES",
+    "Decoded",
+    "LearnedDecoder",
+    "Model",
+    "ProportionalDecoder",
+    "fit",
+    "load_model",
     "save_model",
-]  # fmt: skip
+]

@@ -23,9 +23,12 @@ _WIDTH = 79
 @click.command(epilog="Example: tega-teleop arm forward lab.toml")
 @click.argument("config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="CONFIG.toml")
 @click.option(
-    "--seconds", default=30.0, show_default=True, type=click.FloatRange(1, 600),
+    "--seconds",
+    default=30.0,
+    show_default=True,
+    type=click.FloatRange(1, 600),
     help="Seconds to wait for a movement.",
-)  # fmt: skip
+)
 @json_option
 def forward(*, config: Path, seconds: float, as_json: bool) -> None:
     """Align the forearm's tracker of CONFIG.toml with the operator, and check it.

@@ -30,36 +30,51 @@ if TYPE_CHECKING:
 @click.argument("settings", type=PATH, metavar="SETTINGS.toml")
 @calibrated_person_option
 @click.option(
-    "--only", type=click.Choice(["tactile", "emg", "vest", "arm"]), multiple=True,
+    "--only",
+    type=click.Choice(["tactile", "emg", "vest", "arm"]),
+    multiple=True,
     help="Only this part; repeatable.",
-)  # fmt: skip
+)
 @click.option(
-    "--hand", type=click.Choice(["left", "right"]),
+    "--hand",
+    type=click.Choice(["left", "right"]),
     help="The hand that steers, set once: forearm of the arm and columns of the vest follow it in every run.",
-)  # fmt: skip
+)
 @click.option(
-    "--refresh", is_flag=True,
+    "--refresh",
+    is_flag=True,
     help="Measure baselines and EMG again, in twenty seconds, after sensors or electrodes were put on again.",
-)  # fmt: skip
+)
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
 @click.option(
-    "--folder", type=click.Path(path_type=Path, file_okay=False),
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
     help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
-)  # fmt: skip
+)
 @click.option(
-    "--ceiling", type=click.IntRange(10, 100), default=60, show_default=True, metavar="PERCENT",
+    "--ceiling",
+    type=click.IntRange(10, 100),
+    default=60,
+    show_default=True,
+    metavar="PERCENT",
     help="The strongest vibration shown on the vest.",
-)  # fmt: skip
+)
 @click.option("--each-motor", is_flag=True, help="Ask about every motor of the vest, not about its columns.")
 @click.option("--each-step", is_flag=True, help="Look for the step at every column, not at one of each face.")
 @click.option(
-    "--pause-s", type=click.FloatRange(0, 300), default=30.0, show_default=True, metavar="SECONDS",
+    "--pause-s",
+    type=click.FloatRange(0, 300),
+    default=30.0,
+    show_default=True,
+    metavar="SECONDS",
     help="Rest between strong squeezes.",
-)  # fmt: skip
+)
 @click.option(
-    "--known-ball", type=(click.FloatRange(1, 100), click.FloatRange(0.1, 30)), metavar="MM NEWTON",
+    "--known-ball",
+    type=(click.FloatRange(1, 100), click.FloatRange(0.1, 30)),
+    metavar="MM NEWTON",
     help="A ball's diameter and the force you press it with, by a scale: fits depth and force. Never needed.",
-)  # fmt: skip
+)
 @yes_option
 @time_scale_option
 @sets_option

@@ -23,9 +23,10 @@ _WIDTHS = (60, 110)
 @click.command(epilog="Example: tega-teleop doctor lab.toml")
 @click.argument("config", type=PATH, metavar="[SETTINGS.toml]", required=False)
 @click.option(
-    "--person", metavar="ID",
+    "--person",
+    metavar="ID",
     help="Participant ID whose calibration is checked (default: calibration.person).",
-)  # fmt: skip
+)
 @sets_option
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."

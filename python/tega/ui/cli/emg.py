@@ -44,13 +44,19 @@ emg.add_command(emg_recalibrate, "recalibrate")
 @kind_option("--kind", "raw")
 @reading_options
 @click.option(
-    "--model", type=click.Choice(["ridge", "huber", "kernel"]), default="ridge", show_default=True,
+    "--model",
+    type=click.Choice(["ridge", "huber", "kernel"]),
+    default="ridge",
+    show_default=True,
     help="Regression that is fitted.",
-)  # fmt: skip
+)
 @click.option(
-    "--features", type=NameList(), default="MAV,LOGVAR", show_default=True,
+    "--features",
+    type=NameList(),
+    default="MAV,LOGVAR",
+    show_default=True,
     help="Features of each block and channel.",
-)  # fmt: skip
+)
 @click.option(
     "--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block."
 )
@@ -95,9 +101,17 @@ def fit(
         names = tuple(f"ch{c}" for c in reading.channels)
     tau = max(4, round(tau_ms / 1000 * given.rate_hz))
     decoder = fit_decoder(
-        given.samples, given.target, rate_hz=given.rate_hz, tau=tau, kind=given.kind, features=features,
-        model=model, full=full, channels=names, person=person,
-    )  # fmt: skip
+        given.samples,
+        given.target,
+        rate_hz=given.rate_hz,
+        tau=tau,
+        kind=given.kind,
+        features=features,
+        model=model,
+        full=full,
+        channels=names,
+        person=person,
+    )
     decoder.save(out)
     made = decoder.model
     closure = decoder.process(given.samples)
@@ -131,23 +145,33 @@ def fit(
 @kind_option("--kind", "raw")
 @reading_options
 @click.option(
-    "--best", type=click.IntRange(1, 64),
+    "--best",
+    type=click.IntRange(1, 64),
     help="Use only so many channels: those that go best with the target in the training part.",
-)  # fmt: skip
+)
 @click.option(
-    "--decoders", type=NameList(), default="rules-paper,rules,proportional,learned", show_default=True,
+    "--decoders",
+    type=NameList(),
+    default="rules-paper,rules,proportional,learned",
+    show_default=True,
     help="Decoders to compare; learned-huber, learned-kernel and any installed one are possible, too.",
-)  # fmt: skip
+)
 @click.option("--train", help="Train on this log instead, and judge each LOG whole: across days.")
 @click.option(
-    "--shift", type=click.IntRange(0, 63), default=0,
+    "--shift",
+    type=click.IntRange(0, 63),
+    default=0,
     help="Rotate the judged part's channels by so many places and draw new gains (simulated).",
-)  # fmt: skip
+)
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed of the gains that --shift draws.")
 @click.option(
-    "--recalibrate", "recalibrate_s", type=click.FloatRange(0, 3600), default=0.0, metavar="SECONDS",
+    "--recalibrate",
+    "recalibrate_s",
+    type=click.FloatRange(0, 3600),
+    default=0.0,
+    metavar="SECONDS",
     help="Recalibrate maxima and models with the first seconds of the judged part, and judge the rest.",
-)  # fmt: skip
+)
 @click.option("--picture", type=PngPath(), help="Draw target and closures into this PNG.")
 @json_option
 def compare(

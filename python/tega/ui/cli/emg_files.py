@@ -80,9 +80,10 @@ BLOCK_S = 0.1
 )
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE [FILE ...]")
 @click.option(
-    "--force", required=True,
+    "--force",
+    required=True,
     help="The measured force: a variable's name in a file of arrays, else a column from 1.",
-)  # fmt: skip
+)
 @kind_option("--kind", "raw")
 @reading_options
 @json_option

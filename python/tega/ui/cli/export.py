@@ -54,9 +54,14 @@ def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> s
 @click.argument("session", type=PATH)
 @click.option("--out", type=PATH, required=True, help="Folder: new or empty.")
 @click.option(
-    "--format", "kind", callback=_check_format, default="csv", show_default=True, metavar="FORMAT",
+    "--format",
+    "kind",
+    callback=_check_format,
+    default="csv",
+    show_default=True,
+    metavar="FORMAT",
     help="csv or parquet for tables, or a feature's format such as lerobot.",
-)  # fmt: skip
+)
 @click.option(
     "--pictures", is_flag=True, help="Write every picture, too, in a folder per finger (csv, parquet)."
 )

@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 @click.argument("log", type=FILE)
 @click.option("--out", type=FILE, help="CSV with a row for each complete set of joint angles.")
 @click.option(
-    "--device-id", type=click.IntRange(0, 3),
+    "--device-id",
+    type=click.IntRange(0, 3),
     help="The hand's number on its bus [default: the one that reports].",
-)  # fmt: skip
+)
 @click.option("--bus", help="Name of the bus in a log of several [default: the one with the hand].")
 @json_option
 def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | None, as_json: bool) -> None:
@@ -87,8 +88,11 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 def _hand_options(function: _Function) -> _Function:
     side = click.option(
-        "--side", type=click.Choice(["right", "left"]), default="right", help="Whether it is a right or a left hand."
-    )  # fmt: skip
+        "--side",
+        type=click.Choice(["right", "left"]),
+        default="right",
+        help="Whether it is a right or a left hand.",
+    )
     for option in (
         click.option("--emulated", is_flag=True, help="Use the emulated hand, in a process of its own."),
         click.option(

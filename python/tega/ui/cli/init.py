@@ -19,22 +19,27 @@ from tega.ui.cli.options import FILE, echo_json, json_option
 @click.option("--out", type=FILE, default=Path("lab.toml"), show_default=True, help="The file to write.")
 @click.option("--force", is_flag=True, help="Overwrite the file if it is there.")
 @click.option(
-    "--emulated", is_flag=True,
+    "--emulated",
+    is_flag=True,
     help="Start emulated devices, write settings that reach them, and keep them up.",
-)  # fmt: skip
+)
 @click.option(
-    "--arm", metavar="DRIVER",
+    "--arm",
+    metavar="DRIVER",
     help="Switch the arm's table on, with this driver: franky, bench-arm, simulated-arm; else it is a comment. "
     "With --emulated an arm is led too: franky on a robot of franky-sim, bench-arm or simulated-arm.",
-)  # fmt: skip
+)
 @click.option(
-    "--stations", is_flag=True,
+    "--stations",
+    is_flag=True,
     help="With --emulated: settings for two stations, as docs/two-machines.md says.",
-)  # fmt: skip
+)
 @click.option(
-    "--play", type=int, metavar="SEED",
+    "--play",
+    type=int,
+    metavar="SEED",
     help="With --emulated: squeeze, rest and press by a script of this seed, until a move is typed.",
-)  # fmt: skip
+)
 @json_option
 def init(
     *,

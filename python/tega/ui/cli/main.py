@@ -148,9 +148,11 @@ Type one of these first:
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --out pressed",
 )
 @click.option(
-    "--debug", is_flag=True, expose_value=False,
+    "--debug",
+    is_flag=True,
+    expose_value=False,
     help="Show where in the program an error arose; with any verb.",
-)  # fmt: skip
+)
 @click.option(
     "--version", is_flag=True, callback=_version, expose_value=False, is_eager=True, help="Show the version."
 )

@@ -28,35 +28,54 @@ class _Speed(click.ParamType[float | None]):
 @click.command(epilog="Example: tega-teleop play sessions/monday/trial-002.mcap --to lab.toml --speed 0.5")
 @click.argument("session", type=PATH)
 @click.option(
-    "--to", type=PATH, metavar="LAB.toml",
+    "--to",
+    type=PATH,
+    metavar="LAB.toml",
     help="Settings file with the vest and hand to play on (default: draw the vest in the terminal).",
-)  # fmt: skip
+)
 @click.option(
-    "--person", metavar="ID",
+    "--person",
+    metavar="ID",
     help="Person who wears the vest; playback stays within the rest of that person's daily vibration.",
-)  # fmt: skip
+)
 @sets_option
 @click.option(
-    "--speed", type=_Speed(), default="1", show_default=True,
+    "--speed",
+    type=_Speed(),
+    default="1",
+    show_default=True,
     help="Multiple of the recorded speed, 0.05 to 20, or 'max': as fast as possible; not allowed with real devices.",
-)  # fmt: skip
+)
 @click.option(
-    "--because", default="", metavar="REASON",
+    "--because",
+    default="",
+    metavar="REASON",
     help="Reason for playing faster than recorded on real devices (required, logged).",
-)  # fmt: skip
+)
 @click.option(
-    "--from", "from_s", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="SECONDS",
+    "--from",
+    "from_s",
+    type=click.FloatRange(min=0),
+    default=0.0,
+    show_default=True,
+    metavar="SECONDS",
     help="Where in the recording to begin; with --view a slider goes anywhere.",
-)  # fmt: skip
+)
 @click.option(
-    "--beside", "--scene", "others", type=FILE, multiple=True, metavar="FILE",
+    "--beside",
+    "--scene",
+    "others",
+    type=FILE,
+    multiple=True,
+    metavar="FILE",
     help="File of the same time, such as a scene recording, shown with --view; repeatable.",
-)  # fmt: skip
+)
 @click.option(
-    "--rater", metavar="ID",
+    "--rater",
+    metavar="ID",
     help="Code of the rater who annotates the recording by keys of the page (--view): s slip, d deformation begins or "
     "ends, x drop, l lift-off, u undo.",
-)  # fmt: skip
+)
 @view_options
 @json_option
 def play(
@@ -120,9 +139,16 @@ def play(
             display.watch(bus)
         if view:
             summary = run_viewed(
-                config, title=f"TEGA · {file.name}", port=view_port, run=played, progress=progress, stop=stop,
-                bus=bus, playhead=playhead, annotate=annotate,
-            )  # fmt: skip
+                config,
+                title=f"TEGA · {file.name}",
+                port=view_port,
+                run=played,
+                progress=progress,
+                stop=stop,
+                bus=bus,
+                playhead=playhead,
+                annotate=annotate,
+            )
         else:
             summary = played(config, progress=progress, controls=Controls(stop=stop), bus=bus)
     if as_json:

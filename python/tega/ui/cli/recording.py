@@ -99,13 +99,18 @@ def _number(value: float | None, digits: int) -> str:
 )
 @click.argument("session", type=PATH)
 @click.option(
-    "--from", "from_s", type=click.FloatRange(min=0), default=0.0,
+    "--from",
+    "from_s",
+    type=click.FloatRange(min=0),
+    default=0.0,
     help="Start of the part, seconds since the recording's start.",
-)  # fmt: skip
+)
 @click.option(
-    "--to", "to_s", type=click.FloatRange(min=0),
+    "--to",
+    "to_s",
+    type=click.FloatRange(min=0),
     help="End of the part, seconds since the recording's start; else the recording's end.",
-)  # fmt: skip
+)
 @click.option("--out", type=PATH, help="Folder: new or empty; SESSION-FROM-TO if left out.")
 @click.option(
     "--no-lead-in", is_flag=True, help="Leave out what came before; the part then cannot be computed again."
@@ -161,16 +166,21 @@ def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
 )
 @click.argument("recording", type=FILE)
 @click.option(
-    "--import", "taken", type=FILE, metavar="FILE",
+    "--import",
+    "taken",
+    type=FILE,
+    metavar="FILE",
     help="Events to import: a BORIS project, its tabular or aggregated events, or an ELAN file.",
-)  # fmt: skip
+)
 @click.option("--rater", metavar="ID", help="With --import: code of the rater of these events.")
 @click.option("--boris", type=FILE, metavar="OUT.boris", help="BORIS project to write.")
 @click.option("--elan", type=FILE, metavar="OUT.eaf", help="ELAN file to write.")
 @click.option(
-    "--video", default="", metavar="NAME",
+    "--video",
+    default="",
+    metavar="NAME",
     help="Name of a video of the recording beside the written file, as scene export makes one.",
-)  # fmt: skip
+)
 @json_option
 def annotate(
     *,

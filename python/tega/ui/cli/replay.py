@@ -37,45 +37,61 @@ class _Named(click.ParamType[tuple[str, str]]):
 @click.argument("session", type=PATH, required=False, metavar="")
 @click.option("--config", type=PATH, hidden=True)
 @click.option(
-    "--tactile", type=_Named("path"), multiple=True,
+    "--tactile",
+    type=_Named("path"),
+    multiple=True,
     help="Recording of a finger: a folder of pictures, a video, an .npy or .npz stack, or a ROS 2 bag.",
-)  # fmt: skip
+)
 @click.option(
-    "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True),
+    "--tactile-rate-hz",
+    type=click.FloatRange(0, 100_000, min_open=True),
     help="Pictures per second of folders and stacks [default: times in their names or files, else 60].",
-)  # fmt: skip
+)
 @click.option(
-    "--topic", "topics", type=_Named("/topic", "emg"), multiple=True,
+    "--topic",
+    "topics",
+    type=_Named("/topic", "emg"),
+    multiple=True,
     help="Topic of a finger's pictures, or of EMG (emg=/TOPIC), in a ROS 2 bag; by default the only one that fits.",
-)  # fmt: skip
+)
 @click.option(
-    "--baseline", type=_Named("path"), multiple=True,
+    "--baseline",
+    type=_Named("path"),
+    multiple=True,
     help="Picture of a finger's untouched gel; else estimated.",
-)  # fmt: skip
+)
 @click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
 @click.option("--emg", type=PATH, help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others.")
 @kind_option("--emg-kind")
 @column_options("emg-")
 @click.option(
-    "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
+    "--preset",
+    type=click.Choice(["paper", "live"]),
+    default="live",
+    show_default=True,
     help="Readings of the equations: paper (as printed) or live (meant for people).",
-)  # fmt: skip
+)
 @click.option(
     "--calibration", type=PATH, help="File with the maxima; else they are taken from the recording itself."
 )
 @click.option(
-    "--out", type=PATH,
+    "--out",
+    type=PATH,
     help="Folder for the tables: new, empty, or an earlier run's, whose results are then kept below it.",
-)  # fmt: skip
+)
 @click.option(
-    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
     help="Override a setting, such as stages.metric.options.outline=contact; repeatable.",
-)  # fmt: skip
+)
 @click.option(
-    "--picture", type=PngPath(),
+    "--picture",
+    type=PngPath(),
     help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time; else picture.png "
     "in the folder --out.",
-)  # fmt: skip
+)
 @view_options
 @json_option
 def replay(
@@ -130,9 +146,14 @@ def replay(
     with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
-                settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,
-                can_pause=True, bus=bus,
-            )  # fmt: skip
+                settings,
+                title="TEGA · replay",
+                port=view_port,
+                progress=progress,
+                stop=stop,
+                can_pause=True,
+                bus=bus,
+            )
         else:
             summary = run_session(settings, progress=progress, controls=Controls(stop=stop), bus=bus)
     wall_s = time.perf_counter() - started

@@ -127,13 +127,17 @@ def run_options(function: _Function) -> _Function:
         "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
     )
     wait = click.option(
-        "--wait-for-go", is_flag=True,
+        "--wait-for-go",
+        is_flag=True,
         help="With --view: wait for the Go button on the page. Until then, click a motor to test it.",
-    )  # fmt: skip
+    )
     streams = click.option(
-        "--stream", "streams", type=click.Choice(sorted(named("streams"))), multiple=True,
+        "--stream",
+        "streams",
+        type=click.Choice(sorted(named("streams"))),
+        multiple=True,
         help="Stream the run live to that program, on this machine; repeatable.",
-    )  # fmt: skip
+    )
     for option in (json_option, view_options, streams, wait, lossless, record, sets_option, person, config):
         function = option(function)
     return function
@@ -219,9 +223,16 @@ def run_settings(
         if view:
             opened = open_page if display is None else display.opened
             summary = run_viewed(
-                settings, title=f"TEGA · {config.name}", port=view_port, progress=progress, stop=stop,
-                settings=name, bus=bus, wait=wait_for_go, opened=opened,
-            )  # fmt: skip
+                settings,
+                title=f"TEGA · {config.name}",
+                port=view_port,
+                progress=progress,
+                stop=stop,
+                settings=name,
+                bus=bus,
+                wait=wait_for_go,
+                opened=opened,
+            )
         else:
             summary = run_session(
                 settings, progress=progress, controls=Controls(stop=stop), settings=name, bus=bus

@@ -19,13 +19,17 @@ if TYPE_CHECKING:
 @click.argument("session", type=PATH)
 @click.option("--config", type=PATH, help="Run it through these settings instead.")
 @click.option(
-    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
     help="Run it with another setting, such as stages.metric.options.outline=contact; repeatable.",
-)  # fmt: skip
+)
 @click.option(
-    "--picture", type=PngPath(),
+    "--picture",
+    type=PngPath(),
     help="PNG file for a figure of the recording: firmest contacts, then touch, level, fingers and vest over time.",
-)  # fmt: skip
+)
 @json_option
 def verify(
     *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool

@@ -20,13 +20,17 @@ from tega.ui.cli.options import PATH, sets_option, worn_by
     "--percent", type=click.IntRange(1, 100), default=50, show_default=True, help="How hard it vibrates."
 )
 @click.option(
-    "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True,
+    "--seconds",
+    type=click.FloatRange(0.1, 10),
+    default=1.0,
+    show_default=True,
     help="How long each motor vibrates, seconds.",
-)  # fmt: skip
+)
 @click.option(
-    "--person", metavar="ID",
+    "--person",
+    metavar="ID",
     help="Person who wears the vest; the run stays within the rest of that person's daily vibration.",
-)  # fmt: skip
+)
 @sets_option
 def identify(
     *,

@@ -156,7 +156,11 @@ class SessionPicture:
         touch = sums / np.maximum(n_touching, 1)
         level_t_s, level = self._course.levels
         mean = SessionCourse(
-            touch_t_s=times, cci_norm=touch[:, 0], eda_norm=touch[:, 1], level_t_s=level_t_s, level=level,
+            touch_t_s=times,
+            cci_norm=touch[:, 0],
+            eda_norm=touch[:, 1],
+            level_t_s=level_t_s,
+            level=level,
             pose_base=pose_base,
-        )  # fmt: skip
+        )
         session_figure(path, pictures, mean, title, fingers=fingers, vest=self._course.vest)

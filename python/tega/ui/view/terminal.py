@@ -268,9 +268,16 @@ class TerminalView:
         try:
             width, height = self._live.console.size
             drawn = render(
-                view, title=self._title, rates_hz=self._meter.rates_hz, rows=rows, age_s=age_s,
-                labels=self._labels, address=self.address, width=width, height=height,
-            )  # fmt: skip
+                view,
+                title=self._title,
+                rates_hz=self._meter.rates_hz,
+                rows=rows,
+                age_s=age_s,
+                labels=self._labels,
+                address=self.address,
+                width=width,
+                height=height,
+            )
         except Exception as error:  # the run goes on, and its state is still shown
             drawn = Text(f"{view.state.upper()}  not drawn: {type(error).__name__}: {error}", "bold red")
         self._live.update(drawn, refresh=True)
