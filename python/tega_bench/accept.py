@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import echo_json, json_option, sets_option
 
 _FAILED = 3
 
@@ -39,7 +39,7 @@ class _Unasked(_Requested):
 @click.command(epilog="Example: tega-teleop acceptance lab.toml vest")
 @click.argument("config", type=click.Path(path_type=Path, dir_okay=False), metavar="SETTINGS.toml")
 @click.argument("device", metavar="DEVICE")
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),

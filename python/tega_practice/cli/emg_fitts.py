@@ -6,13 +6,20 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import NameList, echo_json, json_option, worn_by
+from tega.ui.cli.options import (
+    NameList,
+    calibrated_person_option,
+    echo_json,
+    json_option,
+    sets_option,
+    worn_by,
+)
 from tega.ui.cli.page import view_options
 
 
 @click.command(epilog="Example: tega-teleop practice lab.toml --person p01 --seconds 60")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
-@click.option("--person", required=True, metavar="ID", help="Whose calibration to use.")
+@calibrated_person_option
 @click.option(
     "--seconds",
     type=click.FloatRange(10, 600),
@@ -22,7 +29,7 @@ from tega.ui.cli.page import view_options
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the target's curve.")
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 @view_options
 @json_option
 def practice(
@@ -74,7 +81,7 @@ def practice(
     epilog="Example: tega-teleop emg fitts lab.toml --person p01 --set stages.decoder.name=proportional"
 )
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
-@click.option("--person", required=True, metavar="ID", help="Whose calibration to use.")
+@calibrated_person_option
 @click.option(
     "--movements",
     type=click.IntRange(1, 100),
@@ -98,7 +105,7 @@ def practice(
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the order.")
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 @view_options
 @json_option
 def emg_fitts(

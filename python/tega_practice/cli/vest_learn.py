@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, worn_by
+from tega.ui.cli.options import echo_json, json_option, sets_option, worn_by
 
 
 @click.command(
@@ -23,7 +23,7 @@ from tega.ui.cli.options import echo_json, json_option, worn_by
 )
 @click.option("--test-only", is_flag=True, help="Go straight to the test: show and practise nothing first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the order.")
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 @json_option
 def learn(
     *,

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from tega.config import load_config
-from tega.ui.cli.options import echo_json, json_option, worn_by
+from tega.ui.cli.options import echo_json, json_option, sets_option, worn_by
 from tega_study.cli.options import folder_argument
 
 _PATH = click.Path(path_type=Path)
@@ -27,7 +27,7 @@ _PATH = click.Path(path_type=Path)
 @click.option(
     "--episodes", "most", type=click.IntRange(1), help="Number of kept episodes after which to end."
 )
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@sets_option
 @json_option
 def take(
     *,

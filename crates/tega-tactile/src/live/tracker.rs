@@ -61,6 +61,7 @@ const PENDING_S: f64 = 0.3;
 /// What a leftover may still change by after that: this share of the peak, falling with this time constant.
 const LEFTOVER: f64 = 0.06;
 const LEFTOVER_S: f64 = 1.5;
+
 /// Follows one fingertip; see the module.
 #[derive(Debug, Clone)]
 pub struct TouchTracker {
