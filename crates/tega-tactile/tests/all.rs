@@ -10,6 +10,7 @@ mod baseline;
 mod fuzz_seeds;
 mod gate;
 mod live;
+mod odd_frames;
 mod slopes;
 mod steady;
 mod tracker;
