@@ -6,6 +6,5 @@
 
 mod bytes;
 pub mod emg;
-pub mod image;
 pub mod tactile;
 pub mod wire;

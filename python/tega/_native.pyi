@@ -406,10 +406,6 @@ if sys.platform != "win32":
         def take(self) -> tuple[bytes, int]: ...
         def close(self) -> None: ...
 
-# --- image ---
-
-def decode_png(file: bytes, /) -> NDArray[np.uint8] | None: ...
-
 # --- wire ---
 
 ALLEGRO_RAD_PER_COUNT: Final[float]

@@ -10,14 +10,12 @@ use tega_error::UnknownChoice;
 use tega_gel::GelError;
 use tega_hand::HandError;
 use tega_haptics::HapticsError;
-use tega_image::ImageError;
 use tega_tactile::TactileError;
 use tega_wire::WireError as CoreWireError;
 
 import_exception!(tega.errors, CalibrationError);
 import_exception!(tega.errors, DtypeError);
 import_exception!(tega.errors, InvalidValueError);
-import_exception!(tega.errors, RecordingError);
 import_exception!(tega.errors, ShapeError);
 import_exception!(tega.errors, WireError);
 
@@ -54,17 +52,6 @@ impl From<TactileError> for BindError {
             | TactileError::OutOfRange(_)
             | TactileError::TooFewFrames { .. }
             | TactileError::NoFrames => InvalidValueError::new_err(args),
-        })
-    }
-}
-
-impl From<ImageError> for BindError {
-    fn from(e: ImageError) -> Self {
-        let args = (e.to_string(), "");
-        Self(match e {
-            ImageError::Png(_) | ImageError::TooLarge { .. } | ImageError::TooShort { .. } => {
-                RecordingError::new_err(args)
-            }
         })
     }
 }

@@ -10,7 +10,6 @@ mod gel;
 mod hand;
 mod hand_link;
 mod haptics;
-mod image;
 #[cfg(unix)]
 mod serial;
 mod shared;
@@ -53,8 +52,6 @@ mod _native {
         contact_type, layout_motors, linear_intensity, logistic_intensity, vest_intensities, vest_percents,
         vest_x40,
     };
-    #[pymodule_export]
-    use crate::image::decode_png;
     #[cfg(unix)]
     #[pymodule_export]
     use crate::serial::SerialDrain;

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tega import _native
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import load_npy, read_foreign
 from tega.runtime.lifecycle import require
@@ -19,6 +19,9 @@ IMAGE_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".
 # Of a file with one picture.
 _MOST_MIB = 256
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+# Of a PNG file's first chunk, all in all.
+_HEADER_BYTES = 25
+_MOST_INFLATION = 1032
 _AGAIN = "copy it again from its source, or take it out of the recording"
 
 
@@ -54,8 +57,6 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
 
 def decode_image(data: bytes, name: str, *, driver: str) -> NDArray[np.uint8]:
     """Return the picture that a file's content is; arguments, result and errors as of :func:`read_image`."""
-    if data.startswith(_PNG_SIGNATURE) and (image := _png(name, data)) is not None:
-        return image
     if (fault := _fault(data)) is not None:
         raise RecordingError(f"{name}: {fault}", _AGAIN)
     cv2 = load_cv2(driver)
@@ -70,14 +71,6 @@ def decode_image(data: bytes, name: str, *, driver: str) -> NDArray[np.uint8]:
     return decoded
 
 
-def _png(name: str, data: bytes) -> NDArray[np.uint8] | None:
-    """Decode a PNG file, or refuse it where it is not whole; 16 bits or a palette: ``None``."""
-    try:
-        return _native.decode_png(data)
-    except RecordingError as error:
-        raise RecordingError(f"{name}: PNG cut short or damaged: {error.message}", _AGAIN) from error
-
-
 def _npy_image(path: Path, data: bytes) -> NDArray[np.uint8]:
     array = load_npy(data, path.name)
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
@@ -90,6 +83,8 @@ def _npy_image(path: Path, data: bytes) -> NDArray[np.uint8]:
 
 def _fault(data: bytes) -> str | None:
     """Return the fault of an encoded image as far as its container shows it, or ``None``."""
+    if data.startswith(_PNG_SIGNATURE):
+        return _png_fault(data)
     if data.startswith(b"\xff\xd8"):
         # Neither marker can occur inside entropy-coded data, so the picture's own end comes after its last scan.
         if data.rfind(b"\xff\xd9") <= data.rfind(b"\xff\xda"):
@@ -103,3 +98,21 @@ def _fault(data: bytes) -> str | None:
         if size + 8 > len(data):
             return f"WebP cut short: {len(data)} bytes of {size + 8}"
     return None
+
+
+def _png_fault(data: bytes) -> str | None:
+    """Return which of a PNG file's chunks is not whole, or that its header promises more than its bytes can hold."""
+    start = len(_PNG_SIGNATURE)
+    while (end := start + 12 + int.from_bytes(data[start : start + 4])) <= len(data):
+        kind = data[start + 4 : start + 8]
+        if zlib.crc32(data[start + 4 : end - 4]) != int.from_bytes(data[end - 4 : end]):
+            return f"PNG damaged: CRC error in the chunk at byte {start} of {len(data)}"
+        if kind == b"IEND":
+            return None
+        if kind == b"IHDR" and end - start == _HEADER_BYTES:
+            width, height, depth = struct.unpack_from(">IIB", data, start + 8)
+            # The least that the pixels take, with one channel: Deflate makes at most 1032 bytes of one.
+            if width * height * depth / 8 / _MOST_INFLATION > len(data):
+                return f"{len(data)} bytes cannot hold {width}x{height} pixels: PNG cut short or forged"
+        start = end
+    return f"PNG cut short: {len(data)} bytes and no end"
