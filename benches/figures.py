@@ -24,7 +24,7 @@ PAGE = PROJECT / "docs" / "evidence" / "pareto.md"
 PICTURE = PROJECT / "docs" / "images" / "pareto.png"
 
 FLOOR, NUMPY_FLOOR = "both images read once", "both images read once, NumPy"
-FINGER = [240, 320]
+FINGER = [320, 240]
 LAWS = {"rectified, spatial": "rectified", "signed, spatial": "signed", "absolute, spatial": "absolute"}
 ERRORS = {
     "centroid_px": "centroid, px",
@@ -145,6 +145,23 @@ def sizes(results: dict[str, Any]) -> str:
     return table(["ns a pixel", *(f"{height}×{width}" for height, width in found)], lines)
 
 
+def widths(results: dict[str, Any]) -> str:
+    """Show the least and the most that each kernel takes over all widths."""
+    shapes = {"upright": (True, False), "lying": (False, False), "upright, rows apart": (True, True)}
+    lines = []
+    for ratios, kernel in [(r, k) for r in ("to_floor", "peer_to_ours") for k in results["widths"][0][r]]:
+        line = [kernel if ratios == "to_floor" else f"OpenCV's fastest form over {kernel}"]
+        for shape in shapes.values():
+            found = [
+                r[ratios][kernel]
+                for r in results["widths"]
+                if (r["size"][0] > r["size"][1], r["strided"]) == shape
+            ]
+            line.append(f"{min(found):.2f} to {max(found):.2f}")
+        lines.append(line)
+    return table(["over NumPy's or-reduce", *shapes], lines)
+
+
 def emg(results: dict[str, Any]) -> str:
     """Compare the low-passes."""
     of = {(r["case"], r["variant"]): r for r in results["emg"]}
@@ -176,16 +193,15 @@ def page(text: str, results: dict[str, Any]) -> str:
     Raises:
         SystemExit: The page has a part that nothing makes, or lacks one.
     """
-    makers = {f.__name__: f for f in (machine, headline, contact, sizes, emg, tick)}
+    makers = {f.__name__: f for f in (machine, headline, contact, sizes, widths, emg, tick)}
     parts = {name: make(results) for name, make in makers.items()}
     found = re.findall(r"<!-- made: (\w+) -->", text)
     if sorted(found) != sorted(parts):
         raise SystemExit(f"{PAGE.name} has the parts {found}, and {list(parts)} are made")
     for name, part in parts.items():
         mark = re.escape(f"<!-- made: {name} -->")
-        text = re.sub(
-            f"({mark}\n).*?(\n<!-- end -->)", lambda m, p=part: f"{m[1]}{p}{m[2]}", text, flags=re.DOTALL
-        )
+        # A part goes as far as the next empty line.
+        text = re.sub(f"(?<={mark}\n).*?(?=\n\n)", lambda _, p=part: p, text, flags=re.DOTALL)
     return text
 
 

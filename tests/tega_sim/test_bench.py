@@ -20,7 +20,18 @@ from click.testing import CliRunner
 from tega.haptics import FINGERS
 from tega_figures.bench import command as cli_bench
 from tega_figures.bench import error as errors
-from tega_figures.bench import filters, peers, report, scenes, simulation, tables, tick, timing, variants
+from tega_figures.bench import (
+    filters,
+    peers,
+    report,
+    scenes,
+    simulation,
+    tables,
+    tick,
+    timing,
+    variants,
+    widths,
+)
 from tega_figures.bench.beside import processor_s
 from tega_figures.bench.variants import CONTACT_LAWS
 from tega_figures.exact import exact_contact
@@ -53,7 +64,7 @@ def test_a_peer_computes_the_same_thing(name, law):
 
 
 def test_a_peer_without_an_answer_has_no_error():
-    truth = exact_contact(*scenes.scenes((120, 160))[0], **CONTACT_LAWS[0]._asdict())
+    truth = exact_contact(*scenes.scenes((160, 120))[0], **CONTACT_LAWS[0]._asdict())
     assert errors.measure_error(peers.NONE, truth) is None
     dark = np.zeros((*SMALL, 3), np.uint8)
     for kernel in peers.contact_peers(CONTACT_LAWS[0], SMALL).values():
@@ -129,6 +140,7 @@ def test_the_collector_is_on_again():
 @pytest.mark.slow
 def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
     monkeypatch.setattr(report, "SIZES", scenes.SIZES[:1])
+    monkeypatch.setattr(widths, "WIDTHS", widths.WIDTHS[:1])
     monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
     absent = {"cv2", "numba", "scipy"}
     found = importlib.util.find_spec
@@ -147,6 +159,7 @@ def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
 @pytest.mark.slow
 def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(report, "SIZES", scenes.SIZES[:2])
+    monkeypatch.setattr(widths, "WIDTHS", widths.WIDTHS[:1])
     monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
     picture = tmp_path / "pareto.png"
     done = CliRunner().invoke(
@@ -154,11 +167,14 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
     )
     assert done.exit_code == 0
     printed = json.loads(done.stdout)
-    assert set(printed) == {"method", "machine", "threads", "missing", "contact", "emg", "batches", "tick"}
+    assert set(printed) == {f.name for f in msgspec.structs.fields(report.BenchReport)}
     help_text = CliRunner().invoke(cli_bench.bench, ["--help"]).stdout
     for part in (printed, printed["machine"], printed["contact"][0], printed["contact"][0]["error"]):
         assert all(key in help_text for key in part)
-    assert all(key in help_text for key in (*printed["emg"][0], *printed["batches"][0], *printed["tick"][0]))
+    assert all(
+        key in help_text
+        for key in (*printed["widths"][0], *printed["emg"][0], *printed["batches"][0], *printed["tick"][0])
+    )
     ours = [row for row in printed["contact"] if row["variant"].startswith("TEGA") and row["error"]]
     assert {row["error"]["eda_pixels"] for row in ours} == {0.0}
     assert {row["reading"] for row in ours} == {*(law.name for law in CONTACT_LAWS), "presets"}

@@ -28,9 +28,9 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
     """Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
 
     What is compared: each reading of the contact equations at four picture sizes, with OpenCV, NumPy and Numba doing
-    the same; the EMG low-pass, with SciPy and Numba; one tick with 0 to 4 fingers in contact. Packages that are not
-    installed are left out and listed. It takes one to two minutes, --quick about twenty seconds; figures made
-    while the machine does other work are good for ratios at best.
+    the same, and at every width from 100 to 720 pixels; the EMG low-pass, with SciPy and Numba; one tick with 0 to
+    4 fingers in contact. Packages that are not installed are left out and listed. It takes two minutes, --quick about
+    twenty seconds; figures made while the machine does other work are good for ratios at best.
 
     \b
     --json prints one object (all times in microseconds):
@@ -38,6 +38,8 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
       machine   cpu, n_cores, load_per_core, instruction_set, system, versions
       contact   [{reading, variant, size: [height, width], time: {median_us, p99_us, n_calls}, to_floor,
                 to_best_peer, error: {centroid_px, spread_relative, eda_pixels, cci_relative} or null}]
+      widths    [{size, strided, to_floor: {kernel: ...}, peer_to_ours: {law: ...}}]: over NumPy's or-reduce; OpenCV's
+                fastest form over ours
       emg       [{case: block|bulk, variant, n_rows, time, ns_per_sample, to_best_peer, error_of_full_scale}]
       batches   [{reading, n_frames, one_by_one: {median_us, ...}, at_once: {median_us, ...}, to_one_by_one}]
       tick      [{reading, n_in_contact, stages_us: {stage: ...}, total: {median_us, p99_us, n_calls}}]

@@ -14,9 +14,12 @@ from tega_figures.bench.variants import CONTACT_LAWS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from tega_figures.bench.widths import WidthRow
+
 __all__ = ["draw_pareto"]
 
 OURS, PEERS, LINE = "#c8202f", "#1f5fbf", "#9aa0a6"
+KERNELS = ("#c8202f", "#e08214", "#762a83", "#1b7837", "#1f5fbf")
 # Where an error of exactly 0, or one too small for double precision, is drawn.
 LEAST_ERROR = 1e-17
 # The two laws of the largest share of uses; the signed one is the print, and its sums nearly cancel.
@@ -33,8 +36,8 @@ class Point(NamedTuple):
 
 def draw_pareto(path: Path, report: BenchReport) -> None:
     """Write the picture of a run as PNG."""
-    figure = new_figure(figsize=(15, 5))
-    panels = figure.subplots(1, len(SHOWN) + 1)
+    figure = new_figure(figsize=(20, 5))
+    panels = figure.subplots(1, len(SHOWN) + 2)
     for ax, law in zip(panels, SHOWN, strict=False):
         rows = [r for r in report.contact if r.size == SIZE_OF_A_FINGER and r.reading == law.name]
         points = [
@@ -45,7 +48,7 @@ def draw_pareto(path: Path, report: BenchReport) -> None:
         _draw(
             ax,
             points,
-            f"contact metrics, {law.name}, 240×320",
+            f"contact metrics, {law.name}, 320×240",
             "largest of: centroid / px, relative σ and CCI",
         )
         floor = next(r for r in rows if r.variant == FLOOR)
@@ -62,12 +65,32 @@ def draw_pareto(path: Path, report: BenchReport) -> None:
         )
     block = [r for r in report.emg if r.case == "block"]
     points = [Point(r.variant, r.time.median_us, r.error_of_full_scale or 0.0) for r in block]
-    _draw(panels[-1], points, "low-pass of 3 channels, 10 samples", "largest error / full scale")
+    _draw(panels[-2], points, "low-pass of 3 channels, 10 samples", "largest error / full scale")
+    _draw_widths(panels[-1], report.widths)
     figure.suptitle(
         f"{report.machine.cpu}, {report.machine.instruction_set}, one thread: median time of a call from Python",
         fontsize=9,
     )
     figure.savefig(path, metadata={"Software": None})
+
+
+def _draw_widths(ax: Axes, rows: Sequence[WidthRow]) -> None:
+    """Draw each kernel's time over the or-reduce's, a line an orientation and layout."""
+    shapes = {"-": (False, True), "--": (False, False), ":": (True, True)}
+    for kernel, color in zip(rows[0].to_floor, KERNELS, strict=True):
+        for style, (strided, upright) in shapes.items():
+            there = [r for r in rows if (r.strided, r.size[0] > r.size[1]) == (strided, upright)]
+            ratios = [r.to_floor[kernel] for r in there]
+            ax.plot(
+                [r.size[1] for r in there], ratios, style, color=color, label=kernel if style == "-" else None
+            )
+    ax.set_yscale("log", base=2)
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.set_xlabel("width, pixels (solid upright, dashed lying, dotted with rows apart)", fontsize=9)
+    ax.set_ylabel("time over NumPy's or-reduce of both images", fontsize=9)
+    ax.set_title("every width", fontsize=10)
+    ax.grid(visible=True, which="major", color="#e6e6e6", lw=0.6)
+    ax.legend(fontsize=8)
 
 
 def _error(row: ContactRow) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from typing import Literal
@@ -35,6 +35,7 @@ from tega_figures.bench.variants import (
     law_kernel,
     preset_kernel,
 )
+from tega_figures.bench.widths import WidthRow, width_rows
 from tega_figures.exact import ExactContact, exact_contact, exact_paper
 
 __all__ = ["BILINEAR", "FLOOR", "BenchReport", "ContactRow", "FilterRow", "run_bench"]
@@ -107,6 +108,7 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
         threads: What held the libraries to one thread, by library.
         missing: Packages that are not installed, whose variants were not measured.
         contact: One row a reading, variant and size; the floor is among them.
+        widths: One row a size and layout in memory.
         emg: One row a case and variant.
         batches: One row a reading and number of frames.
         tick: One row a preset and number of fingers in contact.
@@ -117,6 +119,7 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
     threads: dict[str, str]
     missing: list[str]
     contact: list[ContactRow]
+    widths: list[WidthRow]
     emg: list[FilterRow]
     batches: list[BatchRow]
     tick: list[TickRow]
@@ -132,16 +135,17 @@ def run_bench(
     budget_s = 0.3 if quick else 3.0
     sizes = [size for size in SIZES if not (quick and size == SIZE_OF_A_SENSOR)]
     jobs: list[
-        tuple[str, Callable[[], list[ContactRow] | list[FilterRow] | list[BatchRow] | list[TickRow]]]
+        tuple[str, Callable[[], Sequence[ContactRow | WidthRow | FilterRow | BatchRow | TickRow]]]
     ] = []
     for size in sizes:
         laws = CONTACT_LAWS if size == SIZE_OF_A_FINGER else SCALED_LAWS
         jobs += [(f"{law.name} {size}", partial(contact_rows, law, size, budget_s=budget_s)) for law in laws]
         jobs.append((f"presets {size}", partial(preset_rows, size, budget_s=budget_s)))
+    jobs.append(("widths", partial(width_rows, budget_s=budget_s / 5)))
     jobs.append(("EMG", partial(filter_rows, budget_s=budget_s)))
     jobs.append(("batches", partial(batch_rows, budget_s=budget_s)))
     jobs.append(("tick", partial(time_ticks, budget_s=2 * budget_s)))
-    rows: list[ContactRow | FilterRow | BatchRow | TickRow] = []
+    rows: list[ContactRow | WidthRow | FilterRow | BatchRow | TickRow] = []
     machine = describe_machine()
     with single_threaded() as threads:
         for number, (subject, job) in enumerate(jobs):
@@ -153,6 +157,7 @@ def run_bench(
         threads=threads,
         missing=[name for name in ("cv2", "numba", "scipy") if find_spec(name) is None],
         contact=[row for row in rows if isinstance(row, ContactRow)],
+        widths=[row for row in rows if isinstance(row, WidthRow)],
         emg=[row for row in rows if isinstance(row, FilterRow)],
         batches=[row for row in rows if isinstance(row, BatchRow)],
         tick=[row for row in rows if isinstance(row, TickRow)],

@@ -1,7 +1,7 @@
-"""The pictures that are measured on: a ball pressed into a generated gel, at four sizes.
+"""The pictures that are measured on: a ball pressed into a generated gel, at any size.
 
-The camera is generated and has one size. Smaller pictures are every other pixel of it, larger ones repeat its
-pixels and are cut to size: what a kernel has to do per pixel is the same.
+The camera is generated and has one size, upright. Other sizes repeat or leave out its pixels, lying ones are turned:
+what a kernel has to do per pixel is the same.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from tega_sim.gel import Gel, ball
 
-__all__ = ["SIZES", "SIZE_OF_A_FINGER", "SIZE_OF_A_SENSOR", "BenchScene", "scenes"]
+__all__ = ["SIZES", "SIZE_OF_A_FINGER", "SIZE_OF_A_SENSOR", "BenchScene", "scenes", "untouched"]
 
-# Height and width: a quarter, one DIGIT (its picture upright is 320×240), four of it, a raw 8-megapixel sensor.
-SIZE_OF_A_FINGER = (240, 320)
+# Height and width: a DIGIT, a quarter and four of it, a raw 8-megapixel sensor.
+SIZE_OF_A_FINGER = (320, 240)
 SIZE_OF_A_SENSOR = (2464, 3280)
-SIZES = ((120, 160), SIZE_OF_A_FINGER, (480, 640), SIZE_OF_A_SENSOR)
+SIZES = (SIZE_OF_A_FINGER, (160, 120), (640, 480), SIZE_OF_A_SENSOR)
 
 # Force in newtons, and where: some 0.2, 0.3 and 0.4 mm deep.
 PRESSES = ((0.3, (180.0, 240.0)), (0.5, (120.0, 160.0)), (0.8, (90.0, 100.0)))
@@ -42,8 +42,8 @@ def scenes(size: tuple[int, int], *, seed: int = 7) -> list[BenchScene]:
         seed: Of the gel and its noise.
 
     Example:
-        >>> scenes((120, 160))[0].frame.shape
-        (120, 160, 3)
+        >>> scenes((160, 120))[0].frame.shape
+        (160, 120, 3)
     """
     gel = Gel(seed)
     still = _sized(gel.still(), size)
@@ -52,6 +52,11 @@ def scenes(size: tuple[int, int], *, seed: int = 7) -> list[BenchScene]:
         image = gel.frame([ball(force_n=force_n, centre_xy=centre_xy)], n)
         found.append(BenchScene(_sized(_brightened(image, gel.truth.depth_mm, centre_xy), size), still))
     return found
+
+
+def untouched(size: tuple[int, int], *, seed: int = 7) -> NDArray[np.uint8]:
+    """Return a picture of the gel of :func:`scenes` at rest, which differs from its baseline by the camera's noise."""
+    return _sized(Gel(seed).frame([], 0), size)
 
 
 def _brightened(
@@ -66,9 +71,6 @@ def _brightened(
 
 
 def _sized(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    lying = image.swapaxes(0, 1)
-    step = max(lying.shape[0] // size[0], 1)
-    lying = lying[::step, ::step]
-    times = max(-(-size[0] // lying.shape[0]), -(-size[1] // lying.shape[1]))
-    lying = lying.repeat(times, axis=0).repeat(times, axis=1)
-    return np.ascontiguousarray(lying[: size[0], : size[1]])
+    turned = image if size[0] > size[1] else image.swapaxes(0, 1)
+    rows, columns = (np.arange(n) * side // n for n, side in zip(size, turned.shape, strict=False))
+    return np.ascontiguousarray(turned[np.ix_(rows, columns)])

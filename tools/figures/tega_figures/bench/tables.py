@@ -52,6 +52,26 @@ def print_bench(report: BenchReport) -> None:
         _print_contact(out, f"{reading}, {size[0]}×{size[1]}", rows)
     _print_table(
         out,
+        "every width: times over NumPy's or-reduce of both images, and how often ours fits into OpenCV's fastest form",
+        (
+            "height × width",
+            "rows",
+            *report.widths[0].to_floor,
+            *(f"{law} in OpenCV's" for law in report.widths[0].peer_to_ours),
+        ),
+        (
+            (
+                f"{row.size[0]}×{row.size[1]}",
+                "apart" if row.strided else "together",
+                *(f"{ratio:.2f}" for ratio in row.to_floor.values()),
+                *(f"{ratio:.1f}" for ratio in row.peer_to_ours.values()),
+            )
+            for row in report.widths
+        ),
+        n_names=2,
+    )
+    _print_table(
+        out,
         "EMG low-pass, 4th order, 3 channels",
         ("variant", "rows", "median µs", "p99 µs", "ns/sample", "× best peer", "error/full scale"),
         (
@@ -69,7 +89,7 @@ def print_bench(report: BenchReport) -> None:
     )
     _print_table(
         out,
-        "many frames, 240×320, all cores: median µs a frame",
+        "many frames, 320×240, all cores: median µs a frame",
         ("reading", "frames", "one by one", "at once", "× one by one"),
         (
             (
