@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tega.hand import JOINT_NAMES, joined_level
 from tega.records import Contact
 from tega.records.arm import PoseNumbers
+from tega.records.schema import fields
 
 ARM_MEASURED, ARM_TARGET = "/arm/measured", "/arm/target"
 CLOSURE = ("grasp_level", "closure")
@@ -23,8 +24,8 @@ ARM_ACTION = tuple(f"arm_target.{name}" for name in PoseNumbers.table)
 """Numbers of the arm's part of an action: where the arm's end is to go, in the base's axes."""
 
 _S = 1_000_000_000
-# What a contact has in units of length and force, where its metric gives them.
-_MEASURED = ("area_mm2", "depth_mm", "force_n")
+# What a contact has in units of physics, where its metric gives them.
+_MEASURED = tuple(field.name for field in fields(Contact) if field.optional and field.unit != "1")
 
 
 class Column(NamedTuple):

@@ -20,5 +20,5 @@ def test_the_public_interface_is_the_one_that_is_written_down() -> None:
     )
     assert not changed, (
         f"{changed}\nif that is meant: python tools/figures/tega_figures/public.py docs/public.txt, and a line of "
-        "migration in CHANGELOG.md"
+        "migration in changes/"
     )

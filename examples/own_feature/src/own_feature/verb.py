@@ -10,7 +10,7 @@ from own_feature.recorded import grips
 
 
 @click.command(epilog="Example: tega-teleop grip sessions/monday/trial-001.mcap")
-@click.argument("recording", type=click.Path(path_type=Path, dir_okay=False, exists=True))
+@click.argument("recording", type=click.Path(path_type=Path, exists=True))
 def grip(recording: Path) -> None:
     """Print how often at least the set number of fingers held."""
     firm = [firm for _, _, firm in grips(recording)]
