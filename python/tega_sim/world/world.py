@@ -201,11 +201,6 @@ class World:
         """Return the shapes that press each fingertip, thumb first; an empty list where nothing does."""
         return self._touch.indenters()
 
-    def hand_forces_n(self) -> tuple[NDArray[np.float64], float]:
-        """Return normal forces on the pads, float64 (4,) thumb first, and on links and palm together, newtons."""
-        pads, rest, _ = self._touch.read()
-        return np.array(pads), rest
-
     @property
     def hand_height_m(self) -> float:
         """Height of the palm over its place in the grasp pose, metres: where the arm is, not where it is led."""
