@@ -66,7 +66,6 @@ _NUMBERS = ("mass", "spread", "threshold", "eda", "cci", "peak")
 
 
 def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
-    """Return the measurements of a frame as arrays."""
     m = touch.contact
     found: dict[str, NDArray[Any]] = {
         "numbers": np.array([getattr(m, name) for name in _NUMBERS]),
@@ -79,7 +78,6 @@ def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
 
 
 def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
-    """Return a frame with its measurements from the arrays of its file."""
     numbers: dict[str, Any] = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
     numbers["eda"] = int(numbers["eda"])
     x, y, peak_x, peak_y = (float(one) for one in file["places"])
