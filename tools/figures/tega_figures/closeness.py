@@ -53,22 +53,12 @@ _LEAST = 1e-3
 class Match(NamedTuple):
     """A recorded press and the simulated one that is most like it."""
 
-    force_n: float
-    """Of the simulated press."""
-    centre_xy: tuple[float, float]
-    """Of the simulated press, pixels."""
     correlation: float
     """Of the two difference pictures, within two marked radii."""
-    rms: float
-    """Of their difference over the picture, counts."""
-    recorded: dict[str, float]
-    simulated: dict[str, float]
     off: dict[str, float]
     """By how many tolerances each statistic differs."""
     score: float
     """Median of ``off``."""
-    true_area_px: int
-    """Touching area of the simulated press."""
 
 
 def difference(frame: Image, still: Image) -> NDArray[np.float32]:
@@ -145,15 +135,9 @@ def match_press(frame: Image, still: Image, mark: Mark, gel: Gel, *, index: int)
     }
     displayed = difference(made, untouched)
     return Match(
-        force_n=float(root * root),
-        centre_xy=(float(x), float(y)),
         correlation=float(np.corrcoef(displayed[near].ravel(), wanted[near].ravel())[0, 1]),
-        rms=float(np.sqrt(((displayed - wanted) ** 2).mean())),
-        recorded=recorded,
-        simulated=simulated,
         off=off,
         score=float(np.median(list(off.values()))),
-        true_area_px=gel.truth.area_px,
     )
 
 
