@@ -12,30 +12,6 @@ from tega.ui.cli.options import echo_json, json_option, sets_option
 _FAILED = 3
 
 
-class _Requested:
-    def say(self, text: str) -> None:
-        click.echo(text, err=True)
-
-    def confirm(self, text: str) -> bool:
-        return click.confirm(text, default=False, err=True)
-
-    def ask(self, text: str) -> str:
-        answer: str = click.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
-        return answer.strip()
-
-
-class _Unasked(_Requested):
-    """Guide without a person: all steps are run, and nothing is seen or felt."""
-
-    def confirm(self, text: str) -> bool:
-        click.echo(f"{text} yes (--yes)", err=True)
-        return True
-
-    def ask(self, text: str) -> str:
-        click.echo(f"{text} (not asked)", err=True)
-        return ""
-
-
 @click.command(epilog="Example: tega-teleop acceptance lab.toml vest")
 @click.argument("config", type=click.Path(path_type=Path, dir_okay=False), metavar="SETTINGS.toml")
 @click.argument("device", metavar="DEVICE")
@@ -70,7 +46,7 @@ def acceptance(
     With --json: {"report", "text", "passed", "steps"}.
     """
     from tega.config import load_config
-    from tega_bench.acceptance.report import report_text, write_report
+    from tega_bench.acceptance.report import AcceptanceGuide, report_text, write_report
     from tega_bench.acceptance.run import accept_device, acceptance_case
 
     if not yes and not sys.stdin.isatty():
@@ -79,7 +55,7 @@ def acceptance(
         )
     loaded = load_config(config, sets=sets).config
     case = acceptance_case(loaded, device)
-    report = accept_device(loaded, case, _Unasked() if yes else _Requested(), answered=not yes)
+    report = accept_device(loaded, case, AcceptanceGuide(yes=yes), answered=not yes)
     data, text = write_report(report, out)
     if as_json:
         steps = [{"name": s.name, "status": s.status, "measured": s.measured} for s in report.steps]

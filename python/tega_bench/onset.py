@@ -125,7 +125,8 @@ def onset(
     else:
         _play_for_elsewhere(wanted, chosen[0], log_file, as_json=as_json)
         return
-    kept = folder or settings.calibration.folder or _beside(config) / "calibrations"
+    beside = Path.cwd() if config is None else config.absolute().parent
+    kept = folder or settings.calibration.folder or beside / "calibrations"
     _keep(measured, CalibrationFolder(kept), as_json=as_json)
 
 
@@ -141,10 +142,6 @@ def _keep(measured: Iterator[tuple[OnsetRecord, str]], home: CalibrationFolder, 
             click.echo(f"  kept in {file}")
     if as_json:
         echo_json(reported)
-
-
-def _beside(config: Path | None) -> Path:
-    return Path.cwd() if config is None else config.absolute().parent
 
 
 def _read(wav: Path, log_file: Path) -> Iterator[tuple[OnsetRecord, str]]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from tega.config import FINGERS
-from tega.ui.view.figures import SessionCourse, TouchPicture, draw_course, draw_touch, new_figure
+from tega.ui.view.figures import draw_course, draw_touch, new_figure
 from tega_sim.conditions import ARMS
 from tega_sim.lab import lab_of
 from tega_sim.plan import TrialPlan, TrialResult
@@ -19,9 +19,7 @@ from tega_sim.trial import run_trial
 from tega_sim.world.scene import import_mujoco
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import SubFigure
-    from numpy.typing import NDArray
 
     from tega.ui.view.state import ViewState
     from tega_sim.rig import TrialSteering
@@ -29,49 +27,6 @@ if TYPE_CHECKING:
 
 
 _EVENT_COLOURS = {"slip": "#c8202f", "deformation": "#8a4fbf", "drop": "#000000"}
-
-
-class TrialPicture(NamedTuple):
-    """Contacts and course of one trial, to be drawn.
-
-    Attributes:
-        touch: Firmest contact by finger; a finger that touched nothing has an untouched picture.
-        height_t_s: Times of the heights, float64 (n,).
-        height_m: Height of the object, float64 (n,).
-        events: Kind and time of each event.
-    """
-
-    title: str
-    touch: Mapping[str, TouchPicture]
-    course: SessionCourse
-    height_t_s: NDArray[np.float64]
-    height_m: NDArray[np.float64]
-    events: Sequence[tuple[str, float]]
-
-
-def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> None:
-    """Write the picture of simulated trials."""
-    figure = new_figure(figsize=(16, 0.5 + 2.4 * len(trials)))
-    figure.suptitle(title, fontsize=12)
-    rows: list[SubFigure] = list(figure.subfigures(len(trials), 1, squeeze=False)[:, 0])
-    for row, trial in zip(rows, trials, strict=True):
-        row.suptitle(trial.title, fontsize=10, x=0.01, ha="left")
-        left, right = row.subfigures(1, 2, width_ratios=[1.6, 1], squeeze=False)[0]
-        axes = left.subplots(1, 2 * len(trial.touch), squeeze=False)[0]
-        for index, (finger, picture) in enumerate(trial.touch.items()):
-            draw_touch(axes[2 * index : 2 * index + 2], finger, picture)
-            marked = axes[2 * index + 1]
-            marked.set_title(marked.get_title(), fontsize=7.5)
-        ax = right.subplots()
-        ax.fill_between(
-            trial.height_t_s, trial.height_m / 0.25, color="0.88", zorder=0, label="height / 0.25 m"
-        )
-        draw_course(ax, trial.course)
-        for kind, t_s in trial.events:
-            if kind in _EVENT_COLOURS:
-                ax.axvline(t_s, color=_EVENT_COLOURS[kind], lw=0.9, ls=":")
-                ax.text(t_s, 1.0, f" {kind}", color=_EVENT_COLOURS[kind], fontsize=8, va="top")
-    figure.savefig(path, dpi=85, metadata={"Software": None})
 
 
 DEMO_FORMAT = "tega-demo"
@@ -176,25 +131,28 @@ def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> 
 
 def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
     """Draw every trial: each finger's firmest contact, and the course of touch, pose and height."""
-    rows = []
-    for result, streams in zip(report.trials, courses, strict=True):
+    figure = new_figure(figsize=(16, 0.5 + 2.4 * len(courses)))
+    who = "; ".join(dict.fromkeys(_who(plan) for plan in report.trials))
+    figure.suptitle(f"TEGA demo, simulated: {who}", fontsize=12)
+    rows: list[SubFigure] = list(figure.subfigures(len(courses), 1, squeeze=False)[:, 0])
+    for row, result, streams in zip(rows, report.trials, courses, strict=True):
         lab = lab_of(result.seed, result.preset, result.settings)
-        rows.append(
-            TrialPicture(
-                title=_title(result),
-                touch={f: streams.picture(f, lab) for f in FINGERS},
-                course=streams.course(pose_base=lab.config.session.pose_base),
-                height_t_s=streams.array("truth", "t_s"),
-                height_m=streams.array("truth", "object_height_m"),
-                events=[(event.kind, event.t_s) for event in result.events],
-            )
-        )
-    trials_figure(path, rows, demo_heading(report.trials))
-
-
-def demo_heading(plans: Sequence[TrialPlan]) -> str:
-    """Return the title of a figure of trials: the operator, and the condition of the vest."""
-    return f"TEGA demo, simulated: {'; '.join(dict.fromkeys(_who(plan) for plan in plans))}"
+        row.suptitle(_title(result), fontsize=10, x=0.01, ha="left")
+        left, right = row.subfigures(1, 2, width_ratios=[1.6, 1], squeeze=False)[0]
+        axes = left.subplots(1, 2 * len(FINGERS), squeeze=False)[0]
+        for index, finger in enumerate(FINGERS):
+            draw_touch(axes[2 * index : 2 * index + 2], finger, streams.picture(finger, lab))
+            marked = axes[2 * index + 1]
+            marked.set_title(marked.get_title(), fontsize=7.5)
+        ax = right.subplots()
+        t_s, height_m = streams.array("truth", "t_s"), streams.array("truth", "object_height_m")
+        ax.fill_between(t_s, height_m / 0.25, color="0.88", zorder=0, label="height / 0.25 m")
+        draw_course(ax, streams.course(pose_base=lab.config.session.pose_base))
+        for event in result.events:
+            if (colour := _EVENT_COLOURS.get(event.kind)) is not None:
+                ax.axvline(event.t_s, color=colour, lw=0.9, ls=":")
+                ax.text(event.t_s, 1.0, f" {event.kind}", color=colour, fontsize=8, va="top")
+    figure.savefig(path, dpi=85, metadata={"Software": None})
 
 
 def _who(plan: TrialPlan) -> str:

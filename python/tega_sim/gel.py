@@ -21,18 +21,6 @@ HEIGHT: Final = 320
 WIDTH: Final = 240
 PX_PER_MM: Final = _native.GEL_PX_PER_MM
 """Scale of the picture at the gel's top; what lies lower is nearer to the camera and looks larger."""
-LENGTH_MM: Final = _native.GEL_LENGTH_MM
-"""How far the gel is pulled down beside a contact: its slope dies away over this length, 20 pixels."""
-STIFFNESS_N_MM3: Final = _native.GEL_STIFFNESS_N_MM3
-"""Pressure a displacement, newtons per cubic millimetre."""
-RADIUS_ACROSS_MM: Final = _native.GEL_RADIUS_ACROSS_MM
-"""Radius of the ``digit`` gel across the finger."""
-HEIGHTS_ALONG_MM: Final = tuple(_native.GEL_HEIGHTS_ALONG_MM)
-"""Its heights along the middle line: millimetres along the finger, millimetres high; the published drawing's."""
-MIDDLE_ALONG_MM: Final = _native.GEL_MIDDLE_ALONG_MM
-"""Where along it the picture has its middle."""
-CAMERA_MM: Final = _native.GEL_CAMERA_MM
-"""From the camera's pinhole to the gel's top."""
 CAMERA_HZ: Final = 60.0
 """Frames a second: what turns a frame's number into a time."""
 
@@ -188,17 +176,13 @@ def ball(
     force_n: float,
     radius_mm: float = 4.4,
     centre_xy: tuple[float, float] = (119.5, 159.5),
-    on: Gel | None = None,
 ) -> Indenter:
     """Return a ball that presses at a place of the picture, ``centre_xy`` in pixels (column, row).
 
-    A radius of 4.4 is that of the recorded presses. ``on`` is the gel that the ball is to touch first at that
-    place; ``None`` has it so on a flat one. On a rounded gel a ball beside the middle touches nearer to the
+    A radius of 4.4 is that of the recorded presses. On a rounded gel a ball beside the middle touches nearer to the
     middle than its own is.
     """
     x, y = ((at - middle) / PX_PER_MM for at, middle in zip(centre_xy, (119.5, 159.5), strict=True))
-    if on is not None:
-        x, y = _beside(on.surface_mm(), centre_xy, radius_mm)
     pose = np.array([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, radius_mm]])
     return Indenter("sphere", (radius_mm, 0.0, 0.0), pose, force_n)
 
@@ -207,31 +191,6 @@ def board(*, force_n: float) -> Indenter:
     """Return a flat board, larger than the finger, that presses."""
     pose = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]])
     return Indenter("plane", (0.0, 0.0, 0.0), pose, force_n)
-
-
-def fall(x_mm: float, y_mm: float) -> tuple[float, float]:
-    """Return how steeply the drawing's gel falls off at a place of the pad frame: to the right, down the picture."""
-    return _native.gel_fall(x_mm, y_mm)
-
-
-def _beside(
-    surface: NDArray[np.float32], centre_xy: tuple[float, float], radius_mm: float
-) -> tuple[float, float]:
-    """Return where a ball's middle is that touches a surface at a place of the picture, millimetres."""
-    rows, columns = surface.shape[:2]
-    c, r = (
-        int(np.clip((at - 1.5) / 4, 1, size - 3)) for at, size in zip(centre_xy, (columns, rows), strict=True)
-    )
-    share = np.array([(centre_xy[0] - 1.5) / 4 - c, (centre_xy[1] - 1.5) / 4 - r])
-    (x, y), right, down = surface[r, c, :2], surface[r, c + 1, :2], surface[r + 1, c, :2]
-    # Slopes a cell on either side; a cell's x hangs little on its row, and the other way round.
-    slope_x = (surface[r, c + 1, 2] - surface[r, c - 1, 2]) / (surface[r, c + 1, 0] - surface[r, c - 1, 0])
-    slope_y = (surface[r + 1, c, 2] - surface[r - 1, c, 2]) / (surface[r + 1, c, 1] - surface[r - 1, c, 1])
-    normal = np.array([-slope_x, -slope_y, 1.0])
-    normal /= np.linalg.norm(normal)
-    at_x = x + share[0] * (right[0] - x) + share[1] * (down[0] - x)
-    at_y = y + share[0] * (right[1] - y) + share[1] * (down[1] - y)
-    return float(at_x + radius_mm * normal[0]), float(at_y + radius_mm * normal[1])
 
 
 def _poses(

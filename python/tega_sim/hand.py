@@ -33,21 +33,16 @@ def encoded(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
 class SimulatedAllegro:
     """The real controller on the angles that the simulated hand's encoders show: steps of 0.0888 mrad.
 
-    ``read_angles_rad`` returns the true angles, float64 (16,), as they are now; ``device_id`` is 0 to 3.
+    ``read_angles_rad`` returns the true angles, float64 (16,), as they are now.
     """
 
     label = "simulated: torques from the angles of a simulated hand"
 
     def __init__(
-        self,
-        controller: HandController,
-        read_angles_rad: Callable[[], NDArray[np.float64]],
-        *,
-        device_id: int = 0,
+        self, controller: HandController, read_angles_rad: Callable[[], NDArray[np.float64]]
     ) -> None:
         self._controller = controller
         self._read = read_angles_rad
-        self._device_id = device_id
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
@@ -61,28 +56,25 @@ class SimulatedAllegro:
 
     def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
         """Go on by one tick of 3 ms. ``level`` is 1 to 5; ``added`` are levels that a reflex adds."""
-        frames = self._controller.step_encoded(self._read(), level, added=added, device_id=self._device_id)
+        frames = self._controller.step_encoded(self._read(), level, added=added)
         return [_tuple(CanFrame, frame) for frame in frames]
 
     def limp(self) -> list[CanFrame]:
         """Return zero torque for every finger, then SERVO OFF."""
-        return allegro_limp_frames(device_id=self._device_id)
+        return allegro_limp_frames()
 
 
 class SimulatedBus:
     """Stands in for the firmware on the hand's bus: torques move the joints, SERVO OFF lets go.
 
     ``apply_torques`` takes float64 (16,), in the unit of ``full_duty``, a motor's torque at full duty.
-    ``device_id`` is 0 to 3; ``n_rejected`` counts frames that were no message for this hand.
+    ``n_rejected`` counts frames that were no message for this hand.
     """
 
-    def __init__(
-        self, apply_torques: Callable[[NDArray[np.float64]], object], *, full_duty: float, device_id: int = 0
-    ) -> None:
+    def __init__(self, apply_torques: Callable[[NDArray[np.float64]], object], *, full_duty: float) -> None:
         self._apply = apply_torques
         self._scale = full_duty / COUNTS_PER_TORQUE
-        self._device_id = device_id
-        fingers = allegro_torque_frames(np.zeros(16), device_id=device_id)
+        fingers = allegro_torque_frames(np.zeros(16))
         self._set_ids = [frame.id for frame in fingers]
         self._counts: NDArray[np.int16] = np.zeros(16, _WORD)
         self.n_rejected = 0
@@ -104,7 +96,7 @@ class SimulatedBus:
             self._counts = self._counts.copy()
             self._counts[first : first + 4] = _FINGER.unpack(frame.data)
             return
-        message = allegro_decode(frame, device_id=self._device_id)
+        message = allegro_decode(frame)
         if isinstance(message, AllegroServo) and not message.on:
             self._counts = np.zeros(16, _WORD)
         else:

@@ -162,13 +162,9 @@ def _object(press: int, force_n: float) -> Indenter:
     return board(force_n=force_n)
 
 
-def lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = ()) -> Lab:
+@lru_cache(maxsize=8)
+def lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...]) -> Lab:
     """Return a person's lab, from memory where it was there just now."""
-    return _lab_of(seed, preset, settings)
-
-
-@lru_cache(maxsize=8)  # which tells a default that is left out from the same one that is given
-def _lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...]) -> Lab:
     return Lab(seed, preset, settings=settings)
 
 

@@ -186,7 +186,6 @@ def _belongs(path: Path, participant: str) -> bool:
 
 
 def _photos(folder: Path) -> set[str]:
-    """Return the paths of the objects' photos below the study's folder."""
     photos = {facts.photo for facts in read_objects(folder).values()}
     return {photo for photo in photos if Path(photo).suffix.lower() in {".jpg", ".jpeg", ".png"}}
 

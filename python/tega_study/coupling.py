@@ -51,7 +51,6 @@ class Correlation(NamedTuple):
         r: NaN where a series does not change.
         n_eff: Independent samples that they are worth (Bartlett).
         low: Lower end of the 95 % interval by Fisher's z with ``n_eff``; NaN below four.
-        p: Two-sided, with ``n_eff``.
     """
 
     r: float
@@ -59,7 +58,6 @@ class Correlation(NamedTuple):
     n_eff: float
     low: float
     high: float
-    p: float
 
 
 def read_course(path: Path) -> TouchCourse:
@@ -128,16 +126,13 @@ def correlate(x: NDArray[np.float64], y: NDArray[np.float64]) -> Correlation:
     """Correlate two series, judged by as many independent samples as they are worth."""
     r, n = pearson(x, y), len(x)
     if math.isnan(r):
-        return Correlation(r, n, math.nan, math.nan, math.nan, math.nan)
+        return Correlation(r, n, math.nan, math.nan, math.nan)
     n_eff = effective_n(x, y, lags=n // 4)
-    stats = scipy_stats()
     if n_eff <= 3 or abs(r) >= 1:
-        return Correlation(r, n, n_eff, math.nan, math.nan, math.nan)
-    t = abs(r) * math.sqrt((n_eff - 2) / (1 - r * r))
-    reach = float(stats.norm.ppf(0.975)) / math.sqrt(n_eff - 3)
+        return Correlation(r, n, n_eff, math.nan, math.nan)
+    reach = float(scipy_stats().norm.ppf(0.975)) / math.sqrt(n_eff - 3)
     z = math.atanh(r)
-    low, high = math.tanh(z - reach), math.tanh(z + reach)
-    return Correlation(r, n, n_eff, low, high, 2 * float(stats.t.sf(t, n_eff - 2)))
+    return Correlation(r, n, n_eff, math.tanh(z - reach), math.tanh(z + reach))
 
 
 def lag_sweep(pose: NDArray[np.float64], touch: NDArray[np.float64], *, most: int) -> list[tuple[int, float]]:

@@ -131,7 +131,6 @@ def _one_film(video: Path, starts_ns: Sequence[int]) -> Iterator[_Film]:
 
 
 def _own_films(folders: Sequence[Path], camera: str | None) -> Iterator[_Film]:
-    """Return the film in each trial's recording."""
     for folder in folders:
         with tempfile.TemporaryDirectory() as beside:
             try:
@@ -168,7 +167,6 @@ def write_measured(
 
 
 def _measured_fields(event: SceneEvent, start_ns: int) -> dict[str, Any]:
-    """Return the journal's fields of a measured event."""
     size = f"{1000 * event.size_m:.2f} ± {1000 * event.size_error_m:.2f} mm, " if event.size_m else ""
     return {
         "kind": "note" if event.kind == "put_down" else event.kind,

@@ -29,7 +29,6 @@ class Ratio(NamedTuple):
     Attributes:
         ratio: Below 1 where the first condition has less.
         low: Lower end of the 95 % interval.
-        df: Degrees of freedom: people less one.
         p: Two-sided.
     """
 
@@ -37,7 +36,6 @@ class Ratio(NamedTuple):
     low: float
     high: float
     t: float
-    df: float
     p: float
 
 
@@ -125,7 +123,7 @@ def ratio_by_t(log_ratio: float, se: float, df: int) -> Ratio | None:
     reach = float(t_of.ppf(0.5 + CONFIDENCE / 2, df)) * se
     t = log_ratio / se
     p = 2 * float(t_of.sf(abs(t), df))
-    return Ratio(math.exp(log_ratio), math.exp(log_ratio - reach), math.exp(log_ratio + reach), t, df, p)
+    return Ratio(math.exp(log_ratio), math.exp(log_ratio - reach), math.exp(log_ratio + reach), t, p)
 
 
 def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]]) -> float:

@@ -138,7 +138,6 @@ def person_id(number: int) -> str:
 
 
 def _tests(objects: Sequence[str]) -> set[str]:
-    """Return every test that a study of these objects may name."""
     return {f"{metric}:{name}" for metric in METRICS for name in objects}
 
 

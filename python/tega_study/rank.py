@@ -53,13 +53,11 @@ class Shift(NamedTuple):
     Attributes:
         estimate: In the unit of the values.
         low: Lower end of its confidence interval; minus infinity where the groups are too small for one.
-        coverage: True confidence where no two values are equal; at least that for whole numbers.
     """
 
     estimate: float
     low: float
     high: float
-    coverage: float
 
 
 def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
@@ -149,14 +147,13 @@ def shift(x: ArrayLike, y: ArrayLike) -> Shift:
     if n + m > EXACT_UP_TO:
         z = float(scipy_stats().norm.ppf(0.5 + CONFIDENCE / 2))
         k = max(1, math.floor(n * m / 2 - z * math.sqrt(n * m * (n + m + 1) / 12)))
-        return Shift(estimate, float(differences[k - 1]), float(differences[n * m - k]), CONFIDENCE)
+        return Shift(estimate, float(differences[k - 1]), float(differences[n * m - k]))
     counts = rank_sum_counts(range(1, n + m + 1), n)[n * (n + 1) // 2 :]
     below = np.cumsum(counts) / counts.sum()
     k = int(np.searchsorted(below, (1 - CONFIDENCE) / 2 + 1e-12, side="right"))
     if k == 0:
-        return Shift(estimate, -math.inf, math.inf, 1.0)
-    low, high = float(differences[k - 1]), float(differences[n * m - k])
-    return Shift(estimate, low, high, float(1 - 2 * below[k - 1]))
+        return Shift(estimate, -math.inf, math.inf)
+    return Shift(estimate, float(differences[k - 1]), float(differences[n * m - k]))
 
 
 def holm(p: Sequence[float | None]) -> list[float | None]:

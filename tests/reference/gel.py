@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tega_sim.gel import Gel, ball, fall
+from tega import _native
+from tega_sim.gel import Gel, ball
 from tega_sim.seams import Indenter
 
 
@@ -21,7 +22,7 @@ def nearest_touch(indenter: Indenter) -> tuple[float, float, float, float]:
             place = np.array([x, y, 0.0])
             foot = middle + axis * ((place - middle) @ axis) - place
             distance = float(np.linalg.norm(foot))
-            right, down = fall(float(x), float(y))
+            right, down = _native.gel_fall(float(x), float(y))
             normal = np.array([right, down, 1.0]) / np.sqrt(1 + right**2 + down**2)
             turned = float(np.arccos(np.clip(foot @ normal / distance, -1, 1)))
             off = abs(distance - indenter.size_mm[0])
@@ -83,7 +84,7 @@ def pad_pose(
     lean = np.arctan2(np.hypot(out[0], out[1]), out[2])
     sideways = out[:2] / max(np.hypot(out[0], out[1]), 1e-300)
     across, along = radius_m * lean * sideways + (0.0, straight)
-    right, down = fall(1e3 * across, 1e3 * along)
+    right, down = _native.gel_fall(1e3 * across, 1e3 * along)
     roll = turn_between(np.array([0, 0, 1.0]), np.array([right, down, 1.0])) @ turn_between(
         out, np.array([0, 0, 1.0])
     )

@@ -17,7 +17,7 @@ from reference.command import call
 from reference.processes import until
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
-from tega_bench.acceptance.report import STEPS, AcceptanceReport, report_text, write_report
+from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceReport, report_text, write_report
 from tega_bench.acceptance.run import accept_device, acceptance_case
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import emulated_lab
@@ -29,12 +29,13 @@ pytestmark = [
 ]
 
 
-class Person:
+class Person(AcceptanceGuide):
     """Answers as told, and does with the emulated bench what they are asked to do."""
 
     def __init__(
         self, answer: str, *, yes: bool = True, act: Callable[[str], object] = lambda _text: None
     ) -> None:
+        super().__init__()
         self.answer, self.yes, self.act = answer, yes, act
         self.reported: list[str] = []
 

@@ -21,6 +21,7 @@ from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels, vest_frame
 from tega.setup.contract import check_driver
 from tega_bench.acceptance.outputs import accept_vest
+from tega_bench.acceptance.report import AcceptanceGuide
 from tega_emulators.vest_bench import LIVE_VESTS, seen_by
 
 pytestmark = [
@@ -226,7 +227,7 @@ def test_a_vest_whose_link_comes_back_is_guarded_by_the_same_process(
         assert "SWITCH" not in caplog.text
 
 
-class _Feels:
+class _Feels(AcceptanceGuide):
     """A person who says yes to everything."""
 
     def say(self, text: str) -> None:

@@ -7,18 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tega import _native
 from tega.errors import InvalidValueError, ShapeError
-from tega_sim.gel import (
-    CAMERA_MM,
-    HEIGHTS_ALONG_MM,
-    MIDDLE_ALONG_MM,
-    PX_PER_MM,
-    RADIUS_ACROSS_MM,
-    STIFFNESS_N_MM3,
-    Gel,
-    ball,
-    fall,
-)
+from tega_figures.closeness import aimed_ball
+from tega_sim.gel import PX_PER_MM, Gel, ball
 from tega_sim.seams import Indenter
 
 STRAIGHT = np.hstack([np.eye(3), np.zeros((3, 1))])
@@ -43,7 +35,7 @@ def test_the_share_in_view_falls_to_nothing_as_a_press_leaves_the_picture() -> N
     assert (shares[0], shares[-1], gel.truth.touches, gel.truth.area_px) == (1.0, 0.0, True, 0)
     # A press on the very border, which a ball touches first where it is asked to.
     for centre_xy in ((0.0, 159.5), (239.0, 159.5), (119.5, 319.0)):
-        gel.press([ball(force_n=3.0, centre_xy=centre_xy, on=gel)])
+        gel.press([aimed_ball(gel, force_n=3.0, centre_xy=centre_xy)])
         assert gel.in_view == pytest.approx(0.5, abs=0.1)
     gel.press([])
     assert np.isnan(gel.in_view)
@@ -79,7 +71,7 @@ def test_the_gel_carries_the_force_and_the_mask_is_the_area() -> None:
     ):
         truth = gel.press(press)
         displacement = gel.displacement_mm()
-        carried = STIFFNESS_N_MM3 * (displacement * gel.surface_mm()[..., 3]).sum()
+        carried = _native.GEL_STIFFNESS_N_MM3 * (displacement * gel.surface_mm()[..., 3]).sum()
         assert carried == pytest.approx(2.0, rel=0.05)
         assert displacement.max() == pytest.approx(truth.depth_mm)
         assert gel.contact_mask().sum() == truth.area_px > 0
@@ -109,25 +101,27 @@ def test_bad_input_is_refused() -> None:
 
 def test_the_gel_is_as_high_as_its_drawing() -> None:
     x, y, z, _ = np.moveaxis(Gel(0, spread=0.0).surface_mm().astype(float), -1, 0)
-    along = np.array(HEIGHTS_ALONG_MM)
-    inside = np.abs(along[:, 0] - MIDDLE_ALONG_MM) < 8
+    along = np.array(_native.GEL_HEIGHTS_ALONG_MM)
+    inside = np.abs(along[:, 0] - _native.GEL_MIDDLE_ALONG_MM) < 8
     middle = (z[:, 29] + z[:, 30]) / 2
-    found = np.interp(along[inside, 0] - MIDDLE_ALONG_MM, y[:, 30], middle)
+    found = np.interp(along[inside, 0] - _native.GEL_MIDDLE_ALONG_MM, y[:, 30], middle)
     assert found - along[inside, 1] == pytest.approx(
         np.full(inside.sum(), found[0] - along[inside, 1][0]), abs=2e-3
     )
     # Across: a circle.
     row = 30
-    across = RADIUS_ACROSS_MM - np.sqrt(RADIUS_ACROSS_MM**2 - x[row] ** 2)
+    across = _native.GEL_RADIUS_ACROSS_MM - np.sqrt(_native.GEL_RADIUS_ACROSS_MM**2 - x[row] ** 2)
     assert (middle[row] - z[row]) == pytest.approx(across, abs=0.02)
-    assert fall(RADIUS_ACROSS_MM / 2, 0.0)[0] == pytest.approx(1 / np.sqrt(3))
+    assert _native.gel_fall(_native.GEL_RADIUS_ACROSS_MM / 2, 0.0)[0] == pytest.approx(1 / np.sqrt(3))
 
 
 def test_what_lies_lower_is_nearer_to_the_camera() -> None:
     x, y, z, area = np.moveaxis(Gel(0, spread=0.0).surface_mm().astype(float), -1, 0)
     rows, columns = np.indices(z.shape)
     for place, pixel in ((x, 4 * columns + 1.5 - 119.5), (y, 4 * rows + 1.5 - 159.5)):
-        assert place * CAMERA_MM == pytest.approx(pixel / PX_PER_MM * (CAMERA_MM + z), abs=1e-4)
+        assert place * _native.GEL_CAMERA_MM == pytest.approx(
+            pixel / PX_PER_MM * (_native.GEL_CAMERA_MM + z), abs=1e-4
+        )
     assert area[40, 0] < 0.85 * area[40, 30]
     flat = Gel(3, shape="flat").surface_mm()
     assert np.ptp(flat[..., 2]) == 0
@@ -147,7 +141,7 @@ def test_a_face_presses_a_narrow_tall_ellipse_and_on_a_flat_gel_nothing_that_slo
 def test_a_ball_touches_first_where_it_is_aimed() -> None:
     gel = Gel(0, spread=0.0)
     for place in ((60.0, 90.0), (170.0, 230.0)):
-        aimed = gel.press([ball(force_n=0.1, centre_xy=place, on=gel)]).centre_xy
+        aimed = gel.press([aimed_ball(gel, force_n=0.1, centre_xy=place)]).centre_xy
         straight = gel.press([ball(force_n=0.1, centre_xy=place)]).centre_xy
         assert np.hypot(*np.subtract(aimed, place)) < 4
         assert np.hypot(*np.subtract(straight, place)) > 6

@@ -109,7 +109,7 @@ def test_what_is_read_by_cells_gives_vest_and_hand_the_bytes_of_painted_pictures
         painted.append(index)
         return frame(gel, indenters, index, **named)
 
-    lab_of(SCRIPTED.seed, SCRIPTED.preset)  # its calibration is of pictures
+    lab_of(SCRIPTED.seed, SCRIPTED.preset, SCRIPTED.settings)  # its calibration is of pictures
     monkeypatch.setattr(TrialRig, "write", worn)
     monkeypatch.setattr(SimulatedBus, "write", moved)
     monkeypatch.setattr(Gel, "frame", paint)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tega import _native
 from tega.tactile import read_contact
 from tega_figures.check_touch import (
     GOLDEN,
@@ -19,7 +20,7 @@ from tega_figures.check_touch import (
     readings,
 )
 from tega_figures.closeness import match_press
-from tega_sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
+from tega_sim.gel import PX_PER_MM, Gel, ball
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_the_skin_beside_a_ball_falls_off_as_a_bessel_function() -> None:
     at_mm = (np.arange(1, slope.size + 1)) * 4 / PX_PER_MM
     contact_mm = (truth.area_mm2 / np.pi) ** 0.5
     beside = (at_mm > contact_mm + 0.3) & (at_mm < contact_mm + 2.5)
-    expected = k1(at_mm[beside] / LENGTH_MM)
+    expected = k1(at_mm[beside] / _native.GEL_LENGTH_MM)
     ratio = slope[beside] / expected
     assert ratio / ratio.mean() == pytest.approx(np.ones(ratio.size), abs=0.05)
 

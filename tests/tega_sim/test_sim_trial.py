@@ -86,7 +86,7 @@ def test_a_trial_whose_pictures_nobody_is_shown_is_the_same_without_them(
     plan = TrialPlan.checked({"object": "bag", "condition": condition, "seed": 2})
     rendered = run_trial(plan, skip_untouched=False)
     n_rendered: list[int] = []
-    lab_of(plan.seed, plan.preset)  # its calibration is of pictures
+    lab_of(plan.seed, plan.preset, plan.settings)  # its calibration is of pictures
     for made in ("frame", "sums"):
         monkeypatch.setattr(Gel, made, lambda _gel, _indenters, index, **_named: n_rendered.append(index))
     assert run_trial(plan) == rendered

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega.tactile.tracker import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
-from tega_figures.check_touch_live import felt_of_slow_press
 from tega_figures.gel_sequences import SHAPES, press_sequence, pressing, ramp
 from tega_figures.touch_presses import (
     CALIBRATION,
     calibrated_errors,
+    felt_of_slow_press,
     hold_press,
     score_press,
     three_press_light,
     unit_seeds,
+    untouched_contacts,
 )
-from tega_figures.touch_untouched import untouched_contacts
 from tega_sim.gel import Gel
 
 pytest.importorskip("scipy", reason="needs the extra tega[lab]")
@@ -32,7 +32,7 @@ scored = lru_cache(score_press)
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_press_is_felt_early_smoothly_and_no_longer_than_it_lasts(name: str) -> None:
     for seed in UNITS:
-        score = scored(name, seed)["live"]
+        score = scored(name, seed)
         assert score.felt_n <= 0.5
         assert score.peak_rank >= 0.98
         # A face's touching area hardly changes.
@@ -69,7 +69,7 @@ def test_an_eased_grip_stays_felt_for_ten_seconds(name: str) -> None:
 def test_a_quick_press_is_told_within_two_frames_of_the_force_from_which_it_is_felt(name: str) -> None:
     for seed in UNITS:
         # Rising by half a newton a second, a sixtieth of that a frame.
-        felt_n = scored(name, seed)["live"].felt_n
+        felt_n = scored(name, seed).felt_n
         force_n = ramp(peak_n=3.0, wait_s=1.0, rise_s=0.3, hold_s=1.0, fall_s=0.1)
         moments = list(press_sequence(name, seed=seed, force_n=force_n, duration_s=1.5))
         tracker = TouchTracker(moments[0].image)

@@ -65,7 +65,7 @@ def test_mann_whitney_without_ties_is_exact_and_has_its_shift() -> None:
     assert (found.u, found.method, found.a, found.rank_biserial) == (1, "exact", 0.04, close(-0.92))
     assert found.p == close(0.015873015873)
     assert found.p_asymptotic == close(0.0215717479477)
-    assert moved == (close(-1.57), close(-2.91), close(-0.42), close(0.968253968254))
+    assert moved == (close(-1.57), close(-2.91), close(-0.42))
 
 
 def test_mann_whitney_with_ties_shows_the_approximation_and_the_exact_p() -> None:
@@ -74,7 +74,7 @@ def test_mann_whitney_with_ties_shows_the_approximation_and_the_exact_p() -> Non
     assert (found.u, found.method) == (1.5, "asymptotic")
     assert found.p == close(0.000246509165903)
     assert found.p_conditional == close(4.33003528979e-05)
-    assert shift(x, y) == (-3, -4, -2, close(0.956742947455))
+    assert shift(x, y) == (-3, -4, -2)
 
 
 @pytest.mark.parametrize(

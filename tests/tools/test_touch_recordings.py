@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tega.emg.score import rank_correlation
 from tega.runtime.opencv import read_image
 from tega.tactile import contact_mask, read_contact
 from tega.tactile.tracker import TouchTracker, TrackedContact, sensor_noise, update_fingers
 from tega_figures.audit import read_marks
-from tega_figures.touch_presses import rank_correlation
 from tega_figures.touch_recordings import (
     GRIPS,
     best_lag,

@@ -6,8 +6,9 @@ import textwrap
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Final, Literal, Protocol
+from typing import Final, Literal
 
+import click
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -98,20 +99,30 @@ def spread_ms(name: str, values_ms: Sequence[float] | NDArray[np.float64]) -> di
     return {f"{name}_p{p}_ms": round(float(np.percentile(values_ms, p)), 2) for p in (50, 95, 100)}
 
 
-class AcceptanceGuide(Protocol):
-    """Person at the device, or what stands for one."""
+class AcceptanceGuide:
+    """Person at the device; with ``yes`` nobody: everything is agreed to, and nothing is seen or felt."""
+
+    def __init__(self, *, yes: bool = False) -> None:
+        self._yes = yes
 
     def say(self, text: str) -> None:
         """Show a message."""
-        ...
+        click.echo(text, err=True)
 
     def confirm(self, text: str) -> bool:
         """Ask whether something may be done; nothing moves without a yes."""
-        ...
+        if self._yes:
+            self.say(f"{text} yes (--yes)")
+            return True
+        return click.confirm(text, default=False, err=True)
 
     def ask(self, text: str) -> str:
         """Ask for a sight or sensation; ``""`` without an answer."""
-        ...
+        if self._yes:
+            self.say(f"{text} (not asked)")
+            return ""
+        answer: str = click.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
+        return answer.strip()
 
 
 def report_text(report: AcceptanceReport) -> str:

@@ -47,13 +47,11 @@ class BurstOnset(NamedTuple):
     Attributes:
         delay_s: From the command to the beginning of the vibration; NaN where ``why`` is not empty.
         half_s: From the command to half of its strength; likewise.
-        over_background: Full strength over the background's loudest moment.
         why: Why it was left out; ``""`` where it counts.
     """
 
     delay_s: float
     half_s: float
-    over_background: float
     why: str = ""
 
 
@@ -115,10 +113,7 @@ def find_onsets(
         )  # fmt: skip
     strength = _Strength(signal, sound, rate_hz, spin_hz)
     bursts = [
-        strength.burst(c, on_s)
-        if c in received
-        else BurstOnset(np.nan, np.nan, np.nan, "outside the recording")
-        for c in commands_s
+        strength.burst(c, on_s) if c in received else _left_out("outside the recording") for c in commands_s
     ]
     return _judged(spin_hz, _without_strays(bursts))
 
@@ -155,20 +150,19 @@ class _Strength:
         at_c, settled = round(_QUIET_S[0] * rate), round((_QUIET_S[0] + _SETTLED_S) * rate)
         plateau = strength[settled:]
         full = float(np.median(plateau))
-        over = full / loudest if loudest else np.inf
-        if over < 4:
-            return _left_out(_TOO_SOFT, over)
+        if loudest and full / loudest < 4:
+            return _left_out(_TOO_SOFT)
         if plateau.min() < 0.5 * full or plateau.max() > 1.8 * full:
-            return _left_out("not steady: another sound, or the motor stutters", over)
+            return _left_out("not steady: another sound, or the motor stutters")
         t60, t50, t25 = (self._last_below(strength, share * full, settled) for share in (0.6, 0.5, 0.25))
         before = strength[at_c - edge : 0 if np.isnan(t25) else max(at_c, int(t25)) - edge]
         if np.isnan(t25) or before.max(initial=0.0) > 0.4 * full:
-            return _left_out("another sound before it", over)
+            return _left_out("another sound before it")
         begin = (t60 * 0.25 - t25 * 0.6) / (0.25 - 0.6)
         delay_s, half_s = (float(begin) - at_c) / rate, (t50 - at_c) / rate
         if not -0.01 <= delay_s <= MOST_DELAY_S:
-            return _left_out(f"begins {1e3 * delay_s:.0f} ms after its command, which cannot be", over)
-        return BurstOnset(delay_s, half_s, over)
+            return _left_out(f"begins {1e3 * delay_s:.0f} ms after its command, which cannot be")
+        return BurstOnset(delay_s, half_s)
 
     @staticmethod
     def _last_below(strength: NDArray[np.float64], level: float, before: int) -> float:
@@ -181,8 +175,8 @@ class _Strength:
         return k + (float((level - low) / (high - low)) if high > low else 0.0)
 
 
-def _left_out(why: str, over: float = np.nan) -> BurstOnset:
-    return BurstOnset(np.nan, np.nan, over, why)
+def _left_out(why: str) -> BurstOnset:
+    return BurstOnset(np.nan, np.nan, why)
 
 
 def _without_hum(cut: NDArray[np.float64], rate_hz: float, n_quiet: int) -> NDArray[np.float64]:

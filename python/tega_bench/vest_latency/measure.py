@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -82,7 +82,7 @@ def play_bursts(
             stop=stop,
             reported=lambda frame: sent.append(int(frame.intensities.max())),
         )
-        first = _first_handed_over_s(leaving.handed_over())
+        first = next((at_ns / 1e9 for t_ns, _, at_ns in leaving.handed_over() if t_ns == 0), None)
         if first is None or min(sent, default=0) < percent:
             unsent += 1
         else:
@@ -92,11 +92,6 @@ def play_bursts(
     # The last one has to be heard to its end.
     clock.sleep_until(begin_ns)
     return left_s, unsent
-
-
-def _first_handed_over_s(handed: Sequence[tuple[int, int, int]]) -> float | None:
-    """Return when the first frame of a burst left, seconds on the monotonic clock."""
-    return next((at_ns / 1e9 for t_ns, _, at_ns in handed if t_ns == 0), None)
 
 
 def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> OnsetFound:

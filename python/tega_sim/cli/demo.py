@@ -11,9 +11,9 @@ import click
 
 from tega.errors import MissingExtraError
 from tega.runtime.lifecycle import require
-from tega.ui.cli.options import NameList, echo_json, json_option
+from tega.ui.cli.options import echo_json, json_option
 from tega.ui.cli.page import browser_observer, view_options
-from tega_sim.cli.options import loop_options, loop_sets, print_rows
+from tega_sim.cli.options import loop_options, loop_sets, objects_option, print_rows
 
 if TYPE_CHECKING:
     from tega.ui.view.state import ViewState
@@ -26,13 +26,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
 
 
 @click.command(epilog="Example: tega-teleop demo --objects bag --condition non-haptic --out my-demo")
-@click.option(
-    "--objects",
-    type=NameList(),
-    default="bottle,container,bag",
-    show_default=True,
-    help="Objects to lift, one after the other.",
-)
+@objects_option
 @click.option(
     "--condition",
     default="haptic",

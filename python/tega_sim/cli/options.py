@@ -11,13 +11,29 @@ import click
 from tega.config import file_sets
 from tega.errors import InvalidValueError
 from tega.runtime.words import nearest_hint
-from tega.ui.cli.options import NumberList
+from tega.ui.cli.options import NameList, NumberList
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from tega_sim.world.objects import ObjectSpec
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+objects_option = click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="Objects that are lifted.",
+)
+preset_option = click.option(
+    "--preset",
+    type=click.Choice(["paper", "live"]),
+    default="live",
+    show_default=True,
+    help="Readings of the equations: paper (as printed) or live (meant for people).",
+)
 
 
 def object_options(function: _Function) -> _Function:
@@ -82,13 +98,7 @@ def loop_options(function: _Function) -> _Function:
             metavar="LAB.toml",
             help="Take the stages, session.pose_base and the vest's layout, mirror, threshold and step from here.",
         ),
-        click.option(
-            "--preset",
-            type=click.Choice(["paper", "live"]),
-            default="live",
-            show_default=True,
-            help="Readings of the equations: paper (as printed) or live (meant for people).",
-        ),
+        preset_option,
     ):
         function = option(function)
     return function

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.options import NameList, echo_json, json_option, progress_bar
-from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options, print_rows
+from tega_sim.cli.options import (
+    chosen_objects,
+    loop_options,
+    loop_sets,
+    object_options,
+    objects_option,
+    print_rows,
+)
 from tega_sim.conditions import CONDITIONS
 
 if TYPE_CHECKING:
@@ -22,13 +29,7 @@ def sim() -> None:
 
 
 @sim.command(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
-@click.option(
-    "--objects",
-    type=NameList(),
-    default="bottle,container,bag",
-    show_default=True,
-    help="Objects that are lifted.",
-)
+@objects_option
 @click.option(
     "--conditions",
     type=NameList(),

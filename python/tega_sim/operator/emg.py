@@ -144,7 +144,8 @@ class ForearmEmg:
                 self._artefacts.append(self._artefact())
             if self._artefacts:
                 jolts.append((k, self._tick, self._artefacts))
-                self._forget_artefacts()
+                oldest = self._tick - round(12 * self._p.artefact_decay_ms / 1e3 * TICK_HZ)
+                self._artefacts = [jolt for jolt in self._artefacts if jolt.start > oldest]
             self._tire(excitation)
             self._tick += 1
         bounds = second.bounds[tick : tick + n + 1]
@@ -199,10 +200,6 @@ class ForearmEmg:
         for jolt in artefacts:
             t_s = (tick - jolt.start) / TICK_HZ + inside_s
             signal[:, jolt.channel] += jolt.height_uv * np.exp(-t_s / decay_s) * np.cos(jolt.omega * t_s)
-
-    def _forget_artefacts(self) -> None:
-        oldest = self._tick - round(12 * self._p.artefact_decay_ms / 1e3 * TICK_HZ)
-        self._artefacts = [jolt for jolt in self._artefacts if jolt.start > oldest]
 
 
 _SQUEEZE_S = 3.0

@@ -204,7 +204,7 @@ class GripDecisions:
         grip, waited = self._grip, t_s - self._commanded_s
         direct = self.belief.need[1] < grip.direct_sd or self._attempts > 1
         if self.level == 1:
-            best = self._first_level() if direct else LOOSEST
+            best = best_level(self.belief, self._aim_sd) if direct else LOOSEST
             return max(best, self._least, LOOSEST), "close"
         if self._contact_s is not None:
             if t_s - self._contact_s >= grip.contact_wait_s:
@@ -216,9 +216,6 @@ class GripDecisions:
             self._lift(t_s)
             return None, ""
         return self.level + 1, "close"
-
-    def _first_level(self) -> int:
-        return best_level(self.belief, self._aim_sd)
 
     def _lift(self, t_s: float) -> None:
         self._enter("lift", t_s)

@@ -85,21 +85,20 @@ class ScriptedOperator:
         course: Sequence[Step] = DEFAULT_COURSE,
         *,
         full_effort: float = 0.7,
-        start_m: tuple[float, float] = (0.0, 0.10),
     ) -> None:
         if not course or course[0].t_s != 0 or any(a.t_s >= b.t_s for a, b in itertools.pairwise(course)):
             raise InvalidValueError("a script needs steps whose times rise from 0 s")
         for step in course:
             if not 1 <= step.level <= 5:
                 raise InvalidValueError(f"level = {step.level} at {step.t_s} s is not within 1 to 5")
-        self._course, self._full, self._start_m = tuple(course), full_effort, start_m
+        self._course, self._full = tuple(course), full_effort
         self._motor = typical_person().motor
         self.begin()
 
     def begin(self, name: str = "", *, width_m: float = 0.0, trial: int = 0, rest_s: float = 0.0) -> None:
         """Start over; the arguments are those of :meth:`tega_sim.operator.Operator.begin` and change nothing."""
         del name, width_m, trial, rest_s
-        self._forearm, self._next = SimulatedForearm(self._start_m), 0
+        self._forearm, self._next = SimulatedForearm((0.0, _FARTHEST_M)), 0
 
     @property
     def level(self) -> int:

@@ -18,7 +18,6 @@ from __future__ import annotations
 from tega.hand.mjcf import FULL_DUTY_NM, TORQUE_LIMITS_NM
 from tega_sim.world.objects import OBJECTS, ObjectRecord, ObjectSpec, crossed, read_objects
 from tega_sim.world.poses import GRASP_POSES_RAD, hand_controller
-from tega_sim.world.scene import Physics
 from tega_sim.world.world import Shape, World
 
 __all__ = [
@@ -28,7 +27,6 @@ __all__ = [
     "TORQUE_LIMITS_NM",
     "ObjectRecord",
     "ObjectSpec",
-    "Physics",
     "Shape",
     "World",
     "crossed",

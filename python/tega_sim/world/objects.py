@@ -27,6 +27,7 @@ REMOVED_FIELDS: Final[Mapping[str, Removed]] = {
     "beside": Removed("0.3", "answers of stages beside the connected ones are in the tables", _NEW, []),
     "relief_counts": Removed("0.3", "simulated objects have no relief", _NEW, 0.0),
     "relief_mm": Removed("0.3", "simulated objects have no relief", _NEW, 0.6),
+    "shell": Removed("0.3", "simulated objects are no longer one elastic solid", _NEW, "pads"),
 }
 """Fields by name."""
 
@@ -68,8 +69,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         grasp_height_m: Height of the middle of the palm over the table when the object is grasped.
         clearance_m: Between the palm and the object in the grasp pose.
         forward_m: How far towards the fingertips the object's axis is from the palm's frame then.
-        shell: What gives: ``pads``, a wall on springs for each finger; ``flex``, all of it as one linear
-            elastic solid as soft as that wall. A flex has no ``stiffening_n_m3`` and no ``plastic_share``.
+        shell: What gives, always ``pads``: a wall on springs for each finger. Files of studies hold it.
     """
 
     name: str
@@ -87,7 +87,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     clearance_m: Annotated[float, msgspec.Meta(ge=0, le=0.05)] = 0.003
     forward_m: Annotated[float, msgspec.Meta(ge=-0.05, le=0.1)] = -0.01
     rgba: tuple[float, float, float, float] = (0.6, 0.6, 0.6, 1.0)
-    shell: Literal["pads", "flex"] = "pads"
+    shell: Literal["pads"] = "pads"
 
     @property
     def palm_to_axis_m(self) -> tuple[float, float]:

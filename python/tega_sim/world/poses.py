@@ -9,7 +9,7 @@ import numpy as np
 from tega.hand import HandController
 
 # Levels 1 (open) to 5 (tight): a finger's joints, the thumb's. Open, but no wider than the objects ask for. From level
-# 2 on pads meet the objects, by `python -m tega_figures.pads.design`; levels 3 to 5 were made firmer by hand, as far as
+# 2 on pads meet the objects (`tega_figures.pads.design` of 219d27ec); levels 3 to 5 were made firmer by hand, as far as
 # no joint has more than 0.219, 0.287 and 0.384 torque units, the largest with the poses of before.
 _LEVELS_RAD: Final = (
     ((0.0, 0.500, 0.400, 0.300), (1.35, 0.200, -0.140, 0.400)),

@@ -1,15 +1,20 @@
-"""Build the whole scene as one MuJoCo model, and set how its physics is solved."""
+"""Build the whole scene as one MuJoCo model, and set how its physics is solved.
+
+The lifted object is a rigid core with a shell for each finger. Each shell is the whole outer surface, seen by one
+finger only, on two springs across the horizontal plane: so each finger dents the wall where it is, without denting it
+for the others. The palm and the table meet the core.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+import math
+from typing import TYPE_CHECKING, Any, Final
 
-import msgspec
 import numpy as np
 
-from tega.errors import InvalidValueError, MissingExtraError
+from tega.errors import MissingExtraError
 from tega.hand.mjcf import hand_actuators, hand_body
-from tega_sim.world.flex import flex_body, object_body, object_tendons, wall_rad_s
+from tega.wire import HAND_FINGERS
 from tega_sim.world.follower import arm_actuators, arm_body
 from tega_sim.world.objects import ObjectSpec
 
@@ -20,56 +25,77 @@ if TYPE_CHECKING:
 PALM_ROTATION: Final = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Palm to world: the fingers point along x, the palm faces y, the index finger is on top. float64 (3, 3)."""
 
+# Chosen by run time against error (docs/evidence/sim.md). Friction is this much harder than the normal force: more
+# creeps less. A contact has this time constant, and so hard it is at first touch, of 0.99 at the width: with a hard
+# one sliding pads chatter. A looser tolerance takes longer: the next step starts further off.
+_STEP_S: Final = 3e-3
+_SOLVER: Final = (
+    'integrator="implicitfast" cone="elliptic" impratio="1000.0" noslip_iterations="0" tolerance="1e-11"'
+)
+_CONTACT: Final = 'condim="4" solref="0.01 1" solimp="0.3 0.99 0.002 0.5 2"'
 _TURN_RAD: Final = 1.0
+# Light bodies make soft contacts, as their stiffness scales with mass; so shells are given a fair share of it.
+_SHELL_SHARE: Final = 0.08
+_REACH_M: Final = 0.9
 
 
-class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Settings of the physics solver; defaults chosen by run time against error (docs/evidence/sim.md).
-
-    Attributes:
-        timestep_s: One step; that of the hand's cycle.
-        impratio: How much harder friction is than the normal force; more creeps less.
-        noslip: Sweeps that take the remaining creep away.
-        solref_s: Time constant of a contact, at least two steps.
-        onset: How hard a contact is at first touch, of 0.99 at ``width_m``; with a hard one sliding pads
-            chatter.
-        width_m: Depth at which a contact is as hard as it gets.
-        tolerance: Where the solver stops. A looser one takes longer: the next step starts further off.
-    """
-
-    timestep_s: Annotated[float, msgspec.Meta(ge=1e-4, le=3e-3)] = 3e-3
-    impratio: Annotated[float, msgspec.Meta(ge=1, le=10_000)] = 1000.0
-    noslip: Annotated[int, msgspec.Meta(ge=0, le=20)] = 0
-    solref_s: Annotated[float, msgspec.Meta(ge=2e-3, le=0.1)] = 0.01
-    onset: Annotated[float, msgspec.Meta(ge=0.1, le=0.98)] = 0.3
-    width_m: Annotated[float, msgspec.Meta(ge=1e-4, le=0.01)] = 0.002
-    tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-3)] = 1e-11
-    integrator: Literal["implicitfast", "implicit", "discrete"] = "implicitfast"
+def _shell_mass_kg(spec: ObjectSpec) -> float:
+    """Return the mass of one shell, kg; the core has the rest."""
+    return _SHELL_SHARE * spec.mass_kg
 
 
-def physics_for(spec: ObjectSpec, physics: Physics | None) -> Physics:
-    """Return the requested physics, or the default for an object.
-
-    The default step is halved for a stiff wall on a light object, until the wall's own oscillation turns by
-    at most 1 rad in it: forces of a grip are then within a hundredth or two of those with the finest steps. A
-    flex that is to be moved in a way that MuJoCo cannot move it raises :class:`InvalidValueError`.
-    """
-    if spec.shell != "flex":
-        return physics or _steady(spec)
-    found = physics or Physics(integrator="discrete")
-    if found.integrator != "discrete" or found.noslip:
-        raise InvalidValueError(
-            f"object {spec.name!r} is a flex, which cannot go with integrator {found.integrator!r} and "
-            f"{found.noslip} sweeps of noslip",
-            "integrator = 'discrete' and noslip = 0",
+def object_body(spec: ObjectSpec) -> str:
+    """Return the object's bodies, standing on the table at the origin."""
+    radius, half = spec.diameter_m / 2, spec.height_m / 2
+    mass = _shell_mass_kg(spec)
+    elastic = spec.stiffness_n_m * (1 - spec.plastic_share)
+    damping = 2 * spec.damping_ratio * (spec.stiffness_n_m * mass) ** 0.5
+    reach = _REACH_M * radius
+    colour = " ".join(map(str, spec.rgba))
+    straight = half - radius
+    shells = "".join(
+        f'<body name="{finger}_shell">'
+        + "".join(
+            f'<joint name="{finger}_shell_{axis}" type="slide" axis="{along}" limited="true" range="{-reach} {reach}" '
+            f'stiffness="{elastic} 0 {spec.stiffening_n_m3}" damping="{damping}"/>'
+            for axis, along in (("x", "1 0 0"), ("y", "0 1 0"))
         )
-    return found
+        + f'<geom name="{finger}_shell" class="shell{number}" type="capsule" size="{radius} {straight}" '
+        f'mass="{mass}" friction="{spec.friction} 0.0012 0.0001"/></body>'
+        for number, finger in enumerate(HAND_FINGERS)
+    )
+    return (
+        f'<body name="object" pos="0 0 {half}"><freejoint name="object"/>'
+        f'<geom name="core" class="core" type="capsule" size="{radius} {straight}" mass="0" '
+        f'friction="{spec.friction} 0.0012 0.0001"/>'
+        f'<geom name="object" class="base" type="cylinder" size="{radius} {half}" mass="{spec.mass_kg - 4 * mass}" '
+        f'friction="{spec.friction} 0.005 0.0001" rgba="{colour}"/>'
+        f"{shells}</body>"
+    )
 
 
-def _steady(spec: ObjectSpec) -> Physics:
-    found = Physics()
-    while wall_rad_s(spec) * found.timestep_s > _TURN_RAD:
-        found = msgspec.structs.replace(found, timestep_s=found.timestep_s / 2)
+def object_tendons(spec: ObjectSpec) -> str:
+    """Return the plastic springs beside the elastic ones; nothing where no share is plastic."""
+    if spec.plastic_share == 0:
+        return ""
+    plastic = spec.stiffness_n_m * spec.plastic_share
+    return "".join(
+        f'<fixed name="{finger}_set_{axis}" stiffness="{plastic}" springyield="{spec.yield_m}">'
+        f'<joint joint="{finger}_shell_{axis}" coef="1"/></fixed>'
+        for finger in HAND_FINGERS
+        for axis in "xy"
+    )
+
+
+def step_s(spec: ObjectSpec) -> float:
+    """Return the step of the physics for an object, seconds.
+
+    The hand's cycle, halved for a stiff wall on a light object until the wall's own oscillation turns by at most 1 rad
+    in it: forces of a grip are then within a hundredth or two of those with the finest steps.
+    """
+    found, wall_rad_s = _STEP_S, math.sqrt(spec.stiffness_n_m / _shell_mass_kg(spec))
+    while wall_rad_s * found > _TURN_RAD:
+        found /= 2
     return found
 
 
@@ -94,49 +120,35 @@ def grasp_palm_m(spec: ObjectSpec) -> NDArray[np.float64]:
     return np.array([0.0, 0.0, spec.grasp_height_m]) - away
 
 
-def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
+def build(mujoco: Any, spec: ObjectSpec, timestep_s: float) -> Any:
     """Return the model: table, arm, hand, object."""
-    thing, tendons = object_parts(spec, physics)
     return mujoco.MjModel.from_xml_string(
-        f'<mujoco model="tega">{preamble(physics)}<worldbody>'
+        f'<mujoco model="tega">{preamble(timestep_s)}<worldbody>'
         '<geom name="table" class="table" type="plane" size="0.4 0.4 0.02"/>'
-        f"{arm_body(hand_body())}{thing}"
-        f"</worldbody><tendon>{tendons}</tendon>"
+        f"{arm_body(hand_body())}{object_body(spec)}"
+        f"</worldbody><tendon>{object_tendons(spec)}</tendon>"
         f"<actuator>{arm_actuators()}{hand_actuators()}</actuator></mujoco>"
     )
 
 
-def object_parts(spec: ObjectSpec, physics: Physics) -> tuple[str, str]:
-    """Return the object's bodies and its tendons."""
-    if spec.shell == "flex":
-        return flex_body(spec, _contact(physics)), ""
-    return object_body(spec), object_tendons(spec)
-
-
-def preamble(physics: Physics) -> str:
+def preamble(timestep_s: float) -> str:
     """Return the solver settings and the classes of shapes: contact pairs, and contact stiffness."""
-    contact = _contact(physics)
     hand, unseen = 'rgba="0.27 0.2 0.5 1"', 'rgba="0 0 0 0"'
-    classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {hand}' for n in range(4)}
+    classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {_CONTACT} {hand}' for n in range(4)}
     classes |= {
-        f"shell{n}": f'contype="0" conaffinity="{1 << n}" priority="1" {contact} {unseen}' for n in range(4)
+        f"shell{n}": f'contype="0" conaffinity="{1 << n}" priority="1" {_CONTACT} {unseen}' for n in range(4)
     }
     classes |= {
         "still": f'contype="0" conaffinity="0" {hand}',
-        "palm": f'contype="16" conaffinity="0" {contact} {hand}',
-        "core": f'contype="0" conaffinity="16" priority="1" {contact} {unseen}',
-        "base": f'contype="0" conaffinity="32" priority="1" {contact}',
-        "table": f'contype="32" conaffinity="0" {contact} rgba="0.88 0.84 0.78 1"',
+        "palm": f'contype="16" conaffinity="0" {_CONTACT} {hand}',
+        "core": f'contype="0" conaffinity="16" priority="1" {_CONTACT} {unseen}',
+        "base": f'contype="0" conaffinity="32" priority="1" {_CONTACT}',
+        "table": f'contype="32" conaffinity="0" {_CONTACT} rgba="0.88 0.84 0.78 1"',
     }
     defaults = "".join(f'<default class="{name}"><geom {text}/></default>' for name, text in classes.items())
     # The sparse solver is half as dear here as the dense one, which the size of the model would choose.
     return (
         '<compiler angle="radian"/>'
-        f'<option timestep="{physics.timestep_s}" jacobian="sparse" integrator="{physics.integrator}" '
-        f'cone="elliptic" impratio="{physics.impratio}" noslip_iterations="{physics.noslip}" '
-        f'tolerance="{physics.tolerance}"><flag autoreset="disable"/></option><default>{defaults}</default>'
+        f'<option timestep="{timestep_s}" jacobian="sparse" {_SOLVER}><flag autoreset="disable"/></option>'
+        f"<default>{defaults}</default>"
     )
-
-
-def _contact(physics: Physics) -> str:
-    return f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'

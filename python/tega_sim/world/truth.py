@@ -24,30 +24,21 @@ from tega_sim.world.objects import ObjectSpec
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_FLEX = -1
-"""Shape number of a flex in a contact of MuJoCo."""
-
 
 class PadContacts:
     """Reads a model's contacts: forces on pads, links and palm, and shapes before the pads."""
 
-    def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: LiftedBody) -> None:
+    def __init__(self, mujoco: Any, model: Any, data: Any) -> None:
         self._mujoco, self._model, self._data = mujoco, model, data
         self._pads = {model.geom(f"{finger}_pad").id: i for i, finger in enumerate(FINGERS)}
         # Places and rotations are views of MuJoCo's own memory: they follow the state.
         sites = [model.site(f"{finger}_pad").id for finger in FINGERS]
         self._pad_places = [(data.site_xpos[site], data.site_xmat[site]) for site in sites]
         self._table = model.geom("table").id
-        self._body = body
-        radius = spec.diameter_m / 2
-        if spec.shell == "flex":
-            self._object, sizes = {_FLEX}, {_FLEX: [radius, spec.height_m / 2 - radius]}
-            self._placed = {}
-        else:
-            shells = [model.geom(f"{finger}_shell").id for finger in HAND_FINGERS]
-            self._object = {*shells, model.geom("core").id, model.geom("object").id}
-            sizes = {shape: model.geom_size[shape].tolist() for shape in self._object}
-            self._placed = {shape: (data.geom_xpos[shape], data.geom_xmat[shape]) for shape in self._object}
+        shells = [model.geom(f"{finger}_shell").id for finger in HAND_FINGERS]
+        self._object = {*shells, model.geom("core").id, model.geom("object").id}
+        sizes = {shape: model.geom_size[shape].tolist() for shape in self._object}
+        self._placed = {shape: (data.geom_xpos[shape], data.geom_xmat[shape]) for shape in self._object}
         self._size_mm = {shape: (1e3 * size[0], 1e3 * size[1], 0.0) for shape, size in sizes.items()}
         self._force = np.zeros(6)
         self._read_s, self._last = math.nan, ([0.0, 0.0, 0.0, 0.0], 0.0, 0.0)
@@ -119,32 +110,15 @@ class PadContacts:
         force_n = sums[0]
         near = (sums[1] / force_n, sums[2] / force_n, sums[3] / force_n)
         normal = (sums[4], sums[5], sums[6])
-        placed = self._flexed(near, normal) if shape == _FLEX else self._placed[shape]
         pose = _native.gel_pad_pose(
             self._pad_places[pad],
             near,
             normal,
-            placed,
+            self._placed[shape],
             radius_m=PAD_RADIUS_M,
             half_length_m=PAD_HALF_LENGTH_M,
         )
         return Indenter("capsule", self._size_mm[shape], pose, force_n)
-
-    def _flexed(
-        self, near_m: tuple[float, float, float], normal: tuple[float, float, float]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where a capsule as wide as the untouched object lies that touches at a place as the flex does.
-
-        A flex has no primitive. The capsule lies along the wall, as upright as the object; that the wall is flatter
-        where it is squeezed is not in it.
-        """
-        out = np.array(normal)
-        out /= math.sqrt(out @ out)
-        axis = np.array(self._body.upright())
-        along = axis - (axis @ out) * out
-        along /= math.sqrt(along @ along)
-        where = near_m + 1e-3 * self._size_mm[_FLEX][0] * out
-        return where, np.stack([out, np.cross(along, out), along], axis=1).ravel()
 
 
 _LIFTED_M: Final = 1e-3

@@ -10,11 +10,11 @@ import numpy as np
 from tega import _native
 from tega.errors import InvalidValueError, ShapeError
 from tega.hand.mjcf import TORQUE_LIMITS_NM, joint_names
-from tega_sim.world.body import Shape, body_of
+from tega_sim.world.body import LiftedBody, Shape
 from tega_sim.world.follower import ArmFollower
 from tega_sim.world.objects import OBJECTS, ObjectSpec
 from tega_sim.world.poses import GRASP_POSES_RAD
-from tega_sim.world.scene import PALM_ROTATION, Physics, build, grasp_palm_m, import_mujoco, physics_for
+from tega_sim.world.scene import PALM_ROTATION, build, grasp_palm_m, import_mujoco, step_s
 from tega_sim.world.truth import PadContacts, Witness
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class World:
         spec: ObjectSpec | str,
         *,
         seed: int = 0,
-        physics: Physics | None = None,
+        timestep_s: float | None = None,
         start_m: tuple[float, float] = (0.0, 0.15),
     ) -> None:
         """Build the scene and let the object come to rest."""
@@ -57,9 +57,9 @@ class World:
             if spec not in OBJECTS:
                 raise InvalidValueError(f"there is no object {spec!r}", f"one of {', '.join(OBJECTS)}")
             spec = OBJECTS[spec]
-        self.spec, self.physics = spec, physics_for(spec, physics)
+        self.spec, self._step_s = spec, timestep_s or step_s(spec)
         self.mujoco = mujoco = import_mujoco()
-        self.model = model = build(mujoco, spec, self.physics)
+        self.model = model = build(mujoco, spec, self._step_s)
         self.data = data = mujoco.MjData(model)
         self._grasp = grasp_palm_m(spec)
         # Views of MuJoCo's own memory: they follow the state. The hand's joints lie in it one after the other.
@@ -72,7 +72,7 @@ class World:
         self._arm = ArmFollower(mujoco, model, self._place(*start_m), PALM_ROTATION)
         data.qpos[:7] = data.act[:7] = self._arm.angles_rad
         self._angles[:] = GRASP_POSES_RAD[0]
-        self._body = body_of(mujoco, model, data, spec)
+        self._body = LiftedBody(model, data, spec)
         self._body.move(*np.random.default_rng(seed).normal(0, _PLACING_M, 2))
         warnings = mujoco.mjtWarning
         self._runaway = [
@@ -81,10 +81,10 @@ class World:
             int(warnings.mjWARN_BADQACC),
         ]
         self._steps = 0
-        self._attend_every = max(1, round(_ATTEND_S / self.physics.timestep_s))
+        self._attend_every = max(1, round(_ATTEND_S / self._step_s))
         self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
-        self._touch = PadContacts(mujoco, model, data, spec, self._body)
+        self._touch = PadContacts(mujoco, model, data)
         self._witness: Witness | None = None
         self._hold_still(_SETTLE_S)
         self._witness = Witness(model, data, spec, self._touch, self._body)
@@ -95,7 +95,7 @@ class World:
     @property
     def t_s(self) -> float:
         """Simulated time, seconds."""
-        return self._steps * self.physics.timestep_s
+        return self._steps * self._step_s
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
@@ -188,7 +188,7 @@ class World:
     def advance_to(self, t_s: float) -> None:
         """Go on to the first step at or after a time."""
         # A step that ends a rounding error short of the time has reached it.
-        steps = math.ceil(t_s / self.physics.timestep_s - 1e-6)
+        steps = math.ceil(t_s / self._step_s - 1e-6)
         if steps > self._steps:
             self.step(steps - self._steps)
 
@@ -200,11 +200,6 @@ class World:
     def pads(self) -> list[list[Indenter]]:
         """Return the shapes that press each fingertip, thumb first; an empty list where nothing does."""
         return self._touch.indenters()
-
-    def hand_forces_n(self) -> tuple[NDArray[np.float64], float]:
-        """Return normal forces on the pads, float64 (4,) thumb first, and on links and palm together, newtons."""
-        pads, rest, _ = self._touch.read()
-        return np.array(pads), rest
 
     @property
     def hand_height_m(self) -> float:
@@ -229,14 +224,12 @@ class World:
                 tuple(model.geom_rgba[i].tolist()),
             )
             for i in self._drawn
-        ] + self._body.shapes()
+        ]
 
     def poses(self) -> NDArray[np.float64]:
         """Return where the primitives are: float64 (n, 7), position in metres and quaternion w, x, y, z."""
-        more = self._body.poses()
-        poses = np.empty((len(self._drawn) + len(more), 7))
-        poses[: len(self._drawn), :3] = self.data.geom_xpos[self._drawn]
-        poses[len(self._drawn) :] = more
+        poses = np.empty((len(self._drawn), 7))
+        poses[:, :3] = self.data.geom_xpos[self._drawn]
         for row, i in enumerate(self._drawn):
             self.mujoco.mju_mat2Quat(poses[row, 3:], self.data.geom_xmat[i])
         return poses
@@ -260,12 +253,12 @@ class World:
         warnings = self.data.warning.number.tolist()
         if any(warnings[kind] for kind in self._runaway):
             raise InvalidValueError(
-                f"the motion ran away before {self.t_s:.3f} s with steps of {1e3 * self.physics.timestep_s:g} ms and a "
+                f"the motion ran away before {self.t_s:.3f} s with steps of {1e3 * self._step_s:g} ms and a "
                 f"wall of {self.spec.stiffness_n_m:g} N/m",
-                "use shorter steps, or integrator = 'discrete'",
+                "use shorter steps",
             )
         # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
-        tick_s = self._attend_every * self.physics.timestep_s
+        tick_s = self._attend_every * self._step_s
         self._arm.tick(tick_s)
         self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
         self.mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
@@ -275,7 +268,7 @@ class World:
 
     def _hold_still(self, seconds: float) -> None:
         """Let the object settle with the hand held by its joints."""
-        for _ in range(round(seconds / self.physics.timestep_s)):
+        for _ in range(round(seconds / self._step_s)):
             error = GRASP_POSES_RAD[0] - self.angles_rad
             self.set_torques(1.5 * error - 0.08 * self.velocities_rad_s)
             self.step(1)

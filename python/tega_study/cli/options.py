@@ -10,6 +10,7 @@ from typing import Any, Final, TypeVar
 import click
 
 from tega.ui.cli.options import NameList
+from tega_sim.cli.options import objects_option
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -56,9 +57,7 @@ def design_options(*, seed: str, conditions: str = "") -> Callable[[_Function], 
         for option in (
             trials_option(10),
             shown_option("--conditions", type=NameList(), default=both, help=what),
-            shown_option(
-                "--objects", type=NameList(), default="bottle,container,bag", help="Objects that are lifted."
-            ),
+            objects_option,
             shown_option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, help=seed),
         ):
             function = option(function)

@@ -174,7 +174,6 @@ def _bench(
     preset: Literal["paper", "live"],
     config: Path | None,
 ) -> Iterator[TrialBench]:
-    """Create the bench for the trials."""
     import json
     import tempfile
 

@@ -116,7 +116,6 @@ def _run(
 def _events(
     events: Sequence[JournalEvent], trial: RecordedTrial, muscles: Muscles, gaps: Sequence[Gap]
 ) -> list[str]:
-    """Return the rows of a trial's events, in the order of their times."""
     begin_ns = trial.start_ns - trial.zero_ns + muscles.begin_ns
     whole = (trial.start_ns - begin_ns) / 1e9, trial.length_ns / 1e9, "trial", ""
     rows: list[tuple[float, float, str, str]] = [whole]

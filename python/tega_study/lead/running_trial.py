@@ -191,7 +191,6 @@ class Going:
             self._rows.append((t_s, cci, eda, view.intent.level - 1.0))
 
     def _measure(self, row: HandRow, *, touching: bool | None) -> None:
-        """Measure height and drop, if the arm's height is known now."""
         if self._lift is None or row.height_m is None:
             return
         height_m, dropped_s = self._lift.check(

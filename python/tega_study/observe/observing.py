@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
-from tega_study.lead.tell import SessionBoard, board_path, read_board
+from tega_study.lead.tell import FRESH_S, SessionBoard, board_path, read_board
 from tega_study.observers import PART, RECORDED, WHOLE, observer_path
 from tega_study.plan import PlannedTrial, read_plan
 from tega_study.study_notes import check_stays
@@ -18,9 +18,6 @@ OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 
 LATE_NS = 1_000_000_000
 """So long after a trial's end an event still belongs to it, and so late a rater may come and have seen it all."""
-
-GONE_NS = 3_000_000_000
-"""Age of a board from which the session counts as not led, nanoseconds."""
 
 _RATER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,39}")
 
@@ -81,7 +78,11 @@ class Observing:
             self._size, self._events = size, read_events(self._main)
         starts = [event for event in self._events if event.kind == "trial_start"]
         board = read_board(self._board)
-        led = board is not None and board.phase not in {"over", "stopped"} and t_ns - board.t_ns < GONE_NS
+        led = (
+            board is not None
+            and board.phase not in {"over", "stopped"}
+            and (t_ns - board.t_ns) / 1e9 < FRESH_S
+        )
         following = None if board is None or board.phase == "trial" else self._trials.get(board.trial)
         if not starts:
             return Now(board, led, None, None, (), following)

@@ -87,7 +87,6 @@ class _Account(NamedTuple):
 
 
 def _accounts(folder: Path, plan: StudyPlan) -> Iterator[_Account]:
-    """Return the accounts of every trial that was run."""
     for person in plan.participants:
         raters = read_observers(folder, person) or {"": []}
         if detected := read_detected(folder, person):
@@ -163,7 +162,6 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
 
 
 def _observed(path: Path, known: Sequence[str]) -> dict[str, list[CodedEvent]]:
-    """Return the events of a file by observation."""
     files = sorted(path.glob("*.eaf")) if path.is_dir() else [path] if path.suffix.lower() == ".eaf" else []
     if not files:
         return read_boris(path)
@@ -210,7 +208,6 @@ def write_coded(
 
 
 def _coded_fields(event: CodedEvent, start_ns: int) -> dict[str, Any]:
-    """Return the journal's fields of a coded event."""
     own = event.code in CODES
     return {
         "kind": event.code if own else "behaviour",

@@ -92,7 +92,6 @@ def noted_tick_ns(path: Path) -> int:
 
 
 def _say(**subject: Any) -> None:
-    """Write a line."""
     sys.stdout.write(json.dumps({"at_s": time.monotonic(), **subject}) + "\n")
     sys.stdout.flush()
 

@@ -89,7 +89,6 @@ def main() -> None:
 
 
 def _options() -> argparse.Namespace:
-    """Return the options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rate", type=float, default=500.0)
     parser.add_argument("--stated-rate", type=float, help="what the stream says of itself; 0 is irregular")

@@ -91,7 +91,6 @@ class _Line:
         self._plug()
 
     def _plug(self) -> None:
-        """Make a new port."""
         ours, hosts = os.openpty()
         tty.setraw(hosts)
         os.set_blocking(ours, False)

@@ -1,30 +1,26 @@
 """A hand's path through the whole chain of the arm onto the simulated arm: pick and place, and how well it is followed.
 
-It holds the figures of ``docs/evidence/arm.md``. Everything here is simulated.
+It holds the default chain's figures of ``docs/evidence/arm.md``. Everything here is simulated.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.arm import (
     ArmChain,
     ArmSettings,
-    FilterSettings,
     GateSettings,
     LimitSettings,
     MappingSettings,
     Pose,
     StampedPose,
-    WatchdogSettings,
 )
 from tega.arm.frames import ToBase
 from tega.arm.rotation import IDENTITY, between, exp, from_matrix, inverse, multiply, to_matrix
@@ -35,12 +31,14 @@ _TICK_NS = 9_000_000  # three ticks of the hand's loop: 111 Hz
 _START_NS = 1_000_000_000
 _NOISE_M, _NOISE_RAD = 1e-3, 2e-3
 _TREMOR_M, _TREMOR_HZ = 3e-4, 9.0
-_JUMP_M = 0.73
-_REST_S = 0.3
 _MOST_LAG_S = 0.9
 
 # The workspace around the bench's grasp poses, world frame; the bench's fingers point along x, as the cone has it.
-_BOX = LimitSettings(low_m=(-0.45, -0.55, 0.05), high_m=(0.20, 0.15, 0.60))
+_SETTINGS = ArmSettings(
+    gate=GateSettings(age_ms=100.0),
+    mapping=MappingSettings(frame="base"),
+    limits=LimitSettings(low_m=(-0.45, -0.55, 0.05), high_m=(0.20, 0.15, 0.60)),
+)
 
 _OBJECT = "container"
 _GRIP_LEVEL = 4
@@ -53,29 +51,16 @@ _LIFT = np.array([0.0, 0.0, 0.2])
 _NEAR_M, _UPRIGHT = 0.03, math.cos(math.radians(10))
 
 
-class ChainCase(NamedTuple):
-    """A way to run the chain.
-
-    ``settings`` of ``None`` lead the arm by the tracked poses as they come; the poses arrive ``delay_ms``
-    late; with ``fails`` the tracker fails as in :func:`failing`.
-    """
-
-    name: str
-    settings: ArmSettings | None
-    delay_ms: int = 0
-    fails: bool = False
-
-
 class HandPath(NamedTuple):
     """Where a forearm goes, and what the hand does on the way.
 
     ``at`` is where it is, of seconds since the beginning: displacement and turn from there. ``closed_s`` is
-    from when to when the hand is asked to grip; ``None`` where nothing is to be picked.
+    from when to when the hand is asked to grip.
     """
 
     at: Callable[[float], Pose]
     duration_s: float
-    closed_s: tuple[float, float] | None = None
+    closed_s: tuple[float, float]
 
 
 class Placed(NamedTuple):
@@ -94,54 +79,16 @@ class Followed(NamedTuple):
     """How a path was followed by the palm.
 
     Attributes:
-        error_mm: Distance from where the hand was at the same time, root mean square.
-        worst_mm: The distance that 95 of 100 do not exceed.
-        lag_ms: The shift in time that makes the distance smallest.
-        shape_mm: Distance that is left then, root mean square.
+        shape_mm: Distance from where the hand was, at the shift in time that makes it smallest, root mean square.
         turn_mrad: Angle from how the hand was turned, at the same shift, root mean square.
-        jitter_mm: Deviation of the palm while the hand rests, root mean square.
         following: Share of the time in which the chain followed.
-        placed: What became of the object; ``None`` where nothing was to be picked.
-        course: Time and place of the palm, displacement from where it began, float64 (n, 4).
+        placed: What became of the object.
     """
 
-    error_mm: float
-    worst_mm: float
-    lag_ms: float
     shape_mm: float
     turn_mrad: float
-    jitter_mm: float
     following: float
-    placed: Placed | None
-    course: NDArray[np.float64]
-
-
-def _chain(*, ahead: bool = True, smooth: bool = True, believed_ms: float = 100.0) -> ArmSettings:
-    limits = _BOX
-    if not ahead:
-        limits = msgspec.structs.replace(limits, ahead_m=10.0, ahead_rad=3.0)
-    watchdog = WatchdogSettings()
-    if believed_ms > watchdog.hold_ms:
-        watchdog = WatchdogSettings(
-            hold_ms=believed_ms, lost_ms=believed_ms + 150, silent_ms=believed_ms + 200
-        )
-    return ArmSettings(
-        gate=GateSettings(age_ms=believed_ms),
-        mapping=MappingSettings(frame="base"),
-        limits=limits,
-        filter=FilterSettings(on=smooth),
-        watchdog=watchdog,
-    )
-
-
-CASES: tuple[ChainCase, ...] = (
-    ChainCase("default, not late", _chain()),
-    ChainCase("without filter", _chain(smooth=False)),
-    ChainCase("a tracker that fails each second", _chain(), fails=True),
-    ChainCase("50 ms late", _chain(), 50),
-    ChainCase("200 ms late", _chain(), 200),
-)
-"""Those rows of the table that tests hold."""
+    placed: Placed
 
 
 def hand_path() -> HandPath:
@@ -183,55 +130,33 @@ def tracked(path: Callable[[float], Pose], duration_s: float, *, seed: int) -> l
     return list(source.read(round(duration_s * 1e9)))
 
 
-def failing(poses: Sequence[StampedPose]) -> list[StampedPose]:
-    """Return poses of which each second 80 ms are lost and the first one after that is 0.73 m aside.
-
-    So far a hand was seen to jump within one frame when a headset found it again, while its tracker called it good.
-    """
-    found, was_lost = [], False
-    for pose in poses:
-        is_lost = 500_000_000 < (pose.t_ns - poses[0].t_ns) % 1_000_000_000 <= 580_000_000
-        jumped = np.asarray(pose.position_m) + np.array([0.0, _JUMP_M, 0.0])
-        found.append(
-            pose._replace(valid=False) if is_lost else pose._replace(position_m=jumped) if was_lost else pose
-        )
-        was_lost = is_lost
-    return found
-
-
-def follow_path(case: ChainCase, poses: Sequence[StampedPose], path: HandPath) -> Followed:
-    """Lead the simulated arm along a path.
+def follow_path(poses: Sequence[StampedPose], path: HandPath) -> Followed:
+    """Lead the simulated arm along a path by the default chain.
 
     ``poses`` are what the tracker saw, in the bench's axes; ``path`` is where the hand was from then on.
     """
     from tega_sim.world import FULL_DUTY_NM, World, hand_controller
 
     world, controller = World(_OBJECT, seed=0, start_m=(0.0, _BACK_M)), hand_controller()
-    source = RecordedPoses(failing(poses) if case.fails else poses, delay_ns=case.delay_ms * 1_000_000)
-    chain = None if case.settings is None else ArmChain(case.settings)
+    source, chain = RecordedPoses(poses), ArmChain(_SETTINGS)
     start_m, start_turn = world.palm_pose
-    start = Pose(start_m, from_matrix(start_turn))
     stood_m, _ = world.object_pose
     palms, times, n_following, lifted_m = [], [], 0, 0.0
     for number in range(round(path.duration_s * 1e9 / _TICK_NS)):
         after_ns = number * _TICK_NS
-        new = source.read(_START_NS + after_ns)
-        if chain is not None:
-            palm_m, turn = world.palm_pose
-            command = chain.step(
-                _START_NS + after_ns,
-                new,
-                clutch=number > 1,
-                dead_man=True,
-                measured=StampedPose(_START_NS + after_ns, palm_m, from_matrix(turn)),
-            )
-            n_following += command.state == "following"
-            if command.target is not None:
-                world.set_palm(command.target.position_m, to_matrix(command.target.quaternion_xyzw))
-        elif new:
-            q = multiply(np.asarray(new[-1].quaternion_xyzw), start.quaternion_xyzw)
-            world.set_palm(start_m + np.asarray(new[-1].position_m), to_matrix(q))
-        level = _level(path, after_ns / 1e9)
+        palm_m, turn = world.palm_pose
+        command = chain.step(
+            _START_NS + after_ns,
+            source.read(_START_NS + after_ns),
+            clutch=number > 1,
+            dead_man=True,
+            measured=StampedPose(_START_NS + after_ns, palm_m, from_matrix(turn)),
+        )
+        n_following += command.state == "following"
+        if command.target is not None:
+            world.set_palm(command.target.position_m, to_matrix(command.target.quaternion_xyzw))
+        # What a person's muscles would ask for, here by the time alone.
+        level = _GRIP_LEVEL if path.closed_s[0] <= after_ns / 1e9 < path.closed_s[1] else 1
         for hand_tick in range(3):
             world.set_torques(FULL_DUTY_NM * controller.step(world.angles_rad, level))
             world.advance_to((after_ns + (hand_tick + 1) * _TICK_NS / 3) / 1e9)
@@ -239,64 +164,29 @@ def follow_path(case: ChainCase, poses: Sequence[StampedPose], path: HandPath) -
         palms.append(Pose(palm_m, from_matrix(turn)))
         times.append((after_ns + _TICK_NS) / 1e9)
         lifted_m = max(lifted_m, float(world.object_pose[0][2] - stood_m[2]))
-    placed = None
-    if path.closed_s is not None:
-        pick, put = map(path.at, path.closed_s)
-        turned = to_matrix(multiply(put.quaternion_xyzw, inverse(pick.quaternion_xyzw)))
-        mark = start_m + put.position_m + turned @ (stood_m - start_m - pick.position_m)
-        now_m, axis = world.object_pose
-        off_m = math.hypot(*(now_m - mark)[:2].tolist())
-        stands = abs(now_m[2] - stood_m[2]) < _NEAR_M and axis[2] > _UPRIGHT
-        placed = Placed(lifted_m, 1e3 * off_m, bool(stands and lifted_m > 0.1 and off_m < _NEAR_M))
-    return _judge(np.array(times), palms, path.at, start, following=n_following / len(times), placed=placed)
-
-
-def _level(path: HandPath, t_s: float) -> int:
-    """Return the hand's level: what a person's muscles would ask for, here by the time alone."""
-    return _GRIP_LEVEL if path.closed_s is not None and path.closed_s[0] <= t_s < path.closed_s[1] else 1
-
-
-def _judge(
-    times: NDArray[np.float64],
-    palms: Sequence[Pose],
-    path: Callable[[float], Pose],
-    start: Pose,
-    *,
-    following: float,
-    placed: Placed | None,
-) -> Followed:
+    pick, put = map(path.at, path.closed_s)
+    turned = to_matrix(multiply(put.quaternion_xyzw, inverse(pick.quaternion_xyzw)))
+    mark = start_m + put.position_m + turned @ (stood_m - start_m - pick.position_m)
+    now_m, axis = world.object_pose
+    off_m = math.hypot(*(now_m - mark)[:2].tolist())
+    stands = abs(now_m[2] - stood_m[2]) < _NEAR_M and axis[2] > _UPRIGHT
+    placed = Placed(lifted_m, 1e3 * off_m, bool(stands and lifted_m > 0.1 and off_m < _NEAR_M))
     places = np.array([palm.position_m for palm in palms])
-    wanted = {
-        ms: np.array([start.position_m + path(t - ms / 1e3).position_m for t in times])
+    away = {
+        ms: np.linalg.norm(
+            places - np.array([start_m + path.at(t - ms / 1e3).position_m for t in times]), axis=1
+        )
         for ms in range(0, round(1e3 * _MOST_LAG_S), 5)
     }
-    away = {ms: np.linalg.norm(places - at, axis=1) for ms, at in wanted.items()}
     lag_ms = min(away, key=lambda ms: _rms(away[ms]))
+    start_q = from_matrix(start_turn)
     turns = [
         np.linalg.norm(
-            between(
-                multiply(path(t - lag_ms / 1e3).quaternion_xyzw, start.quaternion_xyzw), palm.quaternion_xyzw
-            )
+            between(multiply(path.at(t - lag_ms / 1e3).quaternion_xyzw, start_q), palm.quaternion_xyzw)
         )
         for t, palm in zip(times, palms, strict=True)
     ]
-    # At rest: the hand has not moved for a while, long enough for the arm to be there.
-    still = [np.linalg.norm(b - a) < 1e-9 for a, b in pairwise(wanted[0])] + [False]
-    settled = round(1e9 * _REST_S / _TICK_NS)
-    rests = [i for i in range(settled, len(still)) if all(still[i - settled : i + 1])]
-    runs = np.split(np.array(rests), 1 + np.flatnonzero(np.diff(rests) > 1)) if rests else []
-    jitter = [places[run] - places[run].mean(axis=0) for run in runs if len(run) > 5]
-    return Followed(
-        1e3 * _rms(away[0]),
-        1e3 * float(np.percentile(away[0], 95)),
-        float(lag_ms),
-        1e3 * _rms(away[lag_ms]),
-        1e3 * _rms(np.array(turns)),
-        1e3 * _rms(np.linalg.norm(np.concatenate(jitter), axis=1)) if jitter else float("nan"),
-        following,
-        placed,
-        np.column_stack([times, places - start.position_m]),
-    )
+    return Followed(1e3 * _rms(away[lag_ms]), 1e3 * _rms(np.array(turns)), n_following / len(times), placed)
 
 
 def _rms(values: NDArray[np.float64]) -> float:

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tega import _native
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import read_image
 from tega.tactile import read_contact
 from tega_figures.audit import Mark, read_marks
-from tega_figures.closeness import difference
-from tega_sim.gel import LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
+from tega_figures.closeness import aimed_ball, difference
+from tega_sim.gel import Gel, ball
 from tega_sim.seams import Indenter
 
 # Depth in millimetres and force in newtons of a published test: a 15 mm ball on a GelSight Mini's 4 mm gel (feats).
@@ -59,9 +60,9 @@ def ball_press(radius_mm: float, contact_mm: float) -> tuple[float, float]:
     a²/2R + (a l/R) K₀(a/l)/K₁(a/l). The springs carry F = k π [a² (d + 2 l²/R) - a⁴/4R].
     """
     special = require("scipy.special", driver="touch check", extra="lab")
-    a, r, length = contact_mm, radius_mm, LENGTH_MM
+    a, r, length = contact_mm, radius_mm, _native.GEL_LENGTH_MM
     depth = a * a / (2 * r) + a * length / r * special.k0e(a / length) / special.k1e(a / length)
-    force = STIFFNESS_N_MM3 * np.pi * (a * a * (depth + 2 * length**2 / r) - a**4 / (4 * r))
+    force = _native.GEL_STIFFNESS_N_MM3 * np.pi * (a * a * (depth + 2 * length**2 / r) - a**4 / (4 * r))
     return float(depth), float(force)
 
 
@@ -108,7 +109,7 @@ def like_presses(presses: RecordedPresses, gel: Gel) -> Iterator[tuple[float, fl
         untouched, low, high = gel.frame([], index + 1_000), 0.1, 30.0
         for _ in range(9):
             force_n = float(np.sqrt(low * high))
-            made = gel.frame([ball(force_n=force_n, centre_xy=mark.centre_xy, on=gel)], index)
+            made = gel.frame([aimed_ball(gel, force_n=force_n, centre_xy=mark.centre_xy)], index)
             deeper = np.linalg.norm(difference(made, untouched), axis=2).mean() < wanted
             low, high = (force_n, high) if deeper else (low, force_n)
         inside = int((mark.distance(frame.shape) <= 1).sum())

@@ -17,8 +17,9 @@ from tega.tactile import read_contact
 from tega_figures.audit import Mark
 from tega_figures.audit.truth import FAR_RADII
 from tega_sim.gel import Gel, ball
+from tega_sim.seams import Indenter
 
-__all__ = ["TOLERANCES", "Match", "difference", "match_press", "statistics"]
+__all__ = ["TOLERANCES", "Match", "aimed_ball", "difference", "match_press", "statistics"]
 
 Image = NDArray[np.uint8]
 
@@ -52,22 +53,12 @@ _LEAST = 1e-3
 class Match(NamedTuple):
     """A recorded press and the simulated one that is most like it."""
 
-    force_n: float
-    """Of the simulated press."""
-    centre_xy: tuple[float, float]
-    """Of the simulated press, pixels."""
     correlation: float
     """Of the two difference pictures, within two marked radii."""
-    rms: float
-    """Of their difference over the picture, counts."""
-    recorded: dict[str, float]
-    simulated: dict[str, float]
     off: dict[str, float]
     """By how many tolerances each statistic differs."""
     score: float
     """Median of ``off``."""
-    true_area_px: int
-    """Touching area of the simulated press."""
 
 
 def difference(frame: Image, still: Image) -> NDArray[np.float32]:
@@ -125,14 +116,14 @@ def match_press(frame: Image, still: Image, mark: Mark, gel: Gel, *, index: int)
 
     def distance(trial: NDArray[np.float64]) -> float:
         x, y, root = trial
-        made = gel.frame([ball(force_n=min(root * root, 50.0), centre_xy=(x, y), on=gel)], index)
+        made = gel.frame([aimed_ball(gel, force_n=min(root * root, 50.0), centre_xy=(x, y))], index)
         return float(((difference(made, untouched) - wanted)[near] ** 2).mean())
 
     start = np.array([*mark.centre_xy, 2.0])
     simplex = start + np.array([[0, 0, 0], [6, 0, 0], [0, 6, 0], [0, 0, 0.5]])
     options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.05, "maxfev": 120}
     x, y, root = minimize(distance, start, method="Nelder-Mead", options=options).x
-    made = gel.frame([ball(force_n=root * root, centre_xy=(x, y), on=gel)], index)
+    made = gel.frame([aimed_ball(gel, force_n=root * root, centre_xy=(x, y))], index)
     simulated, recorded = statistics(made, untouched, mark), statistics(frame, still, mark)
     places = [np.array(read_contact(a, b).centroid_xy) for a, b in ((made, untouched), (frame, still))]
     simulated["centroid, px"] = float(np.hypot(*(places[0] - places[1])))
@@ -144,16 +135,39 @@ def match_press(frame: Image, still: Image, mark: Mark, gel: Gel, *, index: int)
     }
     displayed = difference(made, untouched)
     return Match(
-        force_n=float(root * root),
-        centre_xy=(float(x), float(y)),
         correlation=float(np.corrcoef(displayed[near].ravel(), wanted[near].ravel())[0, 1]),
-        rms=float(np.sqrt(((displayed - wanted) ** 2).mean())),
-        recorded=recorded,
-        simulated=simulated,
         off=off,
         score=float(np.median(list(off.values()))),
-        true_area_px=gel.truth.area_px,
     )
+
+
+def aimed_ball(
+    gel: Gel, *, force_n: float, centre_xy: tuple[float, float], radius_mm: float = 4.4
+) -> Indenter:
+    """Return a ball that touches a rounded gel first at a place of the picture, pixels (column, row)."""
+    aimed = ball(force_n=force_n, radius_mm=radius_mm)
+    aimed.pose_mm[:2, 3] = _beside(gel.surface_mm(), centre_xy, radius_mm)
+    return aimed
+
+
+def _beside(
+    surface: NDArray[np.float32], centre_xy: tuple[float, float], radius_mm: float
+) -> tuple[float, float]:
+    """Return where a ball's middle is that touches a surface at a place of the picture, millimetres."""
+    rows, columns = surface.shape[:2]
+    c, r = (
+        int(np.clip((at - 1.5) / 4, 1, size - 3)) for at, size in zip(centre_xy, (columns, rows), strict=True)
+    )
+    share = np.array([(centre_xy[0] - 1.5) / 4 - c, (centre_xy[1] - 1.5) / 4 - r])
+    (x, y), right, down = surface[r, c, :2], surface[r, c + 1, :2], surface[r + 1, c, :2]
+    # Slopes a cell on either side; a cell's x hangs little on its row, and the other way round.
+    slope_x = (surface[r, c + 1, 2] - surface[r, c - 1, 2]) / (surface[r, c + 1, 0] - surface[r, c - 1, 0])
+    slope_y = (surface[r + 1, c, 2] - surface[r - 1, c, 2]) / (surface[r + 1, c, 1] - surface[r - 1, c, 1])
+    normal = np.array([-slope_x, -slope_y, 1.0])
+    normal /= np.linalg.norm(normal)
+    at_x = x + share[0] * (right[0] - x) + share[1] * (down[0] - x)
+    at_y = y + share[0] * (right[1] - y) + share[1] * (down[1] - y)
+    return float(at_x + radius_mm * normal[0]), float(at_y + radius_mm * normal[1])
 
 
 def _offset_free(frame: Image, still: Image) -> NDArray[np.float32]:

@@ -14,8 +14,9 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tega import _native
 from tega.errors import InvalidValueError
-from tega_sim.gel import CAMERA_HZ, PX_PER_MM, Gel, fall
+from tega_sim.gel import CAMERA_HZ, PX_PER_MM, Gel
 from tega_sim.seams import Indenter
 
 Shape = Literal["sphere", "cylinder", "capsule", "box", "plane"]
@@ -159,7 +160,7 @@ def press_sequence(
 
 def _facing(x_mm: float, y_mm: float) -> NDArray[np.float64]:
     """Return axes of a strip that lies flat on the ``digit`` gel at a place."""
-    across, along = fall(x_mm, y_mm)
+    across, along = _native.gel_fall(x_mm, y_mm)
     out = np.array([across, along, 1.0]) / np.sqrt(1 + across**2 + along**2)
     right = np.array([1.0, 0.0, -across]) / np.sqrt(1 + across**2)
     return np.column_stack([right, np.cross(out, right), out])

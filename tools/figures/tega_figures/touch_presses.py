@@ -1,114 +1,45 @@
-"""Scores a touch reading on simulated presses: felt from which force, how steadily, silent when after release.
+"""Scores the touch tracker on simulated presses: felt from which force, how steadily, silent when after release.
 
 Each press is one unit of the simulated gel with leftovers and drift on (:mod:`tega_figures.gel_sequences`). Seeds of
-units come from
-a fixed text, so that nobody chose them. The touch tracker and two plain peers read the same frames.
+units come from a fixed text, so that nobody chose them.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final, NamedTuple, Protocol
+from collections.abc import Iterator
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.runtime.lifecycle import require
+from tega.emg.score import rank_correlation
 from tega.tactile.tracker import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
 from tega_figures.gel_sequences import SHAPES, GelMoment, press_sequence, ramp
-from tega_sim.gel import PX_PER_MM
+from tega_sim.gel import CAMERA_HZ, PX_PER_MM, Gel
 
 __all__ = [
     "CALIBRATION",
-    "PEERS",
-    "FrameReader",
-    "FrameReading",
     "Held",
-    "Image",
     "PressError",
     "PressScore",
     "calibrated_errors",
+    "felt_of_slow_press",
     "hold_press",
-    "jumps",
-    "rank_correlation",
     "score_press",
     "three_press_light",
     "unit_seeds",
+    "untouched_contacts",
 ]
 
-Image = NDArray[np.uint8]
-RATE_HZ: Final = 60.0
 SEED_TEXT: Final = "tega touch-live units"
 # Times of a press, seconds: at rest, up to 1.5 N, up to 5 N, held, released, left alone.
 _ENDS_S: Final = (3.0, 6.0, 8.0, 9.5, 9.6, 12.6)
 _FORCES_N: Final = (0.0, 1.5, 5.0, 5.0, 0.0, 0.0)
 
 
-class FrameReading(NamedTuple):
-    """What a reading takes from one frame."""
-
-    in_contact: bool
-    area_px: float
-    peak: float
-
-
-class FrameReader(Protocol):
-    """Reads frame after frame of one sensor."""
-
-    def __call__(self, frame: Image) -> FrameReading:
-        """Return what the next frame shows."""
-
-
-def _tracker(baseline: Image, rate_hz: float) -> FrameReader:
-    tracker = TouchTracker(baseline, rate_hz=rate_hz)
-
-    def read(frame: Image) -> FrameReading:
-        contact = tracker.update(frame)
-        return FrameReading(contact.in_contact, contact.eda, contact.peak)
-
-    return read
-
-
-def _threshold(baseline: Image, rate_hz: float) -> FrameReader:  # noqa: ARG001
-    """Pixels whose largest difference over the colours exceeds 15 counts; a contact is 1 % of the picture."""
-    still = baseline.astype(np.int16)
-
-    def read(frame: Image) -> FrameReading:
-        difference = np.abs(frame - still).max(axis=2)
-        area = int((difference > 15).sum())
-        return FrameReading(area > 0.01 * difference.size, area, float(np.percentile(difference, 99.5)))
-
-    return read
-
-
-def _subtraction(baseline: Image, rate_hz: float) -> FrameReader:
-    """OpenCV's background subtraction: learns for a second, then keeps it; a contact is 1 % of the picture."""
-    cv2: Any = require("cv2", driver="touch check", extra="lab")
-    model = cv2.createBackgroundSubtractorMOG2(detectShadows=False)
-    model.apply(baseline)
-    left = max(1, round(rate_hz))
-
-    def read(frame: Image) -> FrameReading:
-        nonlocal left
-        left -= 1
-        changed = model.apply(frame, learningRate=0 if left < 0 else -1)
-        area = int((changed > 0).sum()) if left < 0 else 0
-        return FrameReading(area > 0.01 * frame.shape[0] * frame.shape[1], area, float(area))
-
-    return read
-
-
-PEERS: Final[dict[str, Callable[[Image, float], FrameReader]]] = {
-    "live": _tracker,
-    "threshold of 15 counts": _threshold,
-    "OpenCV MOG2": _subtraction,
-}
-"""Readings by name: each takes the baseline and the frame rate in hertz."""
-
-
 class PressScore(NamedTuple):
-    """How one reading follows one press; NaN where there is nothing to compare."""
+    """How the tracker follows one press; NaN where there is nothing to compare."""
 
     felt_n: float
     """Force from which it is felt without a gap, newtons, rising by half a newton a second."""
@@ -135,49 +66,27 @@ def unit_seeds(n: int, text: str = SEED_TEXT) -> list[int]:
     return [int.from_bytes(hashlib.sha256(f"{text} {k}".encode()).digest()[:6], "big") for k in range(n)]
 
 
-def rank_correlation(a: Iterable[float], b: Iterable[float]) -> float:
-    """Return Spearman's rank correlation; NaN of fewer than three values, or where one side does not vary."""
-    x, y = np.array(list(a), np.float64), np.array(list(b), np.float64)
-    if len(x) < 3 or not np.ptp(x) or not np.ptp(y):
-        return float("nan")
-    stats: Any = require("scipy.stats", driver="touch check", extra="lab")
-    return float(stats.spearmanr(x, y).statistic)
+def score_press(name: str, seed: int) -> PressScore:
+    """Press a shape into a unit of a seed and score the tracker.
 
-
-def jumps(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return changes from frame to frame as shares of the later value, or of 1 where that is less."""
-    return np.abs(np.diff(values)) / np.maximum(values[1:], 1.0)
-
-
-def press_of(name: str, seed: int, *, rate_hz: float = RATE_HZ) -> Iterator[GelMoment]:
-    """Yield the press that is scored: at rest, up to 1.5 and 5 N, held, released within 0.1 s, at rest again."""
-    return press_sequence(
-        name,
-        seed=seed,
-        force_n=lambda t_s: float(np.interp(t_s, _ENDS_S, _FORCES_N)),
-        duration_s=_ENDS_S[-1],
-        rate_hz=rate_hz,
-    )
-
-
-def score_press(
-    name: str, seed: int, *, readings: Iterable[str] = ("live",), rate_hz: float = RATE_HZ
-) -> dict[str, PressScore]:
-    """Press a shape into a unit of a seed and score readings on the same frames.
-
-    ``name`` is one of :data:`~tega_figures.gel_sequences.SHAPES`, ``readings`` are names in :data:`PEERS`.
+    At rest, up to 1.5 and 5 N, held, released within 0.1 s, at rest again; ``name`` is one of
+    :data:`~tega_figures.gel_sequences.SHAPES`.
     """
-    moments = list(press_of(name, seed, rate_hz=rate_hz))
-    made = {one: PEERS[one](moments[0].image, rate_hz) for one in readings}
-    return {one: _score(moments, [read(m.image) for m in moments]) for one, read in made.items()}
-
-
-def _score(moments: list[GelMoment], seen: list[FrameReading]) -> PressScore:
+    moments = list(
+        press_sequence(
+            name,
+            seed=seed,
+            force_n=lambda t_s: float(np.interp(t_s, _ENDS_S, _FORCES_N)),
+            duration_s=_ENDS_S[-1],
+        )
+    )
+    tracker = TouchTracker(moments[0].image)
+    seen = [tracker.update(m.image) for m in moments]
     t_s, force, true_area = (
         np.array([getattr(m, of) for m in moments]) for of in ("t_s", "force_n", "area_px")
     )
     on = np.array([s.in_contact for s in seen])
-    area, peak = (np.array([getattr(s, of) for s in seen], np.float64) for of in ("area_px", "peak"))
+    area, peak = (np.array([getattr(s, of) for s in seen], np.float64) for of in ("eda", "peak"))
     rest_s, gentle_s, firm_s, held_s, gone_s, _ = _ENDS_S
     rising = (t_s > rest_s) & (t_s <= firm_s)
     missed = np.flatnonzero(rising & ~on)
@@ -195,11 +104,43 @@ def _score(moments: list[GelMoment], seen: list[FrameReading]) -> PressScore:
         area_rank=rank_correlation(true_area[felt], area[felt]) if wide else nan,
         steady=float(area[held].std() / mean),
         held_jump=float(np.abs(np.diff(area[held])).max() / mean),
-        rising_jump=float(jumps(area[steep]).max()) if steep.sum() > 1 else nan,
+        rising_jump=float((np.abs(np.diff(area[steep])) / np.maximum(area[steep][1:], 1.0)).max())
+        if steep.sum() > 1
+        else nan,
         released_s=float(t_s[off[0]] - gone_s) if len(off) else nan,
         false_before=int(on[t_s <= rest_s].sum()),
         false_after=int(on[t_s >= gone_s + 1.0].sum()),
     )
+
+
+def felt_of_slow_press(name: str, seed: int, rise_s: float, *, rate_hz: float = 30.0) -> float:
+    """Return from which force, newtons, a press to 1.5 N over so many seconds is felt to its end; NaN if not."""
+    force_n = ramp(peak_n=1.5, wait_s=2.0, rise_s=rise_s, hold_s=1.0, fall_s=0.1)
+    tracker, first = None, float("nan")
+    for snapshot in press_sequence(
+        name, seed=seed, force_n=force_n, duration_s=2.0 + rise_s, rate_hz=rate_hz
+    ):
+        tracker = tracker or TouchTracker(snapshot.image, rate_hz=rate_hz)
+        if not tracker.update(snapshot.image).in_contact:
+            first = float("nan")
+        elif np.isnan(first):
+            first = snapshot.force_n
+    return first
+
+
+def untouched_contacts(seed: int, minutes: float, *, rate_hz: float = CAMERA_HZ) -> Iterator[int]:
+    """Yield how many frames of an untouched unit are reported as contact, for one minute after the other.
+
+    Leftovers, creep and drift are on. ``rate_hz`` is a whole part of the camera's 60.
+    """
+    gel = Gel(seed, memory=True)
+    tracker = TouchTracker(gel.frame([], 0), rate_hz=rate_hz)
+    step, begin = round(CAMERA_HZ / rate_hz), 0
+    while begin < minutes * 60 * CAMERA_HZ:
+        end = min(begin + round(60 * CAMERA_HZ), round(minutes * 60 * CAMERA_HZ))
+        numbers = range(begin + step, end + step, step)
+        yield sum(tracker.update(gel.frame([], number)).in_contact for number in numbers)
+        begin = end
 
 
 CALIBRATION: Final = (("ball 4 mm", 1.5), ("ball 4 mm", 4.0), ("face", 4.0))

@@ -112,7 +112,6 @@ def _audited(
     emg: EmgColumns | None,
     progress: Callable[[str, int, int], None],
 ) -> Audited:
-    """Compare readings on one recording."""
     audit = _Audit(path, requested)
     read_material(path, audit, preset=requested.preset, baseline=baseline, emg=emg, progress=progress)
     return audit.finished()

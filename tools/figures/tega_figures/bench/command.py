@@ -7,7 +7,8 @@ from typing import Literal
 
 import click
 
-from tega.ui.cli.options import NameList, PngPath, json_option
+from tega.ui.cli.options import PngPath, json_option
+from tega_sim.cli.options import objects_option, preset_option
 
 __all__ = ["bench"]
 
@@ -66,13 +67,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
 
 
 @bench.command(epilog="Example: tega-teleop bench sim --repeats 3 --json")
-@click.option(
-    "--objects",
-    type=NameList(),
-    default="bottle,container,bag",
-    show_default=True,
-    help="Objects that are lifted.",
-)
+@objects_option
 @click.option(
     "--repeats",
     type=click.IntRange(1, 1000),
@@ -80,13 +75,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
     show_default=True,
     help="How often each lift is repeated.",
 )
-@click.option(
-    "--preset",
-    type=click.Choice(["paper", "live"]),
-    default="live",
-    show_default=True,
-    help="Readings of the equations: paper (as printed) or live (meant for people).",
-)
+@preset_option
 @json_option
 def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], as_json: bool) -> None:
     """Measure where the time of simulated lifts goes, and what each skip saves.

@@ -255,7 +255,6 @@ def filter_rows(*, budget_s: float) -> list[FilterRow]:
 
 
 def _filter_errors() -> dict[str, float]:
-    """Return each filter's error on a short signal, taken in blocks."""
     samples = signal(ERROR_ROWS)
     truth = true_response(samples)
     blocks = np.split(samples, ERROR_ROWS // BLOCK_ROWS)

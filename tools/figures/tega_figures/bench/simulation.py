@@ -128,7 +128,7 @@ def bench_simulation(
         TrialPlan.checked({"object": name, "operator": "scripted", "seed": 1, "preset": preset})
         for name in objects
     ]
-    lab_of(1, preset)
+    lab_of(1, preset, ())
     for plan in plans:
         run_trial(plan)
     watches: dict[tuple[str, _Way], list[_StageSeconds]] = {}

@@ -1,1 +1,1 @@
-"""Where the fingertips' pads meet a held object, and the closure poses designed so that they do."""
+"""Where the fingertips' pads meet a held object."""

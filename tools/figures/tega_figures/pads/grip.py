@@ -31,12 +31,8 @@ class Held(NamedTuple):
     Attributes:
         held: Whether the object was up and not dropped.
         slip_mm: How far it slid down against the palm since lift-off.
-        narrowing_mm: Its deformation.
-        gripped_n: Normal force on each pad before the hand rises, float64 (4,), thumb first.
-        forces_n: Normal force on each pad.
-        rest_n: Normal force on links and palm together.
+        forces_n: Normal force on each pad, float64 (4,), thumb first.
         along_mm: Place of the contact along each pad, from its middle towards the palm, float64 (4,).
-        across_mm: The same across, to the right in the picture.
         share: Share of each contact's area inside its camera's picture, float64 (4,); NaN without a contact,
             or where it was not to be computed.
         torques: Largest torque of each joint, float64 (16,), torque units.
@@ -44,12 +40,8 @@ class Held(NamedTuple):
 
     held: bool
     slip_mm: float
-    narrowing_mm: float
-    gripped_n: NDArray[np.float64]
     forces_n: NDArray[np.float64]
-    rest_n: float
     along_mm: NDArray[np.float64]
-    across_mm: NDArray[np.float64]
     share: NDArray[np.float64]
     torques: NDArray[np.float64]
 
@@ -64,7 +56,7 @@ def grip(
     """
     world, controller = World(spec, seed=seed, start_m=(0.0, 0.0)), HandController(poses_rad=poses_rad)
     gels = [Gel(0, spread=0) for _ in FINGERS] if shares else []
-    found, gripped, inside, torques = [], np.zeros(4), [], np.zeros(16)
+    found, inside, torques = [], [], np.zeros(16)
     tick = 0
     for until_s, wanted, height_m in _PLAN:
         world.set_forearm((height_m, 0.0))
@@ -77,35 +69,29 @@ def grip(
                 found.append(_contacts(world))
                 torques = np.maximum(torques, np.abs(asked))
                 inside.append(_shares(world, gels))
-        if wanted == 0 and height_m == 0:
-            gripped = _contacts(world)[0]
     truth = world.truth()
-    forces_n, along_mm, across_mm = np.mean(found, axis=0)
+    forces_n, along_mm = np.mean(found, axis=0)
     return Held(
         held=truth.lift_off and not truth.dropped,
         slip_mm=1e3 * truth.slip_m,
-        narrowing_mm=1e3 * truth.deformation_m,
-        gripped_n=gripped,
         forces_n=forces_n,
-        rest_n=world.hand_forces_n()[1],
         along_mm=along_mm,
-        across_mm=across_mm,
         share=np.mean(inside, axis=0),
         torques=torques,
     )
 
 
 def _contacts(world: World) -> NDArray[np.float64]:
-    """Return force, place along and place across of each pad's contact, float64 (3, 4); 0 without one."""
+    """Return force and place along of each pad's contact, float64 (2, 4); 0 without one."""
     model, data, force = world.model, world.data, np.zeros(6)
     pads = {model.geom(f"{finger}_pad").id: k for k, finger in enumerate(FINGERS)}
-    sums = np.zeros((3, 4))
+    sums = np.zeros((2, 4))
     for number, pair in enumerate(data.contact.geom.tolist()):
         for k in {pads[shape] for shape in pair if shape in pads}:
             world.mujoco.mj_contactForce(model, data, number, force)
             pad = data.site(f"{FINGERS[k]}_pad")
-            _, right, tip = pad.xmat.reshape(3, 3).T @ (data.contact.pos[number] - pad.xpos)
-            sums[:, k] += force[0] * np.array([1.0, -1e3 * tip, -1e3 * right])
+            _, _, tip = pad.xmat.reshape(3, 3).T @ (data.contact.pos[number] - pad.xpos)
+            sums[:, k] += force[0] * np.array([1.0, -1e3 * tip])
     sums[1:] /= np.maximum(sums[0], 1e-9)
     return sums
 

@@ -9,7 +9,6 @@ from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
 from tega_sim.world.objects import ObjectSpec
 from tega_sim.world.poses import hand_controller
-from tega_sim.world.scene import Physics
 from tega_sim.world.world import World
 
 __all__ = ["LIFT_M", "LiftResult", "lift"]
@@ -42,11 +41,9 @@ class LiftResult(NamedTuple):
     trace: tuple[WorldTruth, ...]
 
 
-def lift(
-    spec: ObjectSpec | str, level: int, *, physics: Physics | None = None, hold_s: float = 2.0
-) -> LiftResult:
+def lift(spec: ObjectSpec | str, level: int, *, hold_s: float = 2.0) -> LiftResult:
     """Lift an object at one closure level, 2 to 5, and hold it for ``hold_s`` after the hand is up."""
-    world, controller = World(spec, physics=physics, start_m=(0.0, 0.12)), hand_controller()
+    world, controller = World(spec, start_m=(0.0, 0.12)), hand_controller()
     trace: list[WorldTruth] = []
     scorer = TrialScorer(world.spec.harm_m)
     tick = 0

@@ -13,9 +13,9 @@ import numpy as np
 
 from tega.hand.mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.wire import HAND_FINGERS
-from tega_sim.world.body import body_of
+from tega_sim.world.body import LiftedBody
 from tega_sim.world.objects import ObjectSpec
-from tega_sim.world.scene import Physics, import_mujoco, object_parts, physics_for, preamble
+from tega_sim.world.scene import import_mujoco, object_body, object_tendons, preamble, step_s
 
 __all__ = ["GRAVITY_M_S2", "slip_force_n"]
 
@@ -27,14 +27,13 @@ _WITHIN: Final = 1.6
 _EASE_PER_S: Final = 0.08
 
 
-def slip_force_n(spec: ObjectSpec, physics: Physics | None = None) -> float:
+def slip_force_n(spec: ObjectSpec) -> float:
     """Return the normal force of each of four pads at which the object begins to slide, newtons.
 
     The pads first press 1.6 times as hard as they must, then ease off by 8 % of that a second; the object slides
     when it is faster than 5 mm/s.
     """
-    mujoco, settings = import_mujoco(), physics_for(spec, physics)
-    thing, tendons = object_parts(spec, settings)
+    mujoco = import_mujoco()
     reach = spec.diameter_m / 2 + PAD_RADIUS_M
     pads, motors = "", ""
     for number, finger in enumerate(HAND_FINGERS):
@@ -49,12 +48,12 @@ def slip_force_n(spec: ObjectSpec, physics: Physics | None = None) -> float:
         )
         motors += f'<motor joint="{finger}"/>'
     model = mujoco.MjModel.from_xml_string(
-        f"<mujoco>{preamble(settings)}<worldbody>{pads}{thing}</worldbody>"
-        f"<tendon>{tendons}</tendon><actuator>{motors}</actuator></mujoco>"
+        f"<mujoco>{preamble(step_s(spec))}<worldbody>{pads}{object_body(spec)}</worldbody>"
+        f"<tendon>{object_tendons(spec)}</tendon><actuator>{motors}</actuator></mujoco>"
     )
     data = mujoco.MjData(model)
     needed = spec.mass_kg * GRAVITY_M_S2 / (4 * spec.friction)
-    body = body_of(mujoco, model, data, spec)
+    body = LiftedBody(model, data, spec)
     while True:
         share = min(1.0, data.time / _SETTLE_S)
         force = needed * _WITHIN * (1 - _EASE_PER_S * max(0.0, data.time - 2 * _SETTLE_S))

@@ -1,1 +1,0 @@
-"""Codecs of recorded pictures: size against error of what is measured again."""
