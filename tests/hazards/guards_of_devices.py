@@ -208,8 +208,8 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "a torque that was computed before a standstill is sent after it",
-        "outdated=standstill.is_over if pushes else _never",
-        "outdated=_never",
+        "outdated=standstill.is_over if pushes else None",
+        "outdated=None",
         f"{STAND}a_torque_that_was_computed_before_a_standstill_is_not_sent",
     ),
     Guard(

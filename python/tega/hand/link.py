@@ -31,6 +31,29 @@ class Received(NamedTuple):
     error: bool = False
 
 
+class HandSpoken(NamedTuple):
+    """One exchange with a hand.
+
+    Attributes:
+        t_ns: When, monotonic clock.
+        received: Frames received since the last one.
+        out: Frames to be sent.
+        action: ``exchange``, ``release`` or ``abandon``.
+        taken: Frames that the adapter took.
+        left_ns: When torques that answer a set of positions had left; 0 where none did.
+        added: Addition to the level.
+    """
+
+    t_ns: int
+    level: float
+    received: list[Received]
+    out: list[CanFrame]
+    action: str
+    taken: Sequence[CanFrame] = ()
+    left_ns: int = 0
+    added: float = 0.0
+
+
 class HandFault(NamedTuple):
     """Fault for which the hand was let go for good; ``kind`` is one word, such as ``no-answer``."""
 

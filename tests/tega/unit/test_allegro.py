@@ -138,7 +138,7 @@ def test_what_is_added_reaches_the_hand_through_its_process_and_is_taken_back() 
     reported: set[tuple[float, float]] = set()
     with Emulator("allegro_port") as hand:
         driver = _driver(hand)
-        driver.on_exchange = lambda _t_ns, requested, *_more: reported.add(requested)
+        driver.on_exchange = lambda spoken: reported.add((spoken.level, spoken.added))
         with driver:
             assert _reaches(driver, 3)
             for added in (0.5, 0.25, 0.0):
@@ -227,7 +227,7 @@ def test_a_nuisance_is_survived(fault: str) -> None:
                 "duplicate": counts.copies,
                 "babble": min(counts.unknown, counts.malformed),
                 "power-cycle": counts.silences,
-                "garbage": driver.n_garbled,
+                "garbage": driver.news.n_garbled,
             }[fault] > 10 * (fault != "power-cycle")
 
         assert _until(reported)

@@ -53,6 +53,10 @@ class AllegroOptions(Options, frozen=True):
     reconnects: Annotated[int, msgspec.Meta(ge=0, le=100)] = 5
     guard: bool = True
 
+    def can_bus(self) -> dict[str, Any]:
+        """Return the arguments of ``can.Bus``."""
+        return {"interface": self.interface, "channel": self.channel, "bitrate": self.bitrate, **self.bus}
+
     def link(self) -> HandLink:
         """Make the hand's side of the exchange, without a bus; ``ConfigError`` for an unusable pose file."""
         from tega.hand.poses import load_poses

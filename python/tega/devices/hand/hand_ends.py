@@ -34,13 +34,14 @@ _WORD: Final = struct.Struct("<2d")
 class HandThread:
     """The loop in a thread of this program."""
 
-    def __init__(self, options: AllegroOptions, notify: Notify, *, whole: bool) -> None:
+    def __init__(self, options: AllegroOptions, notify: Notify) -> None:
         self._orders = HandOrders(received=False)
-        self._loop = HandLoop(options, self._orders, notify, whole=whole)
+        self._loop = HandLoop(options, self._orders, notify)
         self._thread: threading.Thread | None = None
 
-    def open(self) -> None:
+    def open(self, *, whole: bool) -> None:
         """Open the bus, and begin; raises what :meth:`HandLoop.open` does."""
+        self._loop.whole = whole
         self._loop.open()
         self._thread = threading.Thread(target=self._loop.run, name="allegro", daemon=True)
         self._thread.start()

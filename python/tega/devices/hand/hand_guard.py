@@ -57,10 +57,9 @@ def take_over(options: AllegroOptions, guard_pid: int) -> tuple[bool, int]:
         if time.monotonic() > until_s:
             return False, guard_pid
         time.sleep(_POLL_S)
-    o = options
-    bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
+    device_id = options.device_id
     try:
-        guard = guard_hand(bus.settings, off_frames(o.device_id), device_id=o.device_id)
+        guard = guard_hand(options.can_bus(), off_frames(device_id), device_id=device_id)
     except (DeviceUnavailableError, OSError):
         return False, 0
     guard.beat()
@@ -72,9 +71,7 @@ class _Hand:
     """The hand, from here."""
 
     def __init__(self, bus: dict[str, Any], frames: list[list[Any]], device_id: int) -> None:
-        more = dict(bus)
-        interface, channel = more.pop("interface"), more.pop("channel")
-        self._bus = HandBus(interface, channel, bitrate=more.pop("bitrate"), more=more)
+        self._bus = HandBus(bus)
         self._frames = [CanFrame(can_id, bytes.fromhex(data)) for can_id, data in frames]
         self._device_id = device_id
 

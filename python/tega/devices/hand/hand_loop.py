@@ -14,8 +14,8 @@ from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess
 from tega.devices.hand.hand_bus import HandBus, off_frames
 from tega.devices.hand.hand_guard import guard_hand
-from tega.devices.hand.hand_reports import HandNews, HandOrders, HandSpoken, Notify
-from tega.hand.link import HandLink, HandState, Received
+from tega.devices.hand.hand_reports import HandNews, HandOrders, Notify
+from tega.hand.link import HandLink, HandSpoken, HandState, Received
 from tega.runtime.clock import Standstill
 from tega.runtime.threads import run_realtime
 from tega.wire import CanFrame
@@ -36,16 +36,14 @@ class HandLoop:
     """Steers one hand from its first request to its last SERVO OFF.
 
     ``notify`` is called after each answer to the hand, each change, and twenty times a second, in the loop's
-    thread. With ``whole``, which may be changed until the loop runs, every exchange is reported with all
-    received frames; else only those that sent something.
+    thread. With ``whole``, set before the loop runs, every exchange is reported with all received frames;
+    else only those that sent something.
     """
 
-    def __init__(
-        self, options: AllegroOptions, orders: HandOrders, notify: Notify, *, whole: bool = False
-    ) -> None:
+    def __init__(self, options: AllegroOptions, orders: HandOrders, notify: Notify) -> None:
         o = options
-        self._options, self._orders, self._notify, self.whole = o, orders, notify, whole
-        self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
+        self._options, self._orders, self._notify, self.whole = o, orders, notify, False
+        self._bus = HandBus(o.can_bus())
         self._off: list[CanFrame] = off_frames(o.device_id)
         self._link: HandLink
         self._warm = False
@@ -127,7 +125,7 @@ class HandLoop:
         before = link.phase
         out = link.exchange(frames, t_ns, level, added)
         pushes = link.phase in {"running", "releasing"}
-        taken = self._bus.send(out, outdated=standstill.is_over if pushes else _never) if out else []
+        taken = self._bus.send(out, outdated=standstill.is_over if pushes else None) if out else []
         answers = len(out) >= 4 and link.phase == "running"
         left_ns = time.monotonic_ns() if answers else 0
         if link.phase == "silent" != before:
@@ -197,7 +195,3 @@ class HandLoop:
                 guard_pid=self._left_to or (0 if guard is None or guard.problem else guard.pid),
             ),
         )
-
-
-def _never() -> bool:
-    return False

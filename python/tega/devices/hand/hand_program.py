@@ -19,7 +19,8 @@ from typing import Any
 from tega.devices.hand.hand_bus import load_can
 from tega.devices.hand.hand_ends import MAKES_READY, read_words
 from tega.devices.hand.hand_loop import HandLoop
-from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, HandSpoken
+from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders
+from tega.hand.link import HandSpoken
 from tega.runtime.child_process import receive_object, send_object
 from tega.runtime.threads import realtime, run_realtime, short_turns
 from tega.safety.sleep_lock import SleepLock

@@ -4,37 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.hand.link import HandFault, HandState, Received
-from tega.wire import CanFrame
-
-
-class HandSpoken(NamedTuple):
-    """One exchange with a hand.
-
-    Attributes:
-        t_ns: When, monotonic clock.
-        received: Frames received since the last one.
-        out: Frames to be sent.
-        action: ``exchange``, ``release`` or ``abandon``.
-        taken: Frames that the adapter took.
-        left_ns: When torques that answer a set of positions had left; 0 where none did.
-        added: Addition to the level.
-    """
-
-    t_ns: int
-    level: float
-    received: list[Received]
-    out: list[CanFrame]
-    action: str
-    taken: Sequence[CanFrame] = ()
-    left_ns: int = 0
-    added: float = 0.0
+from tega.hand.link import HandFault, HandSpoken, HandState
 
 
 class HandNews(NamedTuple):
