@@ -75,7 +75,7 @@ class Ros2Emg(RecordedEmg):
         self._channels = options.channels or tuple(range(1, n_channels + 1))
         self._samples = np.ascontiguousarray(samples[:, [c - 1 for c in self._channels]])
         self._use_times(np.array(times), np.array([len(one) for one in rows]))
-        self._next = 0
+        self._next = self._stretch = 0
 
     def _use_times(self, times_ns: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
         """Take the rate from the messages' times, or compare it with the given one; note gaps."""
