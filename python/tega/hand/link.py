@@ -137,7 +137,6 @@ class HandLink:
         lowest_rate_hz: float = 250.0,
         reconnects: int = 5,
     ) -> None:
-        """Begin nothing yet; the first :meth:`exchange` does."""
         self._link = _native.HandLink(
             controller._native,  # noqa: SLF001  # two halves of one module
             device_id=device_id,
@@ -195,11 +194,6 @@ class HandLink:
     def target_rad(self) -> NDArray[np.float64] | None:
         """Joint targets of the last cycle, float64 (16,); ``None`` before the first."""
         return self._link.target_rad
-
-    @property
-    def torques(self) -> NDArray[np.float64]:
-        """The last torques, float64 (16,), in units of full duty."""
-        return self._link.torques
 
     def state(self, t_ns: int) -> HandState:
         """Return the state of the conversation at a time."""

@@ -128,24 +128,12 @@ def contact_metrics_many(
 ) -> list[ContactMetrics]:
     """Apply :func:`contact_metrics` to many frames in one call; a batch is spread over the cores.
 
-    Args:
-        frames: An array uint8 (N, H, W, 3), or N images of any sizes.
-        baseline: One image for all frames, or one each.
-        weights: As for :func:`contact_metrics`, and so are the other options.
-        order: Order of the colour bytes.
-        difference: How the difference is taken.
-        spread: Definition of σ.
-        factor: The 1.28 of Eq 4.
-        centroid_value: How the map is read at the centroid.
-        gate: Report no contact below this.
+    ``frames`` is an array uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all frames, or one
+    each. Options and errors are those of :func:`contact_metrics`; ``ShapeError`` also if there are not as many
+    baselines as frames.
 
     Returns:
         One result a frame, equal to that of :func:`contact_metrics`.
-
-    Raises:
-        DtypeError: An image is not a uint8 array.
-        ShapeError: An image has another shape than its baseline, or there are not as many baselines as frames.
-        InvalidValueError: An option is out of range.
     """
     equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
     return _each(equations.metrics_many, frames, baseline)
@@ -239,21 +227,12 @@ def read_contacts(
 ) -> list[ContactMetrics]:
     """Apply :func:`read_contact` to many frames in one call: the fingers of a hand, or a batch over the cores.
 
-    Args:
-        frames: An array uint8 (N, H, W, 3), or N images of any sizes.
-        baseline: One image for all frames, or one each.
-        reading: The preset.
-        order: Order of the colour bytes in all images.
-        outline: As for :func:`read_contact`.
-        noise: As for :func:`read_contact`.
+    ``frames`` is an array uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all frames, or one
+    each. Options and errors are those of :func:`read_contact`; ``ShapeError`` also if there are not as many baselines
+    as frames.
 
     Returns:
         One result a frame, equal to that of :func:`read_contact`.
-
-    Raises:
-        DtypeError: An image is not a uint8 array.
-        ShapeError: An image has another shape than its baseline, or there are not as many baselines as frames.
-        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
     preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
     return _each(preset.read_many, frames, baseline)
@@ -263,19 +242,8 @@ class ContactReader:
     """Reads one sensor's frames against one baseline, as :func:`read_contact` does, to the last bit.
 
     ``live`` derives its values from the baseline only once, and does not read the baseline again with every frame: a
-    frame with a contact takes a third less time.
-
-    Args:
-        baseline: The no-contact image, uint8 (H, W, 3); it is copied.
-        reading: The preset.
-        order: Order of the colour bytes in all images.
-        outline: As for :func:`read_contact`.
-        noise: As for :func:`read_contact`.
-
-    Raises:
-        DtypeError: The baseline is not a uint8 array.
-        ShapeError: It is not (H, W, 3), is empty or too large.
-        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
+    frame with a contact takes a third less time. The baseline, uint8 (H, W, 3), is copied; options and errors are
+    those of :func:`read_contact`.
 
     Example:
         >>> import numpy as np

@@ -129,11 +129,11 @@ class PacketOrder:
         bad = self._kinds.count(_STANDS) + self._kinds.count(_JUMPS)
         if standing > _STANDING_SHARE * n:
             found = f"the counter does not move in {standing} of {n} packets"
-            return Contradiction("counter", found, self._hint)
-        if bad > _BAD_SHARE * n:
+        elif bad > _BAD_SHARE * n:
             found = f"the counter does not move by one in {bad} of {n} packets"
-            return Contradiction("counter", found, self._hint)
-        return None
+        else:
+            return None
+        return Contradiction("counter", found, self._hint)
 
 
 # A spoiled sample now and then is no wrong range.

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import msgspec
 
 from tega.devices.base import DeviceInfo, Found, InputEvent, InputReading, Kind, Options
-from tega.devices.machine import hid_module
+from tega.devices.machine import hid_module, open_hid
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import Opened
 from tega.runtime.reopening import Reopening
@@ -271,23 +271,15 @@ class HidInput(Opened):
         self._say(self._buttons.take(t_ns, frozenset()))
 
     def _connect(self) -> Any:
-        hid, o = hid_module(self.name), self._options
-        there = [d for d in hid.enumerate() if o.serial in {"", d["serial_number"]}]
+        o = self._options
+        there = [d for d in hid_module(self.name).enumerate() if o.serial in {"", d["serial_number"]}]
         fitting = [d for d in there if self._fits((d["vendor_id"], d["product_id"]))]
         if not fitting:
             raise self._absence(there)
         which = min(fitting, key=lambda d: (d.get("usage_page"), d.get("usage")) not in self._usages())
         numbers = which["vendor_id"], which["product_id"]
         self._found_as = self.known.get(numbers, "{:04x}:{:04x}".format(*numbers))
-        device = hid.device()
-        try:
-            device.open_path(which["path"])
-            device.set_nonblocking(1)
-        except OSError as error:
-            raise DeviceUnavailableError(
-                f"{self.name}: {self._found_as} is there but does not open: {error}",
-                "another program may have it, or its udev rule is missing: see docs/device-inputs.md",
-            ) from error
+        device = open_hid(self.name, which, f"{self.name}: {self._found_as}")
         with self._lock:
             self._there, self._is_stalled, self._received_ns = True, False, time.monotonic_ns()
         return device
