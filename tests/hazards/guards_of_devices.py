@@ -171,7 +171,7 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "the hand's process goes on while the run stands still",
-        "return self._n_words, time.monotonic() - self._last_s if self._received else 0.0",
+        "return self._n_words, time.monotonic() - self._last_s",
         "return time.monotonic_ns(), 0.0",
         f"{STOP}a_killed_or_frozen_run_leaves_all_safe",
     ),

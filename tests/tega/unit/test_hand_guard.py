@@ -177,7 +177,7 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("tega.devices.hand.hand_loop.guard_hand", absent)
     with Emulator("allegro_port") as hand:
         reported: list[object] = []
-        options, orders = AllegroOptions(**hand.address), HandOrders(received=True)
+        options, orders = AllegroOptions(**hand.address), HandOrders()
         loop = HandLoop(options, orders, lambda *subject: reported.append(subject))
         with pytest.raises(
             DeviceUnavailableError, match="the process that lets go of the hand did not start"

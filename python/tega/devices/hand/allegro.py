@@ -26,7 +26,7 @@ from tega.runtime.lifecycle import Opened
 from tega.wire import CanFrame
 
 if TYPE_CHECKING:
-    from tega.devices.hand.hand_ends import HandEnd, HandProcess
+    from tega.devices.hand.hand_ends import HandProcess
 
 
 _START_S = 10.0
@@ -44,8 +44,6 @@ class Allegro(Opened):
     SERVO OFF are sent until the hand confirms that its motors are off. The process also does so if this
     program is killed; a further process does so if that process is killed, if this program hangs, or if the
     hand does not confirm. A hand without its bus is believed to keep its last torque, so mount a switch.
-
-    With python-can's ``virtual`` bus, which is inside this program, loop and clock are so too: in a thread.
     """
 
     kind: ClassVar[Kind] = "hand"
@@ -63,7 +61,7 @@ class Allegro(Opened):
 
     def __init__(self, options: AllegroOptions) -> None:
         self._options = options
-        self._end: HandEnd | None = None
+        self._end: HandProcess | None = None
         self._warm: HandProcess | None = None
         self._seen: HandNews | None = None
         self._received_s = 0.0
@@ -115,12 +113,11 @@ class Allegro(Opened):
 
     def warm_up(self) -> None:
         """Start the hand's process, which makes ready meanwhile; the hand is not touched before :meth:`open`."""
-        if self._options.interface != "virtual":
-            from tega.devices.hand.hand_ends import HandProcess
+        from tega.devices.hand.hand_ends import HandProcess
 
-            self.close()
-            self._warm = HandProcess(self._options, self._take)
-            self._warm.warm_up()
+        self.close()
+        self._warm = HandProcess(self._options, self._take)
+        self._warm.warm_up()
 
     def open(self) -> None:
         """Open the bus, check the hand, and hold it where it is.
@@ -128,7 +125,7 @@ class Allegro(Opened):
         ``WrongDeviceError``: the hand is of another version or side. ``DeviceUnavailableError`` also for a
         hand that must not be steered; the message gives the reason.
         """
-        from tega.devices.hand.hand_ends import HandProcess, HandThread
+        from tega.devices.hand.hand_ends import HandProcess
 
         warm, self._warm = self._warm, None
         self.close()
@@ -136,10 +133,9 @@ class Allegro(Opened):
         self._sent.clear()
         self._cycles.clear()
         self._ready.clear()
-        make = HandThread if self._options.interface == "virtual" else HandProcess
-        end: HandEnd = warm or make(self._options, self._take)
-        end.open(whole=self.on_exchange is not None)
-        self._end = end
+        process = warm or HandProcess(self._options, self._take)
+        process.open(whole=self.on_exchange is not None)
+        self._end = process
         # A program that ends without closing must not leave the fingers pushing.
         closes_on_exit(self.close)
         try:
@@ -190,7 +186,7 @@ class Allegro(Opened):
     @property
     def pid(self) -> int:
         """The number of the hand's process, for a look from outside; 0 where there is none."""
-        return getattr(self._end, "pid", 0)
+        return 0 if self._end is None else self._end.pid
 
     @property
     def guard_problem(self) -> str:
@@ -269,8 +265,8 @@ class Allegro(Opened):
     def _taken(self) -> list[CanFrame]:
         return [self._sent.popleft() for _ in range(len(self._sent))]
 
-    def _check(self, *, started: bool = True) -> HandEnd:
-        """Return the loop's end, if it can be asked for anything."""
+    def _check(self, *, started: bool = True) -> HandProcess:
+        """Return the hand's process, if it can be asked for anything."""
         end, seen = self._end, self._seen
         if end is None:
             raise DeviceUnavailableError("allegro: the hand is not open", "open it first")

@@ -20,7 +20,7 @@ class AllegroOptions(Options, frozen=True):
     """Settings of :class:`Allegro`.
 
     Attributes:
-        interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``, ``virtual``.
+        interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``.
         channel: Channel of the adapter.
         bitrate: Bits per second; ``socketcan`` is set with ``ip link`` instead.
         bus: Further options, passed to ``can.Bus`` as they are.

@@ -1,7 +1,7 @@
 """Exchange frames with an Allegro Hand, on the hand's own time: bus, limits, watchdog and guard in one loop.
 
 :mod:`tega.devices.hand.hand_program` runs it as a program of its own, where no interpreter lock of the run's keeps it
-waiting. A bus inside the run's process, python-can's ``virtual``, has it in a thread.
+waiting.
 """
 
 from __future__ import annotations
@@ -60,8 +60,7 @@ class HandLoop:
         o = self._options
         self._link = o.link()
         self._bus.load()
-        # A bus inside this process ends with it.
-        if o.guard and o.torque and o.interface != "virtual":
+        if o.guard and o.torque:
             self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
         self._warm = True
 

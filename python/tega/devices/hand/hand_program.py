@@ -83,7 +83,7 @@ def _steer(options: Any, *, requested: FileIO, orders: HandOrders, answers: Buff
 def main() -> None:
     """Steer until the run says that it is over, or is no more."""
     load_can()
-    orders = HandOrders(received=True)
+    orders = HandOrders()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     try:
