@@ -11,10 +11,9 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import msgspec
 
 from tega.devices.base import DeviceInfo, Found, InputEvent, InputReading, Kind, Options
+from tega.devices.drained import Drained
 from tega.devices.machine import hid_module, open_hid
 from tega.errors import DeviceUnavailableError
-from tega.runtime.lifecycle import Opened
-from tega.runtime.reopening import Reopening
 
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The motion of a device that is not touched."""
@@ -22,8 +21,6 @@ AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # A device is looked at this often when it says nothing: a tenth of the watchdogs that hang on it.
 _POLL_MS = 10
 _REPORT_BYTES = 64
-_BACK_OFF_S = (0.25, 2.0)
-_LEAVE_S = 5.0
 _MOST_EVENTS = 1024
 
 
@@ -101,7 +98,7 @@ class InputCounts(msgspec.Struct, kw_only=True):
     lost: int = 0
 
 
-class HidInput(Opened):
+class HidInput(Drained):
     """An input device on USB; a driver adds its identity, its reports, and the meaning of silence.
 
     A thread takes every report as it comes, so that none waits and the state is always the newest. A device
@@ -116,13 +113,11 @@ class HidInput(Opened):
     known: ClassVar[Mapping[tuple[int, int], str]]
 
     def __init__(self, options: HidInputOptions, *, hold_ms: float = 0.0) -> None:
+        super().__init__()
         self._options = options
         self._hold_ns = round(hold_ms * 1e6)
         self._lock = threading.Lock()
-        self._leaving = threading.Event()
-        self._thread: threading.Thread | None = None
         self._found_as = ""
-        self._trouble = ""
         self._there = False
         self._is_stalled = False
         self._received_ns = 0
@@ -237,17 +232,7 @@ class HidInput(Opened):
         self.counts, self._trouble = InputCounts(), ""
         self._events.clear()
         self._n_events = 0
-        device = self._connect()
-        self._leaving.clear()
-        self._thread = threading.Thread(target=self._run, args=(device,), name=self.name, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop reading and let the device go."""
-        thread, self._thread = self._thread, None
-        self._leaving.set()
-        if thread is not None:
-            thread.join(_LEAVE_S)
+        self._begin(self._connect(), self.name)
 
     def _require_open(self) -> None:
         if self._thread is None:
@@ -285,31 +270,13 @@ class HidInput(Opened):
         return device
 
     def _run(self, device: Any) -> None:
-        """Read until asked to stop; reopen a device that goes away."""
-
-        def refused(error: Exception) -> None:
-            self._trouble = f": {getattr(error, 'message', error)}"
-
-        def use(open_device: Any) -> bool:
-            self._trouble = ""
-            self._drain(open_device)
-            return True
-
-        Reopening(*_BACK_OFF_S).serve(
-            device,
-            self._connect,
-            use,
-            lambda open_device: open_device.close(),
-            self._leaving.wait,
-            absent=DeviceUnavailableError,
-            refused=refused,
-        )
+        super()._run(device)
         with self._lock:
             self._there = False
             self._release(time.monotonic_ns())
 
-    def _drain(self, device: Any) -> None:
-        """Read reports until the device fails or the driver is asked to stop."""
+    def _drain(self, device: Any) -> bool:
+        self._trouble = ""
         while not self._leaving.is_set():
             try:
                 report = bytes(device.read(_REPORT_BYTES, _POLL_MS))
@@ -318,7 +285,7 @@ class HidInput(Opened):
                     self.counts.lost += 1
                     self._there = False
                     self._release(time.monotonic_ns())
-                return
+                break
             t_ns = time.monotonic_ns()
             with self._lock:
                 if report:
@@ -329,3 +296,4 @@ class HidInput(Opened):
                         self.counts.odd += 1
                 self._pass_time(t_ns)
                 self._say(self._buttons.settle(t_ns))
+        return True
