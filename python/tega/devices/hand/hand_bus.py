@@ -7,6 +7,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +87,6 @@ class HandBus:
         self._terminal = self._terminal_now()
         self._again = Reopening(_REOPEN_S, _REOPEN_S)
         self._echoes: deque[tuple[int, bytes, bool]] = deque(maxlen=_MOST_ECHOES)
-
-    @property
-    def label(self) -> str:
-        """Adapter and bus, without a path."""
-        return bus_label(self.settings["interface"], self.settings["channel"])
 
     @property
     def replaced(self) -> bool:
@@ -239,8 +235,7 @@ class HandBus:
         interface, channel = settings.pop("interface"), settings.pop("channel")
 
         def make() -> Any:
-            if interface == "slcan":
-                return slcan_bus()(channel, **settings)
-            return self._can.Bus(interface=interface, channel=channel, **settings)
+            bus = slcan_bus() if interface == "slcan" else partial(self._can.Bus, interface=interface)
+            return bus(channel=channel, **settings)
 
         return open_can_bus("allegro", interface, make, can=self._can, channel=channel)

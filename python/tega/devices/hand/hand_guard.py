@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess, stand_by
-from tega.devices.hand.hand_bus import HandBus, load_can, off_frames
+from tega.devices.hand.hand_bus import HandBus, bus_label, load_can, off_frames
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import is_running
 from tega.wire import CanFrame
@@ -72,12 +72,9 @@ class _Hand:
 
     def __init__(self, bus: dict[str, Any], frames: list[list[Any]], device_id: int) -> None:
         self._bus = HandBus(bus)
+        self.label = f"robot hand on {bus_label(bus['interface'], bus['channel'])}"
         self._frames = [CanFrame(can_id, bytes.fromhex(data)) for can_id, data in frames]
         self._device_id = device_id
-
-    @property
-    def label(self) -> str:
-        return f"robot hand on {self._bus.label}"
 
     def let_go(self, given_up: Callable[[], bool]) -> str:
         """Switch the motors off until the hand confirms or the program goes on; return why it has not confirmed."""

@@ -11,8 +11,7 @@ from typing import Any, ClassVar, Final
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
-from tega.devices.tracker.openxr_instance import OpenXrOptions
-from tega.devices.tracker.openxr_session import Located, XrSession
+from tega.devices.tracker.openxr_session import Located, OpenXrOptions, XrSession
 from tega.devices.tracker.tracker_thread import RESTART_NS, SILENT_S, ThreadedTracker
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence

@@ -343,8 +343,5 @@ class Detector:
 def share_of(rule: Rule, seen: Sequence[float]) -> float:
     """Return the output of a rule for some features."""
     both = sum(w * seen[i] * seen[j] for i, j, w in rule.products)
-    return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both)
-
-
-def _logistic(x: float) -> float:
+    x = rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both
     return 1 / (1 + math.exp(-x)) if x > -700 else 0.0
