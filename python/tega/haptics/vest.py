@@ -127,7 +127,8 @@ class MotorLevels:
     def __post_init__(self) -> None:
         """Refuse frames that no vest could show."""
         if getattr(self.intensities, "dtype", None) != np.uint8:
-            raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
+            kind = getattr(self.intensities, "dtype", type(self.intensities).__name__)
+            raise DtypeError(f"intensities is {kind}, not an array of uint8")
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
         n, wanted = len(self.intensities), len(find_layout(self.layout).motors)
@@ -220,9 +221,8 @@ def vest_frame(
         array([12,  9,  6,  3], dtype=uint8)
     """
     faces = _four("front", front), _four("back", back)
-    if layout in SHIPPED:
-        return MotorLevels(layout, _read_only(_native.vest_intensities(*faces, layout=layout, mirror=mirror)))
-    return MotorLevels(layout, _read_only(vest_intensities(*faces, layout=layout, mirror=mirror)))
+    fill = _native.vest_intensities if layout in SHIPPED else vest_intensities
+    return MotorLevels(layout, _read_only(fill(*faces, layout=layout, mirror=mirror)))
 
 
 def vest_intensities(
@@ -356,10 +356,6 @@ def _four(face: str, values: Iterable[float]) -> tuple[float, float, float, floa
         hint = "give thumb, index, middle and ring; 0 for a finger that is not there"
         raise ShapeError(f"{face} has {len(numbers)} numbers, not 4", hint)
     return numbers[0], numbers[1], numbers[2], numbers[3]
-
-
-def _kind(value: object) -> str:
-    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"a {type(value).__name__}"
 
 
 def _read_only(array: NDArray[np.uint8]) -> NDArray[np.uint8]:

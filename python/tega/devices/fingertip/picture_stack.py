@@ -34,8 +34,6 @@ class StackFile(RecordedPictures):
 
     name: ClassVar[str] = "picture-stack"
     summary: ClassVar[str] = "a stack of pictures in an .npy or .npz file"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = StackFileOptions
     _reader: PictureStack | None
 

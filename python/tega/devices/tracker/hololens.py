@@ -68,8 +68,6 @@ class HoloLens(ThreadedTracker):
 
     driver: ClassVar[str] = "hololens"
     summary: ClassVar[str] = "HoloLens 2 with the hl2ss app: a wrist, over TCP"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = HoloLensOptions
     absent: ClassVar[type[Exception]] = OSError
     compared: ClassVar[Mapping[Evidence, str]] = {

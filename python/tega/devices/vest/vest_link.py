@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 
-class VestLink(Protocol):
+class VestLink:
     """One connection to a vest, by default to one that is always there and reports nothing.
 
     All but ``abort`` is called by one thread at a time: the writer's, or one that sends at once. Failures
@@ -37,6 +35,7 @@ class VestLink(Protocol):
 
     def connect(self) -> None:
         """Connect, or raise."""
+        raise NotImplementedError
 
     def ready(self, timeout_s: float) -> bool:  # noqa: ARG002  # a link may take every frame at once
         """Wait until the link takes a frame without queueing it; return whether it does."""
@@ -44,12 +43,14 @@ class VestLink(Protocol):
 
     def send(self, intensities: NDArray[np.uint8]) -> None:
         """Send (40,) intensities, 0 to 100, in the wearer's order."""
+        raise NotImplementedError
 
     def poll(self) -> None:
         """Process the other end's messages; does not wait."""
 
     def close(self) -> None:
         """Close, after zeros have been sent if that was possible."""
+        raise NotImplementedError
 
     def abort(self) -> None:
         """Make a call that hangs on the other thread return; nothing to do where every call has its own end."""

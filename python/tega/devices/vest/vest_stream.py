@@ -183,9 +183,7 @@ class StreamedVest(Opened):
             raise DeviceUnavailableError(
                 f"{self.name}: the link used before has not let go yet", "try again in some seconds"
             )
-        self.counters = VestCounters()
-        self._stopping, self._failure = False, None
-        self._slot, self._slot_is_new, self._written_s = _ZEROS, False, time.monotonic()
+        self._begin()
         connected = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(connected,), name=self.name, daemon=True)
         self._thread.start()
@@ -199,6 +197,11 @@ class StreamedVest(Opened):
             f"{self.name}: no answer within {self._options.open_timeout_s} s",
             "is it switched on and in reach?",
         )
+
+    def _begin(self) -> None:
+        self.counters = VestCounters()
+        self._stopping, self._failure = False, None
+        self._slot, self._slot_is_new, self._written_s = _ZEROS, False, time.monotonic()
 
     def close(self) -> None:
         """Send zeros and disconnect; waits for that, but not for a peer that hangs."""

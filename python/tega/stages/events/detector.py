@@ -303,15 +303,13 @@ class Detector:
         if not math.isnan(self._closure.quick):
             self._grip.add(t_s, self._closure.quick)
 
-    def _settled(self, t_s: float) -> bool:
-        return self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
-
     def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
         seen = self.features(t_s)
         rule = self._rule()
         may = self.may_slip and not self._lowered
-        share = share_of(rule, seen) if self._settled(t_s) and may else 0.0
+        settled = self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
+        share = share_of(rule, seen) if settled and may else 0.0
         found = self._rises[rule].add(t_s, share, void=not may)
         return [] if found is None else [self._as_sure(rule, found)]
 

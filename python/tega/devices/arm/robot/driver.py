@@ -56,8 +56,6 @@ class ProcessArm(Opened):
     """An arm in a separate process. A subclass names the body, and the arm for people (``label``)."""
 
     kind: ClassVar[Kind] = "arm"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     name: ClassVar[str]
     body: ClassVar[str]
     open_s: ClassVar[float] = 15.0
