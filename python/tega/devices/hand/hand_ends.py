@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from io import BufferedReader, BufferedWriter
-from typing import Final
+from typing import Any, Final
 
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_guard import guard_runs, take_over
@@ -79,6 +79,7 @@ class HandProcess:
         assert isinstance(text, BufferedReader)
         stuck = threading.Event()
         late = _patience(process, stuck)
+        error: Any
         try:
             with contextlib.suppress(OSError):  # it has ended, and may have said why
                 send_object(requested, whole)
@@ -90,10 +91,8 @@ class HandProcess:
             error = DeviceUnavailableError(
                 "allegro: the hand's process did not start", f"{why}; nothing was switched on"
             )
-        except BaseException:
-            end_child(process, LEAVE_S)
-            text.close()
-            raise
+        except BaseException as interrupted:
+            error = interrupted
         finally:
             late.cancel()
         if error is not None:

@@ -9,6 +9,7 @@ import ctypes
 import os
 import sys
 import time
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple
@@ -24,29 +25,11 @@ _NEEDED: Final = {"wrist": "XR_EXT_hand_tracking", "tracker": "XR_HTCX_vive_trac
 _MANIFEST: Final = "openxr/1/active_runtime.json"
 
 
-class Made(NamedTuple):
-    """An instance of the runtime; ``handle`` is for OpenXR's calls."""
+def _make_instance(xr: Any) -> tuple[Any, str, list[str]]:
+    """Connect to the active runtime, and return its handle, its name and what it can do beyond the standard.
 
-    handle: Any
-    name: str
-    extensions: frozenset[str]
-
-    def check(self, source: str) -> None:
-        """Check that the runtime supports a source; ``DeviceUnavailableError`` if it does not."""
-        if _HEADLESS not in self.extensions:
-            raise DeviceUnavailableError(
-                f"openxr: {self.name} has no sessions without a picture ({_HEADLESS})",
-                "make another runtime the active one, such as Monado or WiVRn",
-            )
-        if (needed := _NEEDED.get(source, _HEADLESS)) not in self.extensions:
-            raise DeviceUnavailableError(
-                f"openxr: {self.name} knows no source = {source!r} ({needed})",
-                'set source = "grip" and hold a controller, or take another runtime',
-            )
-
-
-def make_instance(xr: Any) -> Made:
-    """Connect to the active runtime; ``DeviceUnavailableError`` if there is none, or it does not answer."""
+    ``DeviceUnavailableError``: there is none, or it does not answer.
+    """
     # Times are converted to CLOCK_MONOTONIC, which is Python's monotonic clock on Linux alone.
     wanted = {_HEADLESS, *_NEEDED.values(), *((_TIMES,) if sys.platform == "linux" else ())}
     try:
@@ -60,13 +43,13 @@ def make_instance(xr: Any) -> Made:
             "openxr: this program uses OpenXR already, and can only once", "set one tracker of it"
         ) from error
     except xr.XrException as error:
-        raise DeviceUnavailableError(f"openxr: no OpenXR runtime: {text(error)}", _where()) from error
+        raise DeviceUnavailableError(f"openxr: no OpenXR runtime: {_text(error)}", _where()) from error
     reported = xr.get_instance_properties(instance)
     name = f"{reported.runtime_name.decode()} {xr.Version(reported.runtime_version)}"
-    return Made(instance, name, frozenset(names))
+    return instance, name, names
 
 
-def text(error: Exception) -> str:
+def _text(error: Exception) -> str:
     """Return OpenXR's message for an error, with the name under which it can be looked up."""
     return f"{str(error).rstrip('.')} ({type(error).__name__})"
 
@@ -156,20 +139,32 @@ class XrSession:
         self.state = "unknown"
         self.device = ""
         self.restart_from_ns = 0
-        made = make_instance(xr)
-        self._instance, self.runtime = made.handle, made.name
-        self.converts_times = _TIMES in made.extensions
+        self._instance, self.runtime, extensions = _make_instance(xr)
+        self.converts_times = _TIMES in extensions
         try:
-            made.check(options.source)
+            self._check_extensions(extensions)
             self._make_session()
         except xr.XrException as error:
             self.close()
             raise DeviceUnavailableError(
-                f"openxr: {self.runtime} refuses: {text(error)}", "what does its own log say?"
+                f"openxr: {self.runtime} refuses: {_text(error)}", "what does its own log say?"
             ) from error
         except DeviceUnavailableError:
             self.close()
             raise
+
+    def _check_extensions(self, extensions: Collection[str]) -> None:
+        source = self._options.source
+        if _HEADLESS not in extensions:
+            raise DeviceUnavailableError(
+                f"openxr: {self.runtime} has no sessions without a picture ({_HEADLESS})",
+                "make another runtime the active one, such as Monado or WiVRn",
+            )
+        if (needed := _NEEDED.get(source, _HEADLESS)) not in extensions:
+            raise DeviceUnavailableError(
+                f"openxr: {self.runtime} knows no source = {source!r} ({needed})",
+                'set source = "grip" and hold a controller, or take another runtime',
+            )
 
     @property
     def _user(self) -> str:
@@ -243,7 +238,7 @@ class XrSession:
         except xr.EventUnavailable:
             return
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {text(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {_text(error)}") from error
 
     def _reported(self, event: Any) -> None:
         xr, kind = self._xr, self._xr.StructureType(event.type)
@@ -309,7 +304,7 @@ class XrSession:
         except xr.SessionNotFocused:
             return None
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {text(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {_text(error)}") from error
         flags, p, q = int(found.location_flags), found.pose.position, found.pose.orientation
         return Located(
             (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), flags & _VALID == _VALID, flags & _TRACKED == _TRACKED
