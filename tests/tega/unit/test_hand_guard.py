@@ -182,7 +182,7 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
         with pytest.raises(
             DeviceUnavailableError, match="the process that lets go of the hand did not start"
         ):
-            loop.open()
+            loop.warm_up()
         assert hand.say("look")["torques"] == 0
         assert not hand.say("look")["servo_on"]
 

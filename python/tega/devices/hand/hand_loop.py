@@ -46,7 +46,6 @@ class HandLoop:
         self._bus = HandBus(o.can_bus())
         self._off: list[CanFrame] = off_frames(o.device_id)
         self._link: HandLink
-        self._warm = False
         self._guard: GuardProcess | None = None
         self._n_guarded = self._left_to = self._leave_ns = 0
         self._pushed, self._let_go, self._ready, self._died = False, True, False, ""
@@ -62,12 +61,9 @@ class HandLoop:
         self._bus.load()
         if o.guard and o.torque:
             self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
-        self._warm = True
 
     def open(self) -> None:
-        """Open the bus, after :meth:`warm_up` where that was not done; nothing is sent yet."""
-        if not self._warm:
-            self.warm_up()
+        """Open the bus, after :meth:`warm_up`; nothing is sent yet."""
         try:
             self._bus.open()
         except BaseException:
