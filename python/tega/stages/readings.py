@@ -200,17 +200,9 @@ class ReadingMetric(Metric):
                 return raw
 
     def _threshold(self, value: float, spread: float, peak: float) -> float:
-        match self._options.threshold:
-            case "D5":
-                return GAUSSIAN_SHARE * value
-            case "D6":
-                return self._options.noise_floor
-            case "D7":
-                return 0.1 * peak
-            case "D8":
-                return 0.5 * peak
-            case _:
-                return value - self._options.factor * spread
+        o = self._options
+        shares = {"D5": GAUSSIAN_SHARE * value, "D6": o.noise_floor, "D7": 0.1 * peak, "D8": 0.5 * peak}
+        return shares.get(o.threshold, value - o.factor * spread)
 
     def _map(self, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
         """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from typing import Annotated, Any, ClassVar, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence, Set
+from itertools import count
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 
@@ -24,46 +25,39 @@ _REPORT_BYTES = 64
 _MOST_EVENTS = 1024
 
 
-class Edge(NamedTuple):
-    """A button that went down or up; for a press ``t_ns`` is its first contact."""
-
-    t_ns: int
-    button: str
-    pressed: bool
-
-
 class Debounce:
     """Follows the contacts of some buttons; time is an argument.
 
     A dead-man switch must release at the first sign of a release, so a release counts at once and a bouncing
     contact counts as released. A press counts once the contact has held for ``hold_ns`` (0 takes every
     press), with the time of its first contact. Together they give one press for one step on a pedal with
-    shorter bounces.
+    shorter bounces. Events are numbered from 0.
     """
 
     def __init__(self, hold_ns: int) -> None:
         self._hold_ns = hold_ns
         self._since: dict[str, int] = {}
+        self._numbers = count()
         self.held: frozenset[str] = frozenset()
 
-    def take(self, t_ns: int, down: Set[str]) -> Iterator[Edge]:
+    def take(self, t_ns: int, down: Set[str]) -> Iterator[InputEvent]:
         """Process a report; yield the events that have become certain, in time order."""
         yield from self.settle(t_ns)
         for button in sorted(self._since.keys() - down):
             del self._since[button]
             if button in self.held:
                 self.held -= {button}
-                yield Edge(t_ns, button, pressed=False)
+                yield InputEvent(t_ns, next(self._numbers), button, pressed=False)
         for button in sorted(down - self._since.keys()):
             self._since[button] = t_ns
         yield from self.settle(t_ns)
 
-    def settle(self, t_ns: int) -> Iterator[Edge]:
+    def settle(self, t_ns: int) -> Iterator[InputEvent]:
         """Let time pass; yield the presses that have held long enough."""
         for button, since_ns in sorted(self._since.items()):
             if button not in self.held and t_ns - since_ns >= self._hold_ns:
                 self.held |= {button}
-                yield Edge(since_ns, button, pressed=True)
+                yield InputEvent(since_ns, next(self._numbers), button, pressed=True)
 
 
 class HidInputOptions(Options, frozen=True, kw_only=True):
@@ -123,7 +117,6 @@ class HidInput(Drained):
         self._received_ns = 0
         self._buttons = Debounce(self._hold_ns)
         self._events: deque[InputEvent] = deque(maxlen=_MOST_EVENTS)
-        self._n_events = 0
         self.counts = InputCounts()
 
     # What a driver adds. All but the first two are called with the lock held, time in monotonic nanoseconds.
@@ -156,7 +149,7 @@ class HidInput(Drained):
         """Take the buttons that are down; what was held through a silence has to be let go before it counts again."""
         if not (self._is_stalled and down):
             self._is_stalled = False
-            self._say(self._buttons.take(t_ns, down))
+            self._events.extend(self._buttons.take(t_ns, down))
 
     def _come_to_rest(self) -> None:
         """Forget every motion."""
@@ -231,18 +224,12 @@ class HidInput(Drained):
         self.close()
         self.counts, self._trouble = InputCounts(), ""
         self._events.clear()
-        self._n_events = 0
+        self._buttons = Debounce(self._hold_ns)
         self._begin(self._connect(), self.name)
 
     def _require_open(self) -> None:
         if self._thread is None:
             raise DeviceUnavailableError(f"{self.name} is not open", "open it first")
-
-    def _say(self, edges: Iterable[Edge]) -> None:
-        """Put events in the queue; with the lock held."""
-        for edge in edges:
-            self._events.append(InputEvent(edge.t_ns, self._n_events, edge.button, edge.pressed))
-            self._n_events += 1
 
     def _stall(self, t_ns: int) -> None:
         """Note that it stands still in the middle of something; with the lock held."""
@@ -253,7 +240,7 @@ class HidInput(Drained):
     def _release(self, t_ns: int) -> None:
         """Let go of every button and forget every motion; with the lock held."""
         self._come_to_rest()
-        self._say(self._buttons.take(t_ns, frozenset()))
+        self._events.extend(self._buttons.take(t_ns, frozenset()))
 
     def _connect(self) -> Any:
         o = self._options
@@ -295,5 +282,5 @@ class HidInput(Drained):
                     else:
                         self.counts.odd += 1
                 self._pass_time(t_ns)
-                self._say(self._buttons.settle(t_ns))
+                self._events.extend(self._buttons.settle(t_ns))
         return True

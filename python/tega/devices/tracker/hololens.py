@@ -122,15 +122,14 @@ class HoloLens(ThreadedTracker):
         if self._thread is not None:
             return
         self._forget()
-        link: socket.socket | None = None
         try:
             link = self._connect()
-            first = self._first_packet(link)
-        except (OSError, WrongDeviceError) as error:
-            if link is not None:
+            try:
+                first = self._first_packet(link)
+            except BaseException:
                 link.close()
-            if isinstance(error, WrongDeviceError):
                 raise
+        except OSError as error:
             raise DeviceUnavailableError(
                 f"hololens: {self._where} cannot be reached: {error.strerror or error}",
                 "is the hl2ss app running on the headset, and is this its address?",
