@@ -127,8 +127,7 @@ class MotorLevels:
     def __post_init__(self) -> None:
         """Refuse frames that no vest could show."""
         if getattr(self.intensities, "dtype", None) != np.uint8:
-            kind = getattr(self.intensities, "dtype", type(self.intensities).__name__)
-            raise DtypeError(f"intensities is {kind}, not an array of uint8")
+            raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
         n, wanted = len(self.intensities), len(find_layout(self.layout).motors)
@@ -356,6 +355,10 @@ def _four(face: str, values: Iterable[float]) -> tuple[float, float, float, floa
         hint = "give thumb, index, middle and ring; 0 for a finger that is not there"
         raise ShapeError(f"{face} has {len(numbers)} numbers, not 4", hint)
     return numbers[0], numbers[1], numbers[2], numbers[3]
+
+
+def _kind(value: object) -> str:
+    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"a {type(value).__name__}"
 
 
 def _read_only(array: NDArray[np.uint8]) -> NDArray[np.uint8]:
