@@ -92,7 +92,7 @@ def write_poses(path: Path, poses: Iterable[StampedPose]) -> None:
     """
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([*"t_s", *PoseNumbers.table, "valid"])
+        writer.writerow(["t_s", *PoseNumbers.table, "valid"])
         for pose in poses:
             numbers = [float(x) for x in (*pose.position_m, *pose.quaternion_xyzw)]
             writer.writerow([f"{pose.t_ns / 1e9:.9f}", *map(repr, numbers), int(pose.valid)])
