@@ -171,7 +171,7 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "the hand's process goes on while the run stands still",
-        "return self._n_words, time.monotonic() - self._last_s if self._received else 0.0",
+        "return self._n_words, time.monotonic() - self._last_s",
         "return time.monotonic_ns(), 0.0",
         f"{STOP}a_killed_or_frozen_run_leaves_all_safe",
     ),
@@ -208,8 +208,8 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "a torque that was computed before a standstill is sent after it",
-        "outdated=standstill.is_over if pushes else _never",
-        "outdated=_never",
+        "outdated=standstill.is_over if pushes else None",
+        "outdated=None",
         f"{STAND}a_torque_that_was_computed_before_a_standstill_is_not_sent",
     ),
     Guard(

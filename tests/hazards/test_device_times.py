@@ -191,7 +191,7 @@ def test_a_hand_that_does_not_hear_its_end_is_left_to_its_guard_after_three_seco
         now.s += timeout
 
     monkeypatch.setattr(hand_bus, "time", SimpleNamespace(monotonic=lambda: now.s))
-    bus = hand_bus.HandBus("virtual", "x", bitrate=1_000_000, more={})
+    bus = hand_bus.HandBus({"interface": "virtual", "channel": "x"})
     bus._can = pytest.importorskip("can")
     bus._bus = SimpleNamespace(recv=hears_nothing, send=lambda _frame, timeout: sent_s.append(now.s))  # noqa: ARG005
     frames = allegro_limp_frames()

@@ -19,7 +19,7 @@ from tega.arm import (
     StampedPose,
 )
 from tega.arm import rotation as so3
-from tega.devices.arm.base import TellingArm
+from tega.devices.base import TellingArm
 
 MS = 1_000_000
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tega.devices.tracker.sources import write_poses
+from tega_emulators.scripted_poses import write_poses
 from tega_figures.arm_path import follow_path, hand_of, hand_path, tracked
 
 

@@ -45,8 +45,6 @@ class MoveToStart(Opened):
 
     kind: ClassVar[Kind] = "tracker"
     summary: ClassVar[str] = "the way to the arm's start"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = Options
     frame = "base"
     problem = ""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tega.devices.arm.base import ArmDriver
 from tega.devices.base import (
+    ArmDriver,
     Device,
     DeviceInfo,
     DiscoveringDevice,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +31,20 @@ def hid_module(driver: str) -> Any:
             "pip uninstall hid, then pip install --force-reinstall hidapi",
         )
     return hid
+
+
+def open_hid(driver: str, which: Mapping[str, Any], what: str) -> Any:
+    """Open a device that hidapi has listed; reading does not wait. ``what`` is the device in the error."""
+    device = hid_module(driver).device()
+    try:
+        device.open_path(which["path"])
+        device.set_nonblocking(1)
+    except OSError as error:
+        raise DeviceUnavailableError(
+            f"{what} is there but does not open: {error}",
+            "another program may have it, or its udev rule is missing: tega-teleop doctor --udev-rules prints it",
+        ) from error
+    return device
 
 
 SYSFS = Path("/sys/class")

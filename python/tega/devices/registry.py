@@ -17,8 +17,8 @@ from typing import Any, Literal, overload
 
 import msgspec
 
-from tega.devices.arm.base import ArmDriver
 from tega.devices.base import (
+    ArmDriver,
     Device,
     EmgSource,
     HandDriver,

@@ -27,8 +27,6 @@ class TableRecorder(Opened):
     kind: ClassVar[Kind]
     name: ClassVar[str]
     unit: ClassVar[str]
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = TableRecorderOptions
 
     def __init__(self, options: TableRecorderOptions) -> None:

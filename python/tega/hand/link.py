@@ -31,6 +31,29 @@ class Received(NamedTuple):
     error: bool = False
 
 
+class HandSpoken(NamedTuple):
+    """One exchange with a hand.
+
+    Attributes:
+        t_ns: When, monotonic clock.
+        received: Frames received since the last one.
+        out: Frames to be sent.
+        action: ``exchange``, ``release`` or ``abandon``.
+        taken: Frames that the adapter took.
+        left_ns: When torques that answer a set of positions had left; 0 where none did.
+        added: Addition to the level.
+    """
+
+    t_ns: int
+    level: float
+    received: list[Received]
+    out: list[CanFrame]
+    action: str
+    taken: Sequence[CanFrame] = ()
+    left_ns: int = 0
+    added: float = 0.0
+
+
 class HandFault(NamedTuple):
     """Fault for which the hand was let go for good; ``kind`` is one word, such as ``no-answer``."""
 
@@ -114,7 +137,6 @@ class HandLink:
         lowest_rate_hz: float = 250.0,
         reconnects: int = 5,
     ) -> None:
-        """Begin nothing yet; the first :meth:`exchange` does."""
         self._link = _native.HandLink(
             controller._native,  # noqa: SLF001  # two halves of one module
             device_id=device_id,
@@ -172,11 +194,6 @@ class HandLink:
     def target_rad(self) -> NDArray[np.float64] | None:
         """Joint targets of the last cycle, float64 (16,); ``None`` before the first."""
         return self._link.target_rad
-
-    @property
-    def torques(self) -> NDArray[np.float64]:
-        """The last torques, float64 (16,), in units of full duty."""
-        return self._link.torques
 
     def state(self, t_ns: int) -> HandState:
         """Return the state of the conversation at a time."""

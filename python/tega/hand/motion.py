@@ -140,7 +140,6 @@ class HandController:
         level_factors: ArrayLike | None = None,
         slew_per_tick: float | None = None,
     ) -> None:
-        """Check and store the settings; no pose is adopted yet."""
         default_error, default_slew = _native.DEFAULT_ERROR_LIMIT_RAD, _native.DEFAULT_SLEW_PER_TICK
         self._native = _native.HandController(
             poses_rad=CLOSURE_POSES_RAD
@@ -271,7 +270,6 @@ class JointModel:
         full_duty_speed_rad_s: float = _native.FULL_DUTY_SPEED_RAD_S,
         time_constant_s: float = _native.TIME_CONSTANT_S,
     ) -> None:
-        """Start at rest."""
         start = CLOSURE_POSES_RAD[0] if angles_rad is None else float_array("angles_rad", angles_rad, (16,))
         self._native = _native.JointModel(
             start, full_duty_speed_rad_s=full_duty_speed_rad_s, time_constant_s=time_constant_s
@@ -317,7 +315,6 @@ class ModelledHand:
     """
 
     def __init__(self, controller: HandController | None = None, model: JointModel | None = None) -> None:
-        """Hold both; their state stays theirs."""
         self.controller = HandController() if controller is None else controller
         self.model = JointModel() if model is None else model
 

@@ -220,9 +220,8 @@ def vest_frame(
         array([12,  9,  6,  3], dtype=uint8)
     """
     faces = _four("front", front), _four("back", back)
-    if layout in SHIPPED:
-        return MotorLevels(layout, _read_only(_native.vest_intensities(*faces, layout=layout, mirror=mirror)))
-    return MotorLevels(layout, _read_only(vest_intensities(*faces, layout=layout, mirror=mirror)))
+    fill = _native.vest_intensities if layout in SHIPPED else vest_intensities
+    return MotorLevels(layout, _read_only(fill(*faces, layout=layout, mirror=mirror)))
 
 
 def vest_intensities(

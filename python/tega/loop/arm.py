@@ -16,8 +16,7 @@ from tega.arm.chain import ArmChain
 from tega.arm.pose import ArmCommand, PoseSource, StampedPose
 from tega.arm.turn import Turn, lead
 from tega.config import ArmConfig, SessionConfig
-from tega.devices.arm.base import ArmDriver
-from tega.devices.base import DeviceInfo, Tracker
+from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.devices.tracker.sources import RatePoses
 from tega.errors import ConfigError

@@ -15,7 +15,7 @@ from tega.arm.pose import ArmCommand, ArmState, StampedPose
 from tega.arm.rotation import from_matrix
 from tega.arm.settings import MappingSettings
 from tega.arm.turn import Turn
-from tega.devices.arm.base import ArmDriver, TellingArm
+from tega.devices.base import ArmDriver, TellingArm
 from tega.records import (
     ArmHealth,
     ArmMeasured,

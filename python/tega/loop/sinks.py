@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
@@ -11,14 +10,13 @@ from tega.devices.base import DeviceInfo, HandDriver, SteeredHand, TellingHand, 
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import split_level
-from tega.hand.link import Received
+from tega.hand.link import HandSpoken
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.pacing import refuse_live
 from tega.loop.snapshot import LoopView
 from tega.loop.worn_vest import dose_file, worn_vest
 from tega.records import HandExchange, bus_frames
 from tega.records.bus import Bus
-from tega.wire import CanFrame
 
 
 class Sinks(NamedTuple):
@@ -84,24 +82,17 @@ def _listen(hand: Any, bus: Bus) -> None:
     if not isinstance(hand, TellingHand) or not bus.wants(HandExchange):
         return
 
-    def exchanged(
-        t_ns: int,
-        requested: tuple[float, float],
-        received: Sequence[Received],
-        sent: Sequence[CanFrame],
-        action: str,
-    ) -> None:
-        level, added = requested
-        whole, closure = split_level(level)
+    def exchanged(spoken: HandSpoken) -> None:
+        whole, closure = split_level(spoken.level)
         bus.publish(
             HandExchange(
-                t_ns=t_ns,
+                t_ns=spoken.t_ns,
                 level=whole,
                 closure=closure,
-                added=added,
-                received=bus_frames(received),
-                sent=bus_frames(sent),
-                action=action,
+                added=spoken.added,
+                received=bus_frames(spoken.received),
+                sent=bus_frames(spoken.out),
+                action=spoken.action,
             )
         )
 

@@ -38,8 +38,6 @@ class PosesFile(Opened):
 
     kind: ClassVar[Kind] = "tracker"
     summary: ClassVar[str] = "a recorded path of a forearm (CSV, or a session)"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = PosesFileOptions
 
     def __init__(self, options: PosesFileOptions) -> None:

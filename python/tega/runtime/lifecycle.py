@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 from tega.errors import DeviceUnavailableError, MissingExtraError, MissingToolError
 
@@ -22,7 +22,10 @@ _FOLDERS: Final = {
 
 
 class Opened:
-    """Gives a driver its ``with`` block: open on entry, close on exit."""
+    """Gives a driver its ``with`` block: open on entry, close on exit; and it needs no package, unless it says so."""
+
+    extra: ClassVar[str] = ""
+    requires: ClassVar[tuple[str, ...]] = ()
 
     def open(self) -> None:
         """Open the device."""

@@ -91,17 +91,9 @@ class ColumnsMapping(Mapping):
             )
             for finger in setup.fingers
         }
-        # A contact is shown in several frames, until the finger's next one.
-        self._known: dict[str, tuple[Contact, tuple[float, float]]] = {}
 
     def columns(self, finger: str, contact: Contact) -> tuple[float, float]:
         """Return the finger's columns, percent; 0 without contact, unless the law is to be shown at rest."""
-        known = self._known.get(finger)
-        if known is None or known[0] is not contact:
-            self._known[finger] = known = contact, self._columns(finger, contact)
-        return known[1]
-
-    def _columns(self, finger: str, contact: Contact) -> tuple[float, float]:
         o = self._options
         front, back = self._full[finger]
         values = (0.0, 0.0)

@@ -58,9 +58,9 @@ class EqualStepsMapping(SlipRowMapping):
     ``I = (T_m + a) (1 + W_m) ** (n1 + s (N - n1)) - a``, ``N`` the least ``n(F)`` of all motors,
 
     and 0 at s = 0: wherever it is shown, a share is as many steps above the threshold, and N is that of the
-    motor with the fewest. ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is vest.step over the
-    intensity half way between threshold and F, where the step is measured. Raises ``ConfigError`` as
-    ``slip-row`` does, or if a motor's threshold is not below F.
+    motor with the fewest (``n_steps``). ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is
+    vest.step over the intensity half way between threshold and F, where the step is measured. Raises
+    ``ConfigError`` as ``slip-row`` does, or if a motor's threshold is not below F.
     """
 
     summary: ClassVar[str] = (
@@ -92,16 +92,11 @@ class EqualStepsMapping(SlipRowMapping):
             weber = step / ((threshold + full) / 2 + self._offset)
         log_weber = np.log1p(weber)
         self._lowest = threshold + self._offset
-        self._n_steps = float((np.log((full + self._offset) / self._lowest) / log_weber).min())
-        first = min(options.first_steps, self._n_steps)
+        self.n_steps = float((np.log((full + self._offset) / self._lowest) / log_weber).min())
+        first = min(options.first_steps, self.n_steps)
         # Of ln((I + a) / (T + a)): at the lowest share, and what each percent adds; arrays cost less than numbers.
-        self._begin, self._per_percent = first * log_weber, (self._n_steps - first) * log_weber / 100
+        self._begin, self._per_percent = first * log_weber, (self.n_steps - first) * log_weber / 100
         self._most = np.full(len(numbers), 100.0)
-
-    @property
-    def n_steps(self) -> float:
-        """Noticeable steps between the threshold and full sensation, N, of the motor with the fewest."""
-        return self._n_steps
 
     def levels(
         self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]

@@ -64,7 +64,8 @@ class GripReflex(Reflex):
         self._fingers, self._o = setup.fingers, options
         self.wants_events = options.events
         self._first: float | None = None
-        self._slid: dict[str, _Slid] = {}
+        # Since when each finger touches, and the share of its contact that has slid lately.
+        self._slid: dict[str, tuple[int, TwoMeans]] = {}
         self._closure = TwoMeans(_QUICK_S, _SLOW_S)
         self._requested, self._until_ns = 0.0, 0
         self._why = self._cause = ""
@@ -88,7 +89,10 @@ class GripReflex(Reflex):
         ]
         if measured is not None:
             self._closure.add(t_ns / 1e9, measured)
-        self._slid = {one.finger: self._slid.get(one.finger) or _Slid(one.t_ns) for one in touching}
+        self._slid = {
+            one.finger: self._slid.get(one.finger) or (one.t_ns, TwoMeans(_QUICK_S, _SLOW_S))
+            for one in touching
+        }
         if not touching:
             self._first, self._requested, self._cause = None, 0.0, ""
             return 0.0
@@ -135,12 +139,12 @@ class GripReflex(Reflex):
         o = self._o
         if o.rise_from <= 0:
             return (share - o.incipient_from) / (1 - o.incipient_from)
-        slid = self._slid[contact.finger]
-        slid.share.add(contact.t_ns / 1e9, share)
-        settled = contact.t_ns - slid.since_ns >= _SETTLED_S * 1e9
+        since_ns, slid = self._slid[contact.finger]
+        slid.add(contact.t_ns / 1e9, share)
+        settled = contact.t_ns - since_ns >= _SETTLED_S * 1e9
         if not settled or self._closure.change > _CLOSING_LEVELS:
             return 0.0
-        return slid.share.change / o.rise_from - 1.0
+        return slid.change / o.rise_from - 1.0
 
     def _room(self, touching: Sequence[Contact], measured: float | None) -> float:
         """Room before harm: 1 far from it, 0 at the limit, -1 well beyond it."""
@@ -156,13 +160,6 @@ class GripReflex(Reflex):
             if left < room:
                 room, self._cause = left, "eased: a finger is loaded"
         return max(room, -1.0)
-
-
-class _Slid:
-    """Share of a finger's contact that has slid, lately, and since when the finger touches."""
-
-    def __init__(self, since_ns: int) -> None:
-        self.since_ns, self.share = since_ns, TwoMeans(_QUICK_S, _SLOW_S)
 
 
 def _reports(contact: Contact) -> bool:

@@ -62,24 +62,19 @@ class PlaceMapping(SlipRowMapping):
         layout = setup.layout
         in_use = [finger for finger in self._fingers if finger in setup.fingers]
         width = {face: layout.columns(face) for face in ("front", "back")}
-        self._own_columns: dict[str, dict[str, range]] = {}
-        for n, finger in enumerate(in_use):
-            self._own_columns[finger] = {
+        self._own_columns = {
+            finger: {
                 face: range(n * columns // len(in_use), (n + 1) * columns // len(in_use))
                 for face, columns in width.items()
             }
+            for n, finger in enumerate(in_use)
+        }
         top = int(options.slip_row == "top")
         self._motors = [
             (index, motor.face, motor.row - top, motor.column, int(self._rows[index]))
             for index, motor in enumerate(layout.motors)
             if not self._spared[index]
         ]
-        if options.blend != "all":
-            return
-        self._own_columns = {
-            finger: dict.fromkeys(width, range(column, column + 1))
-            for column, finger in enumerate(self._fingers)
-        }
 
     def _spread(self, values: NDArray[np.float64], contacts: AnyMapping[str, Contact]) -> NDArray[np.float64]:
         if self._place.blend == "all":

@@ -93,6 +93,8 @@ class ReadingMetric(Metric):
 
     def __init__(self, setup: FingerSetup, options: ReadingOptions) -> None:
         self._finger, self._baseline, self._options = setup.finger, setup.baseline, options
+        usual: dict[str, Difference] = {"D1": "signed", "D2": "rectified"}
+        self._difference = options.difference or usual.get(options.threshold, "absolute")
         self._read: Callable[[NDArray[np.uint8]], ContactMetrics] = self._masked
         if options.threshold in {"D1", "D2"}:
             self._read = self._printed
@@ -131,7 +133,7 @@ class ReadingMetric(Metric):
         """Return the grey map of the last frame and its pixels above T."""
         if self._options.threshold in {"D1", "D2"}:
             # Grey values and threshold are rounded here; the kernel compares exact sums.
-            grey = _signed(self._frame, self._baseline, self._sign()) @ self._millionths / 1e6
+            grey = _signed(self._frame, self._baseline, self._difference) @ self._millionths / 1e6
         else:
             grey, _ = self._map(self._frame)
         above = self._above(grey, self._metrics.threshold)
@@ -144,7 +146,7 @@ class ReadingMetric(Metric):
             frame,
             self._baseline,
             weights=o.weights,
-            difference=self._sign(),  # type: ignore[arg-type]  # checked when it was made
+            difference=self._difference,  # type: ignore[arg-type]  # checked when it was made
             spread=o.spread,
             factor=o.factor,
             centroid_value=o.centroid_value,  # type: ignore[arg-type]  # likewise
@@ -197,30 +199,18 @@ class ReadingMetric(Metric):
             case _:
                 return raw
 
-    def _sign(self) -> Difference:
-        o = self._options
-        return o.difference or {"D1": "signed", "D2": "rectified"}.get(o.threshold, "absolute")  # type: ignore[return-value]
-
     def _threshold(self, value: float, spread: float, peak: float) -> float:
-        match self._options.threshold:
-            case "D5":
-                return GAUSSIAN_SHARE * value
-            case "D6":
-                return self._options.noise_floor
-            case "D7":
-                return 0.1 * peak
-            case "D8":
-                return 0.5 * peak
-            case _:
-                return value - self._options.factor * spread
+        o = self._options
+        shares = {"D5": GAUSSIAN_SHARE * value, "D6": o.noise_floor, "D7": 0.1 * peak, "D8": 0.5 * peak}
+        return shares.get(o.threshold, value - o.factor * spread)
 
     def _map(self, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
         """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""
         o = self._options
         # Sums of whole numbers below 2⁵³: exact in float64 where the weights are millionths.
-        signed, sign = _signed(frame, self._baseline, self._sign()), self._sign()
-        grey = np.sqrt(np.square(signed).mean(axis=2)) * 1e6 if sign == "l2" else signed @ self._millionths
-        grey = _box_sums(np.abs(grey) if sign == "luminance" else grey)
+        signed, how = _signed(frame, self._baseline, self._difference), self._difference
+        grey = np.sqrt(np.square(signed).mean(axis=2)) * 1e6 if how == "l2" else signed @ self._millionths
+        grey = _box_sums(np.abs(grey) if how == "luminance" else grey)
         grey /= 25e6
         counted = int(np.count_nonzero(grey > o.noise_floor))
         grey[grey < o.noise_floor] = 0.0

@@ -168,7 +168,7 @@ def _described(group: Group, name: str, reported: dict[str, Any]) -> StageRecord
     if missing:
         problem = f"needs {', '.join(missing)}: pip install '{reported['package']}[{stage.extra}]'"
     values = {}
-    if group == "metric" and not _required(stage.options_type):
+    if group == "metric" and not any(f.required for f in msgspec.structs.fields(stage.options_type)):
         values = stage.units(stage.options_type())
     return StageRecord(
         **reported,
@@ -180,12 +180,7 @@ def _described(group: Group, name: str, reported: dict[str, Any]) -> StageRecord
     )
 
 
-def _required(options_type: type[StageOptions]) -> bool:
-    return any(field.required for field in msgspec.structs.fields(options_type))
-
-
 def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
-
     attributes = _attributes(options_type)
     hints = get_type_hints(options_type)
     records = []

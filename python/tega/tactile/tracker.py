@@ -278,14 +278,8 @@ class TouchTracker:
     ) -> TrackedContact:
         """Read the next frame by its sums over cells of 8 x 8 pixels; the contact is that of :meth:`update`.
 
-        Args:
-            sums: int16 (3, cells), for each byte of a pixel the cells row by row; a frame of 320 x 240 has 1,200
-                cells.
-            dt_s: As for :meth:`update`, like the following.
-            loaded: As for :meth:`update`.
-
-        Returns:
-            The contact.
+        ``sums`` are int16 (3, cells), for each byte of a pixel the cells row by row; a frame of 320 x 240 has 1,200
+        cells. All else is as for :meth:`update`.
 
         Raises:
             ShapeError: There are not as many sums as the baseline has such cells; the tracker is as before.

@@ -28,6 +28,7 @@ from tega._native import ALLEGRO_PWM_LIMITS, ALLEGRO_RAD_PER_COUNT
 from tega.wire.allegro import (
     allegro_angle_counts,
     allegro_angles_rad,
+    allegro_decode,
     allegro_limp_frames,
     allegro_position_frames,
     allegro_report_frame,
@@ -36,12 +37,12 @@ from tega.wire.allegro import (
     allegro_request_position,
     allegro_request_serial,
     allegro_request_temperature,
+    allegro_requested,
     allegro_servo_off,
     allegro_servo_on,
     allegro_set_period,
     allegro_torque_frames,
 )
-from tega.wire.allegro_decode import allegro_decode, allegro_requested
 from tega.wire.allegro_messages import (
     HAND_FINGERS,
     AllegroConfig,

@@ -97,7 +97,6 @@ class CytonDecoder(_NumberedPackets):
     """
 
     def __init__(self, gain: int = 24) -> None:
-        """Start with nothing received."""
         self._stream = _native.CytonStream(gain=gain)
 
     def feed(self, data: bytes | bytearray | memoryview) -> CytonBatch:
@@ -138,7 +137,6 @@ class ChordsDecoder(_NumberedPackets):
     """
 
     def __init__(self, channels: int = 3) -> None:
-        """Start with nothing received."""
         self._stream = _native.ChordsStream(channels=channels)
 
     def feed(self, data: bytes | bytearray | memoryview) -> ChordsBatch:
@@ -179,7 +177,6 @@ class SpikerDecoder:
     """
 
     def __init__(self, channels: int = 3) -> None:
-        """Start with nothing received."""
         self._stream = _native.SpikerStream(channels=channels)
 
     def feed(self, data: bytes | bytearray | memoryview) -> NDArray[np.uint16]:
@@ -236,7 +233,6 @@ class AsciiEmgDecoder:
     """
 
     def __init__(self, channels: int = 3, *, leading: int = 0, drop_first_line: bool = True) -> None:
-        """Start with nothing received."""
         self._stream = _native.AsciiStream(channels=channels, leading=leading, drop_first=drop_first_line)
 
     def feed(self, data: bytes | bytearray | memoryview) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ that passes them on, or drives motors itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -186,5 +186,4 @@ def hid_status_report(status: HidStatus) -> bytes:
     Raises:
         WireError: If a number does not fit its field.
     """
-    fields = (status.sequence, status.link, status.battery, status.faults, status.uptime_ms, status.dropped)
-    return _native.hid_status_report(fields)
+    return _native.hid_status_report(astuple(status))

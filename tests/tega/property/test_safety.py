@@ -216,6 +216,6 @@ def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
                 assert (np.abs(duties) <= limits[4 * finger : 4 * finger + 4]).all()
                 pushed = pushed or bool(duties.any())
     assert pushed or steady < 600
-    assert (np.abs(link.torques) <= TORQUE_LIMITS * share + 1e-12).all()
+    assert (np.abs(link._link.torques) <= TORQUE_LIMITS * share + 1e-12).all()
     for frame in link.abandon():
         assert not any(frame.data[:8]) or frame.id >> 2 not in range(0x60, 0x64)

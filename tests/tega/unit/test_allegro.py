@@ -10,10 +10,8 @@ import math
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +27,6 @@ from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, 
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import run_session
 from tega_emulators.allegro import FAULTS, AllegroNode
-from tega_emulators.allegro_port import BusPort
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
@@ -138,7 +135,7 @@ def test_what_is_added_reaches_the_hand_through_its_process_and_is_taken_back() 
     reported: set[tuple[float, float]] = set()
     with Emulator("allegro_port") as hand:
         driver = _driver(hand)
-        driver.on_exchange = lambda _t_ns, requested, *_more: reported.add(requested)
+        driver.on_exchange = lambda spoken: reported.add((spoken.level, spoken.added))
         with driver:
             assert _reaches(driver, 3)
             for added in (0.5, 0.25, 0.0):
@@ -227,7 +224,7 @@ def test_a_nuisance_is_survived(fault: str) -> None:
                 "duplicate": counts.copies,
                 "babble": min(counts.unknown, counts.malformed),
                 "power-cycle": counts.silences,
-                "garbage": driver.n_garbled,
+                "garbage": driver.news.n_garbled,
             }[fault] > 10 * (fault != "power-cycle")
 
         assert _until(reported)
@@ -268,36 +265,6 @@ def test_reading_only_leaves_the_motors_off() -> None:
         time.sleep(0.3)
         assert _limp(hand)
         assert np.abs(driver.angles_rad - hand.say("look")["angles_rad"]).max() < 0.01
-
-
-@contextmanager
-def _on_a_virtual_bus(channel: str) -> Iterator[AllegroNode]:
-    node, ended = AllegroNode(), threading.Event()
-    port = BusPort(node, interface="virtual", channel=channel)
-
-    def live() -> None:
-        while not ended.wait(0.001):
-            port.take(time.monotonic())
-            port.send(node.due(time.monotonic()))
-
-    thread = threading.Thread(target=live)
-    thread.start()
-    try:
-        yield node
-    finally:
-        ended.set()
-        thread.join()
-        port.close()
-
-
-def test_a_virtual_bus_does_as_well() -> None:
-    make: Any = AllegroOptions
-    with _on_a_virtual_bus("test-allegro") as node:
-        with Allegro(make(interface="virtual", channel="test-allegro", **PATIENT)) as driver:
-            assert _reaches(driver, 3)
-            assert _firmed(driver, 3, 0.5)
-        # The node hears the last frames in a thread of its own.
-        assert _until(lambda: not node.servo_on and not node.duties.any())
 
 
 @pytest.mark.parametrize("end", ["", "raise SystemExit(3)", "raise ValueError"])

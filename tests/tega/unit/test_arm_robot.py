@@ -290,9 +290,9 @@ def test_which_library_speaks_to_which_server(libfranka: str, server: int) -> No
     ("server", "library", "message"),
     [
         (10, None, "pip install 'franky-control>=2,<3'"),
-        (10, fci.Library("franky-control", "2.0.0", "0.21.2", 10), ""),
-        (5, fci.Library("franky-control", "2.0.0", "0.21.2", 10), "Panda with robot server 5"),
-        (8, fci.Library("franky-control", "2.0.0", "", None), "by-robot-server-version/8/"),
+        (10, fci.Library("2.0.0", "0.21.2", 10), ""),
+        (5, fci.Library("2.0.0", "0.21.2", 10), "Panda with robot server 5"),
+        (8, fci.Library("2.0.0", "", None), "by-robot-server-version/8/"),
     ],
 )
 def test_what_to_install_for_a_robot(server: int, library: fci.Library | None, message: str) -> None:

@@ -21,12 +21,12 @@ from rich.console import Console
 from reference.parts import observed
 from tega.arm import StampedPose
 from tega.config import check_tree
-from tega.devices.tracker.sources import write_poses
 from tega.loop import LoopView, run_session
 from tega.loop.controls import Controls
 from tega.ui.view.terminal import render
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
+from tega_emulators.scripted_poses import write_poses
 from tega_emulators.vest_bench import seen_by
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")

@@ -12,9 +12,9 @@ import pytest
 from tega.arm import ArmChain, ArmSettings, LimitSettings, MappingSettings, Pose, PoseSource, StampedPose
 from tega.arm import rotation as so3
 from tega.devices.base import InputReading
-from tega.devices.tracker.sources import RatePoses, RecordedPoses, read_poses, write_poses
+from tega.devices.tracker.sources import RatePoses, RecordedPoses, read_poses
 from tega.errors import InvalidValueError, RecordingError
-from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through
+from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through, write_poses
 
 MS = 1_000_000
 HEAD = "t_s,x_m,y_m,z_m,qx,qy,qz,qw\n"

@@ -30,7 +30,7 @@ def test_an_adapter_that_is_not_there_is_one_sentence(capfd: pytest.CaptureFixtu
     for interface in _ABSENT:
         channel = _CHANNELS.get(interface, "0")
         for bus in (
-            HandBus(interface, channel, bitrate=1_000_000, more={}),
+            HandBus({"interface": interface, "channel": channel, "bitrate": 1_000_000}),
             PythonCan(PythonCanOptions(interface=interface, channel=channel, open_loop=True)),
         ):
             with pytest.raises(DeviceUnavailableError) as caught:
@@ -88,7 +88,7 @@ class _Broken:
 
 
 def test_nothing_leaks_from_a_library_that_fails_later() -> None:
-    bus = HandBus("kvaser", 0, bitrate=1_000_000, more={})
+    bus = HandBus({"interface": "kvaser", "channel": 0})
     bus.load()
     bus._bus = _Broken()
     assert bus.send([CanFrame(1, b"")]) == []
@@ -115,7 +115,7 @@ def test_another_hand_s_terminal_of_the_same_name_is_not_opened() -> None:
         return master, slave, os.ttyname(slave)
 
     master, slave, name = terminal()
-    bus = HandBus("slcan", name, bitrate=1_000_000, more={})
+    bus = HandBus({"interface": "slcan", "channel": name, "bitrate": 1_000_000})
     bus.open()
     os.close(master)
     os.close(slave)

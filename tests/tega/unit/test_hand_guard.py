@@ -177,12 +177,12 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("tega.devices.hand.hand_loop.guard_hand", absent)
     with Emulator("allegro_port") as hand:
         reported: list[object] = []
-        options, orders = AllegroOptions(**hand.address), HandOrders(received=True)
-        loop = HandLoop(options, orders, lambda *subject: reported.append(subject), whole=False)
+        options, orders = AllegroOptions(**hand.address), HandOrders()
+        loop = HandLoop(options, orders, lambda *subject: reported.append(subject))
         with pytest.raises(
             DeviceUnavailableError, match="the process that lets go of the hand did not start"
         ):
-            loop.open()
+            loop.warm_up()
         assert hand.say("look")["torques"] == 0
         assert not hand.say("look")["servo_on"]
 

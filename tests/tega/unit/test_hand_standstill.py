@@ -52,7 +52,8 @@ class Slept:
     def __init__(self, hand: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
         self.slept_s = 0.0
         self.news: list[HandNews] = []
-        self.orders = HandOrders(received=False)
+        self.orders = HandOrders()
+        monkeypatch.setattr(self.orders, "still", lambda: False)  # nobody repeats its word here
         options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0, guard=False)
         self.loop = HandLoop(options, self.orders, lambda _spoken, seen: self.news.append(seen))
         awake = clock.since_boot_s
@@ -61,6 +62,7 @@ class Slept:
     @contextmanager
     def steering(self) -> Iterator[threading.Thread]:
         """Have the hand closed."""
+        self.loop.warm_up()
         self.loop.open()
         self.orders.take(5.0, 0.0)
         thread = threading.Thread(target=self.loop.run)

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from reference import processes
 from reference.trackers import Steered, some, until, wrist_goes
 from tega.devices.tracker.openxr import OpenXr
-from tega.devices.tracker.openxr_instance import OpenXrOptions
+from tega.devices.tracker.openxr_session import OpenXrOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.ui.cli.arm import forward
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime

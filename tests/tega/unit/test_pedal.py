@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from reference.held import PEDAL, TWO, emulated, pedal, spacemouse
 from reference.processes import until
 from tega.config import check_tree
-from tega.devices.input.debounce import Debounce
-from tega.devices.input.hid_input import AT_REST
+from tega.devices.input.hid_input import AT_REST, Debounce
 from tega.devices.input.pedal import Pedal
 from tega.errors import ConfigError
 

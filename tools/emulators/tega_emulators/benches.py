@@ -20,10 +20,10 @@ import msgspec
 import numpy as np
 
 from tega.arm.pose import StampedPose
-from tega.devices.tracker.sources import write_poses
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
+from tega_emulators.scripted_poses import write_poses
 from tega_emulators.sound_port import SoundPort
 
 __all__ = ["BENCHES", "EmulatedDriver", "why_not"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import csv
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +13,7 @@ import numpy as np
 from tega.arm.pose import Pose, StampedPose
 from tega.arm.rotation import between, exp, multiply, unit
 from tega.errors import InvalidValueError
+from tega.records import PoseNumbers
 
 
 class Waypoint(NamedTuple):
@@ -80,3 +83,16 @@ class ScriptedPoses:
             poses.append(StampedPose(self._start_ns + after_ns, place, q))
             self._next += 1
         return poses
+
+
+def write_poses(path: Path, poses: Iterable[StampedPose]) -> None:
+    """Write poses so that :func:`tega.devices.tracker.sources.read_poses` gives back the same numbers.
+
+    Times are kept to a nanosecond.
+    """
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["t_s", *PoseNumbers.table, "valid"])
+        for pose in poses:
+            numbers = [float(x) for x in (*pose.position_m, *pose.quaternion_xyzw)]
+            writer.writerow([f"{pose.t_ns / 1e9:.9f}", *map(repr, numbers), int(pose.valid)])

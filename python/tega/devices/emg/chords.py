@@ -94,7 +94,6 @@ class Chords(LiveSerialEmg):
         super().__init__(options)
         self._describe(_Board(0.0, 0))
         self._board_name = ""
-        self._waiting = b""
 
     def _start(self) -> None:
         o = self._options
@@ -166,8 +165,7 @@ class Chords(LiveSerialEmg):
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()
-        batch = self._decoder.feed(self._waiting + data)
-        self._waiting = b""
+        batch = self._decoder.feed(data)
         if not len(batch.samples):
             return None
         return Arrived(batch.samples.astype(np.float64), batch.missing.astype(np.int64), arrival_ns)

@@ -83,11 +83,6 @@ class EmgHealth:
                 self.now = tuple(self._check())
                 self._checks.update(self.now)
 
-    @property
-    def missing_samples(self) -> int:
-        """Samples missing so far, by their numbers."""
-        return sum(self._gaps)
-
     def words(self) -> tuple[str, ...]:
         """Return every finding so far, one sentence each, with how long it lasted."""
         # A copy, since another thread may ask while samples arrive.
@@ -95,7 +90,7 @@ class EmgHealth:
         found = [f"{words} (for {n * _POLL_S:g} s)" for words, n in looks]
         if self._gaps:
             longest_ms = 1000 * max(self._gaps) / self._rate_hz
-            n, lost = len(self._gaps), self.missing_samples
+            n, lost = len(self._gaps), sum(self._gaps)
             found.insert(0, f"{lost} samples were lost in {n} gaps, the longest {longest_ms:.0f} ms")
         return tuple(found)
 

@@ -257,9 +257,6 @@ class LiveEmg(Opened):
         self._looked_at_s = time.monotonic()
         if self._clock is not None:
             self._clock.restart()
-        self._new_health()
-
-    def _new_health(self) -> None:
         names, rate_hz = tuple(f"ch{c}" for c in self._columns()), self._rate_hz or 0.0
         self.health = EmgHealth(rate_hz, names, limits=self.limits)
         self._values = ValueCheck(rate_hz, names, limits=self.limits, free_columns=self.free_columns)
@@ -314,7 +311,6 @@ class LiveEmg(Opened):
             )
         self._clock, self.health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
         self._measure(self._clock, rate_hz)
-        self._new_health()
 
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
         """Wait for the first sample, then measure until the rate is proven, or certainly another.

@@ -99,17 +99,15 @@ class SerialPort:
                 time.sleep(POLL_S)
         return data
 
-    def drain(self, quiet_s: float, timeout_s: float) -> int:
-        """Throw away what arrives until nothing did for ``quiet_s``; return how many bytes that were."""
-        n, deadline = 0, time.monotonic() + timeout_s
+    def drain(self, quiet_s: float, timeout_s: float) -> None:
+        """Throw away what arrives until nothing did for ``quiet_s``."""
         quiet_from = time.monotonic()
+        deadline = quiet_from + timeout_s
         while time.monotonic() < deadline and time.monotonic() - quiet_from < quiet_s:
-            got = len(self.read())
-            if got:
-                n, quiet_from = n + got, time.monotonic()
+            if self.read():
+                quiet_from = time.monotonic()
             else:
                 time.sleep(POLL_S)
-        return n
 
     def close(self) -> None:
         """Close the port; one that is gone already is closed as well."""
@@ -221,6 +219,7 @@ class LiveSerialEmg(LiveEmg):
         super().__init__(options, options.port.replace("\\", "/").rsplit("/", 1)[-1])
         self._port: SerialPort | None = None
         self._decoder: Any = None
+        self._waiting = b""  # received before the decoder was there
         self._n_bytes = 0
 
     def _connect(self, baud: int) -> SerialPort:
@@ -230,6 +229,7 @@ class LiveSerialEmg(LiveEmg):
     def _received(self) -> tuple[bytes, int]:
         data, arrival_ns = (b"", 0) if self._port is None else self._port.arrived()
         self._n_bytes += len(data)
+        data, self._waiting = self._waiting + data, b""
         return data, arrival_ns
 
     def _stop(self) -> None:

@@ -62,7 +62,6 @@ class Spiker(LiveSerialEmg):
         super().__init__(options)
         self._n_channels, self.limits = options.columns, (0.0, float(_LARGEST))
         self._rate_hz = _STEPS_HZ / (_STEPS_A_CHANNEL * options.columns)
-        self._waiting = b""
 
     def _start(self) -> None:
         """Set the number of channels, and repeat until the board sends that many.
@@ -86,8 +85,7 @@ class Spiker(LiveSerialEmg):
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()
-        samples = self._decoder.feed(self._waiting + data)
-        self._waiting = b""
+        samples = self._decoder.feed(data)
         return Arrived(samples.astype(np.float64), None, arrival_ns) if len(samples) else None
 
     def _losses(self) -> tuple[str, ...]:

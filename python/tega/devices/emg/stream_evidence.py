@@ -28,7 +28,7 @@ _STANDING_SHARE: Final = 0.75
 # After so many damaged packets in a row, the device has begun to count from elsewhere.
 _RESYNC: Final = 8
 
-_NEXT, _LOSS, _REPEATED, _STANDS, _JUMPS = range(5)
+_GOOD, _REPEATED, _STANDS, _JUMPS = range(4)
 
 
 class PacketOrder:
@@ -65,7 +65,7 @@ class PacketOrder:
             1
         """
         if self._ahead == 0 and self._doubtful is None and not missing.any():
-            self._kinds.extend([_NEXT] * len(missing))
+            self._kinds.extend([_GOOD] * len(missing))
             self._last, self._n_in_a_row = samples[-1], 0
             return samples, missing
         passed: list[NDArray[np.float64]] = []
@@ -90,17 +90,16 @@ class PacketOrder:
             if 0 < further <= room + 1:
                 before, self._ahead, self._last = [(row, ahead - 1)], further, row
                 self._n_in_a_row = 0
-                self._kinds.append(_LOSS)
+                self._kinds.append(_GOOD)
             else:
                 self._leave_out(_JUMPS)
         if self._ahead == 0 and self._last is not None and bool((packet == self._last).all()):
             return before + self._repeat()
         n_lost = (self._ahead - 1) % self._turn
-        follows = n_lost <= self._n_in_a_row
-        if follows or self._last is None or self._n_in_a_row >= _RESYNC:
+        if n_lost <= self._n_in_a_row or self._last is None or self._n_in_a_row >= _RESYNC:
             # It comes after those left out, or the device has begun to count from elsewhere.
             n_lost = min(n_lost, self._n_in_a_row)
-            self._kinds.append(_NEXT if follows else _LOSS)
+            self._kinds.append(_GOOD)
             self._last, self._ahead, self._n_in_a_row = packet, 0, 0
             return [*before, (packet, n_lost)]
         if n_lost <= room and self._ahead:
@@ -129,11 +128,11 @@ class PacketOrder:
         bad = self._kinds.count(_STANDS) + self._kinds.count(_JUMPS)
         if standing > _STANDING_SHARE * n:
             found = f"the counter does not move in {standing} of {n} packets"
-            return Contradiction("counter", found, self._hint)
-        if bad > _BAD_SHARE * n:
+        elif bad > _BAD_SHARE * n:
             found = f"the counter does not move by one in {bad} of {n} packets"
-            return Contradiction("counter", found, self._hint)
-        return None
+        else:
+            return None
+        return Contradiction("counter", found, self._hint)
 
 
 # A spoiled sample now and then is no wrong range.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
+from tega.devices.drained import Drained
 from tega.devices.fingertip.picture_check import (
     WORDS,
     JudgedPicture,
@@ -33,14 +34,10 @@ from tega.devices.fingertip.video_nodes import (
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
 from tega.runtime.evidence import Evidence
-from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import load_cv2
-from tega.runtime.reopening import Reopening
 from tega.runtime.threads import give_way, run_realtime
 
 _FIRST_S = 3.0
-_LEAVE_S = 5.0
-_BACK_OFF_S = (0.25, 4.0)
 # From this firmware on the three colours have levels of their own.
 _RGB_REVISION = 0x0200
 _GAP = 1.5
@@ -77,7 +74,7 @@ class DigitOptions(Options, frozen=True):
     warm_up_s: Annotated[float, msgspec.Meta(ge=0, le=10)] = 0.5
 
 
-class Digit(Opened):
+class Digit(Drained):
     """Gives the newest picture, never an old one: a thread drains the camera and keeps one picture.
 
     Frames that are torn, black, repeated, of another size or from another sensor are counted and discarded,
@@ -90,6 +87,7 @@ class Digit(Opened):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("cv2",)
     options_type: ClassVar[type[Options]] = DigitOptions
+    back_off_s: ClassVar[tuple[float, float]] = (0.25, 4.0)
     compared: ClassVar[Mapping[Evidence, str]] = {
         "banner": "the serial number; size and rate that the camera agrees to",
         "stamp": "the kernel's time of a picture lies in the second before it arrives; else the arrival counts",
@@ -98,17 +96,15 @@ class Digit(Opened):
     }
 
     def __init__(self, options: DigitOptions) -> None:
+        super().__init__()
         self._options = options
         self._cv2: Any = None
-        self._thread: threading.Thread | None = None
-        self._leaving = threading.Event()
         self._fresh = threading.Condition()
         self._newest: TactileFrame | None = None
         self._given = -1
         self._take: Callable[[TactileFrame], None] | None = None
         self._rate_hz = options.rate_hz
         self._notes: tuple[str, ...] = ()
-        self._trouble = ""
         self.counts = CameraCounts()
         self._tally = PictureTally(self.counts)
         self._last: NDArray[np.uint8] | None = None
@@ -159,10 +155,7 @@ class Digit(Opened):
         self._last = self._baselines = None
         self._newest, self._given, self._trouble = None, -1, ""
         self._starved_hz = None
-        capture = self._capture()
-        self._leaving.clear()
-        self._thread = threading.Thread(target=self._run, args=(capture,), name="digit", daemon=True)
-        self._thread.start()
+        self._begin(self._connect(), "digit")
         # OpenCV ends the whole program with an error if Python does while it reads.
         closes_on_exit(self.close)
         with self._fresh:
@@ -188,11 +181,8 @@ class Digit(Opened):
 
     def close(self) -> None:
         """Close the camera."""
-        thread, self._thread = self._thread, None
-        self._leaving.set()
-        if thread is not None:
-            thread.join(_LEAVE_S)
-            release(self.close)
+        super().close()
+        release(self.close)
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -223,7 +213,7 @@ class Digit(Opened):
         """Call a function with every good picture from now on, in the camera's thread; with none for ``None``."""
         self._take = take
 
-    def _capture(self) -> Any:
+    def _connect(self) -> Any:
         o, cv2 = self._options, self._cv2
         node = None if o.serial is None else find_node(o.serial)
         place, access = camera_place(str(o.source) if node is None else node.device)
@@ -280,28 +270,12 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
+    def _disconnect(self, capture: Any) -> None:
+        capture.release()
+
     @run_realtime("measure")
     def _run(self, capture: Any) -> None:
-        """Read until asked to stop; reopen a camera that goes away."""
-
-        def refused(error: Exception) -> None:
-            self._trouble = f": {getattr(error, 'message', error)}"
-
-        def use(open_capture: Any) -> bool:
-            gave = self._drain(open_capture)
-            self.counts.lost += not self._leaving.is_set()
-            return gave
-
-        again = Reopening(*_BACK_OFF_S)
-        again.serve(
-            capture,
-            self._capture,
-            use,
-            lambda open_capture: open_capture.release(),
-            self._leaving.wait,
-            absent=DeviceUnavailableError,
-            refused=refused,
-        )
+        super()._run(capture)
 
     def _count_rate(self, t_ns: int) -> None:
         """Count how many pictures come, in windows of two seconds."""
@@ -332,7 +306,6 @@ class Digit(Opened):
         return notes
 
     def _drain(self, capture: Any) -> bool:
-        """Read one capture until it fails; return whether it gave anything."""
         tally, any_came = self._tally, False
         opened_ns, last_ns, n_at_once, n_spoiled = time.monotonic_ns(), 0, 0, 0
         self._window = (opened_ns, 0)
@@ -365,6 +338,7 @@ class Digit(Opened):
             self._count_rate(t_ns)
             if good and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
                 self._give(t_ns, image)
+        self.counts.lost += not self._leaving.is_set()
         return any_came
 
     def _kernel_ns(self, capture: Any, now_ns: int) -> int | None:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.runtime.files.picture_stack import name_times_s, sorted_names, without_strays
+from tega.runtime.files.picture_stack import PictureStack, name_times_s, sorted_names, without_strays
+from tega.runtime.files.video import VideoFrames
 from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 
@@ -29,6 +30,7 @@ class RecordedPictures(Opened):
 
     def __init__(self, label: str, rate_hz: float | None = None) -> None:
         self._label, self._rate_hz = label, rate_hz
+        self._reader: PictureStack | VideoFrames | None = None
         self._n_pictures: int | None = None
         self._notes: list[str] = []
         self._seq = 0
@@ -56,10 +58,17 @@ class RecordedPictures(Opened):
         """Whether all pictures were read."""
         return self._n_pictures is not None and self._seq >= self._n_pictures
 
-    def _next(self) -> int:
-        """Return the number of the next picture, and go on behind it."""
-        self._seq += 1
-        return self._seq - 1
+    def close(self) -> None:
+        """Close the recording."""
+        if self._reader is not None:
+            self._reader.close()
+        self._reader = self._n_pictures = None
+
+    def skip(self, n_frames: int) -> None:
+        """Pass over pictures without converting their pixels."""
+        if self._reader is not None:
+            self._reader.skip(n_frames)
+        self._seq += n_frames
 
     def _at_ns(self, seq: int, times_s: list[float] | None) -> int:
         """Return the time of a picture by its number, or by the times that the recording states."""
@@ -144,11 +153,8 @@ class ImageFolder(RecordedPictures):
 
     def close(self) -> None:
         """Forget the listing."""
-        self._files = self._n_pictures = None
-
-    def skip(self, n_frames: int) -> None:
-        """Pass over pictures without reading them."""
-        self._seq += n_frames
+        super().close()
+        self._files = None
 
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
         """Return the next picture; ``RecordingError`` if it is damaged or not of the first one's size."""
@@ -156,8 +162,9 @@ class ImageFolder(RecordedPictures):
             raise self._closed()
         if self.ended:
             return None
-        seq = self._next()
-        path, cut = self._files[seq], "take the file out of the folder or name it as the baseline"
+        seq, cut = self._seq, "take the file out of the folder or name it as the baseline"
+        path = self._files[seq]
+        self._seq += 1
         image = read_image(path, driver=self.name)
         return self._frame(seq, self._at_ns(seq, self._times_s), image, path.name, cut)
 

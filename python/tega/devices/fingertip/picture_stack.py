@@ -34,45 +34,31 @@ class StackFile(RecordedPictures):
 
     name: ClassVar[str] = "picture-stack"
     summary: ClassVar[str] = "a stack of pictures in an .npy or .npz file"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = StackFileOptions
+    _reader: PictureStack | None
 
     def __init__(self, options: StackFileOptions) -> None:
         super().__init__(options.file.name, options.rate_hz or 60.0)
         self._options = options
-        self._stack: PictureStack | None = None
         self._times_s: list[float] | None = None
 
     def open(self) -> None:
         """Open the file; ``RecordingError`` if it holds no stack of pictures."""
         self.close()
-        self._stack = stack = PictureStack(self._options.file, variable=self._options.variable)
+        self._reader = stack = PictureStack(self._options.file, variable=self._options.variable)
         self._begin(stack.n_pictures)
         self._times_s = None if self._options.rate_hz else stack.times_s
         if self._times_s is not None and len(self._times_s) > 1:
             self._rate_hz = (len(self._times_s) - 1) / self._times_s[-1]
 
-    def close(self) -> None:
-        """Close the file."""
-        if self._stack is not None:
-            self._stack.close()
-        self._stack = self._n_pictures = None
-
-    def skip(self, n_frames: int) -> None:
-        """Pass over pictures."""
-        if self._stack is not None:
-            self._stack.skip(n_frames)
-            self._seq += n_frames
-
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
         """Return the next picture; ``RecordingError`` if the file is damaged."""
-        if self._stack is None:
+        if self._reader is None:
             raise self._closed()
-        image = self._stack.read()
+        image, seq = self._reader.read(), self._seq
         if image is None:
             return None
-        seq = self._next()
+        self._seq += 1
         if self._options.order == "rgb":
             image = np.ascontiguousarray(image[..., ::-1])
         return TactileFrame(self._at_ns(seq, self._times_s), seq, image, f"{self._label} picture {seq}")

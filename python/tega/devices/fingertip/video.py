@@ -36,11 +36,11 @@ class VideoFile(RecordedPictures):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("av",)
     options_type: ClassVar[type[Options]] = VideoFileOptions
+    _reader: VideoFrames | None
 
     def __init__(self, options: VideoFileOptions) -> None:
         super().__init__(options.file.name)
         self._options = options
-        self._frames: VideoFrames | None = None
         self._cut = False
 
     def open(self) -> None:
@@ -51,33 +51,21 @@ class VideoFile(RecordedPictures):
             raise RecordingError(
                 f"{path.name}: a picture, not a video", "give the folder that holds the pictures"
             )
-        self._frames = frames = VideoFrames(path)
+        self._reader = frames = VideoFrames(path)
         self._rate_hz, self._notes, self._cut = frames.facts.rate_hz, frames.notes, False
         self._begin(frames.facts.n_frames)
-
-    def close(self) -> None:
-        """Close the file."""
-        if self._frames is not None:
-            self._frames.close()
-        self._frames = None
 
     @property
     def ended(self) -> bool:
         """Whether all frames were read."""
-        return self._frames is not None and (self._cut or self._frames.ended)
-
-    def skip(self, n_frames: int) -> None:
-        """Pass over frames without converting them."""
-        if self._frames is not None:
-            self._frames.skip(n_frames)
-            self._seq += n_frames
+        return self._reader is not None and (self._cut or self._reader.ended)
 
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # a file never keeps one waiting
         """Return the next frame.
 
         ``RecordingError``: a frame's size is not the first's, or the file was cut and that is not allowed.
         """
-        frames = self._frames
+        frames = self._reader
         if frames is None:
             raise self._closed()
         if self._cut or (found := frames.read()) is None:

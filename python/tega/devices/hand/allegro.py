@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
@@ -16,17 +16,17 @@ from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
 from tega.devices.hand.hand_bus import bus_label
-from tega.devices.hand.hand_reports import LET_GO, HandAlert, HandNews, HandSpoken
+from tega.devices.hand.hand_reports import LET_GO, HandAlert, HandNews
 from tega.devices.machine import can_links, link_trouble
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
-from tega.hand.link import HandState, Received
+from tega.hand.link import HandSpoken, HandState
 from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import Opened
 from tega.wire import CanFrame
 
 if TYPE_CHECKING:
-    from tega.devices.hand.hand_ends import HandEnd, HandProcess
+    from tega.devices.hand.hand_ends import HandProcess
 
 
 _START_S = 10.0
@@ -44,8 +44,6 @@ class Allegro(Opened):
     SERVO OFF are sent until the hand confirms that its motors are off. The process also does so if this
     program is killed; a further process does so if that process is killed, if this program hangs, or if the
     hand does not confirm. A hand without its bus is believed to keep its last torque, so mount a switch.
-
-    With python-can's ``virtual`` bus, which is inside this program, loop and clock are so too: in a thread.
     """
 
     kind: ClassVar[Kind] = "hand"
@@ -63,7 +61,7 @@ class Allegro(Opened):
 
     def __init__(self, options: AllegroOptions) -> None:
         self._options = options
-        self._end: HandEnd | None = None
+        self._end: HandProcess | None = None
         self._warm: HandProcess | None = None
         self._seen: HandNews | None = None
         self._received_s = 0.0
@@ -71,12 +69,9 @@ class Allegro(Opened):
         self._alert = HandAlert()
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
-        self.on_exchange: (
-            Callable[[int, tuple[float, float], Sequence[Received], Sequence[CanFrame], str], None] | None
-        ) = None
-        """Called, in a thread of the driver, with every exchange: time, level and addition, frames received and to be
-        sent, and ``exchange``, ``release`` or ``abandon``. They suffice to repeat the conversation. Set it before the
-        hand is opened."""
+        self.on_exchange: Callable[[HandSpoken], None] | None = None
+        """Called, in a thread of the driver, with every exchange: they suffice to repeat the conversation. Set it
+        before the hand is opened."""
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
@@ -118,12 +113,11 @@ class Allegro(Opened):
 
     def warm_up(self) -> None:
         """Start the hand's process, which makes ready meanwhile; the hand is not touched before :meth:`open`."""
-        if self._options.interface != "virtual":
-            from tega.devices.hand.hand_ends import HandProcess
+        from tega.devices.hand.hand_ends import HandProcess
 
-            self.close()
-            self._warm = HandProcess(self._options, self._take)
-            self._warm.warm_up()
+        self.close()
+        self._warm = HandProcess(self._options, self._take)
+        self._warm.warm_up()
 
     def open(self) -> None:
         """Open the bus, check the hand, and hold it where it is.
@@ -131,7 +125,7 @@ class Allegro(Opened):
         ``WrongDeviceError``: the hand is of another version or side. ``DeviceUnavailableError`` also for a
         hand that must not be steered; the message gives the reason.
         """
-        from tega.devices.hand.hand_ends import HandProcess, HandThread
+        from tega.devices.hand.hand_ends import HandProcess
 
         warm, self._warm = self._warm, None
         self.close()
@@ -139,15 +133,9 @@ class Allegro(Opened):
         self._sent.clear()
         self._cycles.clear()
         self._ready.clear()
-        whole = self.on_exchange is not None
-        if self._options.interface == "virtual":
-            thread = HandThread(self._options, self._take, whole=whole)
-            thread.open()
-            self._end = thread
-        else:
-            process = warm or HandProcess(self._options, self._take)
-            process.open(whole=whole)
-            self._end = process
+        process = warm or HandProcess(self._options, self._take)
+        process.open(whole=self.on_exchange is not None)
+        self._end = process
         # A program that ends without closing must not leave the fingers pushing.
         closes_on_exit(self.close)
         try:
@@ -198,7 +186,7 @@ class Allegro(Opened):
     @property
     def pid(self) -> int:
         """The number of the hand's process, for a look from outside; 0 where there is none."""
-        return getattr(self._end, "pid", 0)
+        return 0 if self._end is None else self._end.pid
 
     @property
     def guard_problem(self) -> str:
@@ -248,21 +236,16 @@ class Allegro(Opened):
         """Joint targets of the last cycle, float64 (16,), rad; ``None`` before the first."""
         return None if self._seen is None else self._seen.target_rad
 
-    def state(self) -> HandState:
-        """Return phase, version, temperatures and counters, as they were at most 50 ms ago."""
+    @property
+    def news(self) -> HandNews:
+        """The hand and its loop, as they were at most 50 ms ago."""
         if self._seen is None:
             raise DeviceUnavailableError("allegro: the hand is not open", "open it first")
-        return self._seen.state
+        return self._seen
 
-    @property
-    def n_garbled(self) -> int:
-        """Pieces of the adapter's stream that were no frame."""
-        return 0 if self._seen is None else self._seen.n_garbled
-
-    @property
-    def n_unsent(self) -> int:
-        """Frames the adapter did not take; the next cycle sends new ones."""
-        return 0 if self._seen is None else self._seen.n_unsent
+    def state(self) -> HandState:
+        """Return phase, version, temperatures and counters, as they were at most 50 ms ago."""
+        return self.news.state
 
     @property
     def cycles(self) -> list[tuple[int, int]]:
@@ -279,16 +262,11 @@ class Allegro(Opened):
             found = (sent_ns - took_ns, sent_ns)
         return found
 
-    @property
-    def cpu_s(self) -> float:
-        """Processor time of the hand's loop up to its last cycle, seconds; 0 when closed."""
-        return 0.0 if self._seen is None else self._seen.cpu_s
-
     def _taken(self) -> list[CanFrame]:
         return [self._sent.popleft() for _ in range(len(self._sent))]
 
-    def _check(self, *, started: bool = True) -> HandEnd:
-        """Return the loop's end, if it can be asked for anything."""
+    def _check(self, *, started: bool = True) -> HandProcess:
+        """Return the hand's process, if it can be asked for anything."""
         end, seen = self._end, self._seen
         if end is None:
             raise DeviceUnavailableError("allegro: the hand is not open", "open it first")
@@ -313,6 +291,6 @@ class Allegro(Opened):
             if text.left_ns:
                 self._cycles.append((text.left_ns, text.left_ns - text.t_ns))
             if self.on_exchange is not None:
-                self.on_exchange(text.t_ns, (text.level, text.added), text.received, text.out, text.action)
+                self.on_exchange(text)
         if seen.ready:
             self._ready.set()

@@ -20,7 +20,7 @@ class AllegroOptions(Options, frozen=True):
     """Settings of :class:`Allegro`.
 
     Attributes:
-        interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``, ``virtual``.
+        interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``.
         channel: Channel of the adapter.
         bitrate: Bits per second; ``socketcan`` is set with ``ip link`` instead.
         bus: Further options, passed to ``can.Bus`` as they are.
@@ -52,6 +52,10 @@ class AllegroOptions(Options, frozen=True):
     lowest_rate_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 250.0
     reconnects: Annotated[int, msgspec.Meta(ge=0, le=100)] = 5
     guard: bool = True
+
+    def can_bus(self) -> dict[str, Any]:
+        """Return the arguments of ``can.Bus``."""
+        return {"interface": self.interface, "channel": self.channel, "bitrate": self.bitrate, **self.bus}
 
     def link(self) -> HandLink:
         """Make the hand's side of the exchange, without a bus; ``ConfigError`` for an unusable pose file."""

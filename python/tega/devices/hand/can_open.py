@@ -27,7 +27,6 @@ from tega.runtime.lifecycle import require
 from tega.runtime.words import nearest_hint
 
 _UP: Final = "ip link set can0 up type can bitrate 1000000 restart-ms 100"
-_ANY_CHANNEL: Final = "check that the adapter is plugged in, and its channel"
 _NO_MODULE: Final = (ImportError, NameError, NotImplementedError, AttributeError)
 _MOST_LETTERS: Final = 200
 
@@ -102,18 +101,15 @@ def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
     known = sorted(can.VALID_INTERFACES)
     if interface not in known:
         return "python-can has no such interface", nearest_hint(interface, known, "it has")
-    about = _INTERFACES.get(interface)
+    about = _INTERFACES.get(interface) or _Interface(
+        "its library is",
+        f"install the vendor's driver, and python-can's part for {interface}",
+        "check that the adapter is plugged in, and its channel",
+    )
     words = " ".join(str(error).split())[:_MOST_LETTERS] or type(error).__name__
     missing = isinstance(error, _NO_MODULE) or (isinstance(error, OSError) and "library" in words.casefold())
     if interface == "socketcan":
         missing = isinstance(error, OSError) and "family not supported" in words
-    if about is None:
-        if missing:
-            return (
-                "its library is missing",
-                f"install the vendor's driver, and python-can's part for {interface}",
-            )
-        return words, _ANY_CHANNEL
     return (f"{about.needs} missing", about.install) if missing else (words, about.channel)
 
 

@@ -7,6 +7,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -70,21 +71,15 @@ def can_message(can: Any, frame: CanFrame) -> Any:
 
 
 class HandBus:
-    """A bus on any adapter that python-can knows; one thread at a time uses it.
+    """A bus on any adapter that python-can knows, of the arguments of ``can.Bus``; one thread at a time uses it.
 
     ``trouble`` is why the adapter went away, to be put behind a message; ``""`` while it is there.
     ``n_garbled`` counts pieces of the adapter's stream that were no frame, ``n_unsent`` frames the adapter
     did not take.
     """
 
-    def __init__(self, interface: str, channel: str | int, *, bitrate: int, more: Mapping[str, Any]) -> None:
-        self.settings: dict[str, Any] = {
-            "interface": interface,
-            "channel": channel,
-            "bitrate": bitrate,
-            **more,
-        }
-        """Arguments of ``can.Bus``."""
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        self.settings = dict(settings)
         self.trouble = ""
         self.n_garbled = self.n_unsent = 0
         self._can: Any = None
@@ -92,11 +87,6 @@ class HandBus:
         self._terminal = self._terminal_now()
         self._again = Reopening(_REOPEN_S, _REOPEN_S)
         self._echoes: deque[tuple[int, bytes, bool]] = deque(maxlen=_MOST_ECHOES)
-
-    @property
-    def label(self) -> str:
-        """Adapter and bus, without a path."""
-        return bus_label(self.settings["interface"], self.settings["channel"])
 
     @property
     def replaced(self) -> bool:
@@ -163,7 +153,7 @@ class HandBus:
                 return
 
     def send(
-        self, frames: Sequence[CanFrame], *, outdated: Callable[[], bool] = lambda: False
+        self, frames: Sequence[CanFrame], *, outdated: Callable[[], bool] | None = None
     ) -> list[CanFrame]:
         """Send frames in order and return those that the adapter took.
 
@@ -172,7 +162,7 @@ class HandBus:
         sent: list[CanFrame] = []
         together = hasattr(self._bus, "send_together")
         for part in [frames] if together else [[frame] for frame in frames]:
-            if self._bus is None or outdated():
+            if self._bus is None or (outdated is not None and outdated()):
                 break
             messages = [can_message(self._can, frame) for frame in part]
             try:
@@ -245,8 +235,7 @@ class HandBus:
         interface, channel = settings.pop("interface"), settings.pop("channel")
 
         def make() -> Any:
-            if interface == "slcan":
-                return slcan_bus()(channel, **settings)
-            return self._can.Bus(interface=interface, channel=channel, **settings)
+            bus = slcan_bus() if interface == "slcan" else partial(self._can.Bus, interface=interface)
+            return bus(channel=channel, **settings)
 
         return open_can_bus("allegro", interface, make, can=self._can, channel=channel)

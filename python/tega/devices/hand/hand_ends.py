@@ -1,4 +1,4 @@
-"""Run a hand's loop in a process of its own, or in a thread where its bus is inside this program."""
+"""Run a hand's loop in a process of its own, and hear from it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import sys
 import threading
 import time
 from io import BufferedReader, BufferedWriter
-from typing import Final
+from typing import Any, Final
 
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_guard import guard_runs, take_over
-from tega.devices.hand.hand_loop import LEAVE_S, HandLoop
+from tega.devices.hand.hand_loop import LEAVE_S
 from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, Notify
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, receive_object, send_object, start_child, widen_pipe
@@ -29,38 +29,6 @@ _AWAY_S: Final = 0.2
 _POLL_S: Final = 0.1
 # Level and addition. What is so short a pipe takes as a whole or not at all.
 _WORD: Final = struct.Struct("<2d")
-
-
-class HandThread:
-    """The loop in a thread of this program."""
-
-    def __init__(self, options: AllegroOptions, notify: Notify, *, whole: bool) -> None:
-        self._orders = HandOrders(received=False)
-        self._loop = HandLoop(options, self._orders, notify, whole=whole)
-        self._thread: threading.Thread | None = None
-
-    def open(self) -> None:
-        """Open the bus, and begin; raises what :meth:`HandLoop.open` does."""
-        self._loop.open()
-        self._thread = threading.Thread(target=self._loop.run, name="allegro", daemon=True)
-        self._thread.start()
-
-    def say(self, level: float, added: float = 0.0) -> None:
-        """Set the level and its addition, or with ``LET_GO`` release the hand; returns at once."""
-        self._orders.take(level, added)
-
-    def join(self, timeout_s: float) -> None:
-        """Wait for the loop's end."""
-        if self._thread is not None:
-            self._thread.join(timeout_s)
-
-    def end(self) -> None:
-        """Do nothing: the thread ends by itself."""
-
-    @property
-    def lost(self) -> str:
-        """Why the loop can be asked for nothing any more; ``""`` while it runs."""
-        return "" if self._thread is not None and self._thread.is_alive() else "the hand's thread has ended"
 
 
 def _patience(process: subprocess.Popen[bytes], stuck: threading.Event) -> threading.Timer:
@@ -111,6 +79,7 @@ class HandProcess:
         assert isinstance(text, BufferedReader)
         stuck = threading.Event()
         late = _patience(process, stuck)
+        error: Any
         try:
             with contextlib.suppress(OSError):  # it has ended, and may have said why
                 send_object(requested, whole)
@@ -122,10 +91,8 @@ class HandProcess:
             error = DeviceUnavailableError(
                 "allegro: the hand's process did not start", f"{why}; nothing was switched on"
             )
-        except BaseException:
-            end_child(process, LEAVE_S)
-            text.close()
-            raise
+        except BaseException as interrupted:
+            error = interrupted
         finally:
             late.cancel()
         if error is not None:
@@ -218,9 +185,6 @@ class HandProcess:
             return  # it was left to its guard, which goes on
         let_go, pid = take_over(self._options, news.guard_pid)
         self._notify([], news._replace(ended=True, let_go=let_go, guard_pid=pid))
-
-
-HandEnd = HandThread | HandProcess
 
 
 def read_words(fd: int, orders: HandOrders) -> None:

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess, stand_by
-from tega.devices.hand.hand_bus import HandBus, load_can, off_frames
+from tega.devices.hand.hand_bus import HandBus, bus_label, load_can, off_frames
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import is_running
 from tega.wire import CanFrame
@@ -57,10 +57,9 @@ def take_over(options: AllegroOptions, guard_pid: int) -> tuple[bool, int]:
         if time.monotonic() > until_s:
             return False, guard_pid
         time.sleep(_POLL_S)
-    o = options
-    bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
+    device_id = options.device_id
     try:
-        guard = guard_hand(bus.settings, off_frames(o.device_id), device_id=o.device_id)
+        guard = guard_hand(options.can_bus(), off_frames(device_id), device_id=device_id)
     except (DeviceUnavailableError, OSError):
         return False, 0
     guard.beat()
@@ -72,15 +71,10 @@ class _Hand:
     """The hand, from here."""
 
     def __init__(self, bus: dict[str, Any], frames: list[list[Any]], device_id: int) -> None:
-        more = dict(bus)
-        interface, channel = more.pop("interface"), more.pop("channel")
-        self._bus = HandBus(interface, channel, bitrate=more.pop("bitrate"), more=more)
+        self._bus = HandBus(bus)
+        self.label = f"robot hand on {bus_label(bus['interface'], bus['channel'])}"
         self._frames = [CanFrame(can_id, bytes.fromhex(data)) for can_id, data in frames]
         self._device_id = device_id
-
-    @property
-    def label(self) -> str:
-        return f"robot hand on {self._bus.label}"
 
     def let_go(self, given_up: Callable[[], bool]) -> str:
         """Switch the motors off until the hand confirms or the program goes on; return why it has not confirmed."""

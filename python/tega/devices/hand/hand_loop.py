@@ -1,7 +1,7 @@
 """Exchange frames with an Allegro Hand, on the hand's own time: bus, limits, watchdog and guard in one loop.
 
 :mod:`tega.devices.hand.hand_program` runs it as a program of its own, where no interpreter lock of the run's keeps it
-waiting. A bus inside the run's process, python-can's ``virtual``, has it in a thread.
+waiting.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess
 from tega.devices.hand.hand_bus import HandBus, off_frames
 from tega.devices.hand.hand_guard import guard_hand
-from tega.devices.hand.hand_reports import HandNews, HandOrders, HandSpoken, Notify
-from tega.hand.link import HandLink, HandState, Received
+from tega.devices.hand.hand_reports import HandNews, HandOrders, Notify
+from tega.hand.link import HandLink, HandSpoken, HandState, Received
 from tega.runtime.clock import Standstill
 from tega.runtime.threads import run_realtime
 from tega.wire import CanFrame
@@ -36,19 +36,16 @@ class HandLoop:
     """Steers one hand from its first request to its last SERVO OFF.
 
     ``notify`` is called after each answer to the hand, each change, and twenty times a second, in the loop's
-    thread. With ``whole``, which may be changed until the loop runs, every exchange is reported with all
-    received frames; else only those that sent something.
+    thread. With ``whole``, set before the loop runs, every exchange is reported with all received frames;
+    else only those that sent something.
     """
 
-    def __init__(
-        self, options: AllegroOptions, orders: HandOrders, notify: Notify, *, whole: bool = False
-    ) -> None:
+    def __init__(self, options: AllegroOptions, orders: HandOrders, notify: Notify) -> None:
         o = options
-        self._options, self._orders, self._notify, self.whole = o, orders, notify, whole
-        self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
+        self._options, self._orders, self._notify, self.whole = o, orders, notify, False
+        self._bus = HandBus(o.can_bus())
         self._off: list[CanFrame] = off_frames(o.device_id)
         self._link: HandLink
-        self._warm = False
         self._guard: GuardProcess | None = None
         self._n_guarded = self._left_to = self._leave_ns = 0
         self._pushed, self._let_go, self._ready, self._died = False, True, False, ""
@@ -62,15 +59,11 @@ class HandLoop:
         o = self._options
         self._link = o.link()
         self._bus.load()
-        # A bus inside this process ends with it.
-        if o.guard and o.torque and o.interface != "virtual":
+        if o.guard and o.torque:
             self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
-        self._warm = True
 
     def open(self) -> None:
-        """Open the bus, after :meth:`warm_up` where that was not done; nothing is sent yet."""
-        if not self._warm:
-            self.warm_up()
+        """Open the bus, after :meth:`warm_up`; nothing is sent yet."""
         try:
             self._bus.open()
         except BaseException:
@@ -127,7 +120,7 @@ class HandLoop:
         before = link.phase
         out = link.exchange(frames, t_ns, level, added)
         pushes = link.phase in {"running", "releasing"}
-        taken = self._bus.send(out, outdated=standstill.is_over if pushes else _never) if out else []
+        taken = self._bus.send(out, outdated=standstill.is_over if pushes else None) if out else []
         answers = len(out) >= 4 and link.phase == "running"
         left_ns = time.monotonic_ns() if answers else 0
         if link.phase == "silent" != before:
@@ -197,7 +190,3 @@ class HandLoop:
                 guard_pid=self._left_to or (0 if guard is None or guard.problem else guard.pid),
             ),
         )
-
-
-def _never() -> bool:
-    return False

@@ -19,7 +19,8 @@ from typing import Any
 from tega.devices.hand.hand_bus import load_can
 from tega.devices.hand.hand_ends import MAKES_READY, read_words
 from tega.devices.hand.hand_loop import HandLoop
-from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders, HandSpoken
+from tega.devices.hand.hand_reports import WORD_S, HandNews, HandOrders
+from tega.hand.link import HandSpoken
 from tega.runtime.child_process import receive_object, send_object
 from tega.runtime.threads import realtime, run_realtime, short_turns
 from tega.safety.sleep_lock import SleepLock
@@ -82,7 +83,7 @@ def _steer(options: Any, *, requested: FileIO, orders: HandOrders, answers: Buff
 def main() -> None:
     """Steer until the run says that it is over, or is no more."""
     load_can()
-    orders = HandOrders(received=True)
+    orders = HandOrders()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     try:

@@ -4,37 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.hand.link import HandFault, HandState, Received
-from tega.wire import CanFrame
-
-
-class HandSpoken(NamedTuple):
-    """One exchange with a hand.
-
-    Attributes:
-        t_ns: When, monotonic clock.
-        received: Frames received since the last one.
-        out: Frames to be sent.
-        action: ``exchange``, ``release`` or ``abandon``.
-        taken: Frames that the adapter took.
-        left_ns: When torques that answer a set of positions had left; 0 where none did.
-        added: Addition to the level.
-    """
-
-    t_ns: int
-    level: float
-    received: list[Received]
-    out: list[CanFrame]
-    action: str
-    taken: Sequence[CanFrame] = ()
-    left_ns: int = 0
-    added: float = 0.0
+from tega.hand.link import HandFault, HandSpoken, HandState
 
 
 class HandNews(NamedTuple):
@@ -83,13 +59,12 @@ _STILL_S = 0.9
 class HandOrders:
     """Requests of a run to a hand's loop, in the loop's own program.
 
-    With ``received`` the run has to send messages regularly, since it may hang independently of the loop.
-    ``requested`` is the closure level and its addition. ``reason`` is why the hand is let go although the run
-    goes on; ``gone``: the run has ended without a message.
+    The run has to send messages regularly, since it may hang independently of the loop. ``requested`` is the
+    closure level and its addition. ``reason`` is why the hand is let go although the run goes on; ``gone``:
+    the run has ended without a message.
     """
 
-    def __init__(self, *, received: bool) -> None:
-        self._received = received
+    def __init__(self) -> None:
         self.requested: tuple[float, float] = (1, 0.0)
         self.leaving = threading.Event()
         self.gone, self.reason = False, ""
@@ -120,8 +95,8 @@ class HandOrders:
         self._word.set()
 
     def pulse(self) -> tuple[int, float]:
-        """Return how many words came, and for how long none has, seconds; 0 where none has to."""
-        return self._n_words, time.monotonic() - self._last_s if self._received else 0.0
+        """Return how many words came, and for how long none has, seconds."""
+        return self._n_words, time.monotonic() - self._last_s
 
     def still(self) -> bool:
         """Whether the run stands still: it has not left, and has sent nothing for nine tenths of a second."""

@@ -5,17 +5,16 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
+from itertools import count
 from typing import Annotated, Any, ClassVar
 
 import msgspec
 
 from tega.devices.base import DeviceInfo, Found, InputEvent, InputReading, Kind, Options
-from tega.devices.input.debounce import Debounce, Edge
-from tega.devices.machine import hid_module
+from tega.devices.drained import Drained
+from tega.devices.machine import hid_module, open_hid
 from tega.errors import DeviceUnavailableError
-from tega.runtime.lifecycle import Opened
-from tega.runtime.reopening import Reopening
 
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The motion of a device that is not touched."""
@@ -23,9 +22,42 @@ AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # A device is looked at this often when it says nothing: a tenth of the watchdogs that hang on it.
 _POLL_MS = 10
 _REPORT_BYTES = 64
-_BACK_OFF_S = (0.25, 2.0)
-_LEAVE_S = 5.0
 _MOST_EVENTS = 1024
+
+
+class Debounce:
+    """Follows the contacts of some buttons; time is an argument.
+
+    A dead-man switch must release at the first sign of a release, so a release counts at once and a bouncing
+    contact counts as released. A press counts once the contact has held for ``hold_ns`` (0 takes every
+    press), with the time of its first contact. Together they give one press for one step on a pedal with
+    shorter bounces. Events are numbered from 0.
+    """
+
+    def __init__(self, hold_ns: int) -> None:
+        self._hold_ns = hold_ns
+        self._since: dict[str, int] = {}
+        self._numbers = count()
+        self.held: frozenset[str] = frozenset()
+
+    def take(self, t_ns: int, down: Set[str]) -> Iterator[InputEvent]:
+        """Process a report; yield the events that have become certain, in time order."""
+        yield from self.settle(t_ns)
+        for button in sorted(self._since.keys() - down):
+            del self._since[button]
+            if button in self.held:
+                self.held -= {button}
+                yield InputEvent(t_ns, next(self._numbers), button, pressed=False)
+        for button in sorted(down - self._since.keys()):
+            self._since[button] = t_ns
+        yield from self.settle(t_ns)
+
+    def settle(self, t_ns: int) -> Iterator[InputEvent]:
+        """Let time pass; yield the presses that have held long enough."""
+        for button, since_ns in sorted(self._since.items()):
+            if button not in self.held and t_ns - since_ns >= self._hold_ns:
+                self.held |= {button}
+                yield InputEvent(since_ns, next(self._numbers), button, pressed=True)
 
 
 class HidInputOptions(Options, frozen=True, kw_only=True):
@@ -60,7 +92,7 @@ class InputCounts(msgspec.Struct, kw_only=True):
     lost: int = 0
 
 
-class HidInput(Opened):
+class HidInput(Drained):
     """An input device on USB; a driver adds its identity, its reports, and the meaning of silence.
 
     A thread takes every report as it comes, so that none waits and the state is always the newest. A device
@@ -75,19 +107,16 @@ class HidInput(Opened):
     known: ClassVar[Mapping[tuple[int, int], str]]
 
     def __init__(self, options: HidInputOptions, *, hold_ms: float = 0.0) -> None:
+        super().__init__()
         self._options = options
         self._hold_ns = round(hold_ms * 1e6)
         self._lock = threading.Lock()
-        self._leaving = threading.Event()
-        self._thread: threading.Thread | None = None
         self._found_as = ""
-        self._trouble = ""
         self._there = False
         self._is_stalled = False
         self._received_ns = 0
         self._buttons = Debounce(self._hold_ns)
         self._events: deque[InputEvent] = deque(maxlen=_MOST_EVENTS)
-        self._n_events = 0
         self.counts = InputCounts()
 
     # What a driver adds. All but the first two are called with the lock held, time in monotonic nanoseconds.
@@ -120,7 +149,7 @@ class HidInput(Opened):
         """Take the buttons that are down; what was held through a silence has to be let go before it counts again."""
         if not (self._is_stalled and down):
             self._is_stalled = False
-            self._say(self._buttons.take(t_ns, down))
+            self._events.extend(self._buttons.take(t_ns, down))
 
     def _come_to_rest(self) -> None:
         """Forget every motion."""
@@ -195,28 +224,12 @@ class HidInput(Opened):
         self.close()
         self.counts, self._trouble = InputCounts(), ""
         self._events.clear()
-        self._n_events = 0
-        device = self._connect()
-        self._leaving.clear()
-        self._thread = threading.Thread(target=self._run, args=(device,), name=self.name, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop reading and let the device go."""
-        thread, self._thread = self._thread, None
-        self._leaving.set()
-        if thread is not None:
-            thread.join(_LEAVE_S)
+        self._buttons = Debounce(self._hold_ns)
+        self._begin(self._connect(), self.name)
 
     def _require_open(self) -> None:
         if self._thread is None:
             raise DeviceUnavailableError(f"{self.name} is not open", "open it first")
-
-    def _say(self, edges: Iterable[Edge]) -> None:
-        """Put events in the queue; with the lock held."""
-        for edge in edges:
-            self._events.append(InputEvent(edge.t_ns, self._n_events, edge.button, edge.pressed))
-            self._n_events += 1
 
     def _stall(self, t_ns: int) -> None:
         """Note that it stands still in the middle of something; with the lock held."""
@@ -227,56 +240,30 @@ class HidInput(Opened):
     def _release(self, t_ns: int) -> None:
         """Let go of every button and forget every motion; with the lock held."""
         self._come_to_rest()
-        self._say(self._buttons.take(t_ns, frozenset()))
+        self._events.extend(self._buttons.take(t_ns, frozenset()))
 
     def _connect(self) -> Any:
-        hid, o = hid_module(self.name), self._options
-        there = [d for d in hid.enumerate() if o.serial in {"", d["serial_number"]}]
+        o = self._options
+        there = [d for d in hid_module(self.name).enumerate() if o.serial in {"", d["serial_number"]}]
         fitting = [d for d in there if self._fits((d["vendor_id"], d["product_id"]))]
         if not fitting:
             raise self._absence(there)
         which = min(fitting, key=lambda d: (d.get("usage_page"), d.get("usage")) not in self._usages())
         numbers = which["vendor_id"], which["product_id"]
         self._found_as = self.known.get(numbers, "{:04x}:{:04x}".format(*numbers))
-        device = hid.device()
-        try:
-            device.open_path(which["path"])
-            device.set_nonblocking(1)
-        except OSError as error:
-            raise DeviceUnavailableError(
-                f"{self.name}: {self._found_as} is there but does not open: {error}",
-                "another program may have it, or its udev rule is missing: see docs/device-inputs.md",
-            ) from error
+        device = open_hid(self.name, which, f"{self.name}: {self._found_as}")
         with self._lock:
             self._there, self._is_stalled, self._received_ns = True, False, time.monotonic_ns()
         return device
 
     def _run(self, device: Any) -> None:
-        """Read until asked to stop; reopen a device that goes away."""
-
-        def refused(error: Exception) -> None:
-            self._trouble = f": {getattr(error, 'message', error)}"
-
-        def use(open_device: Any) -> bool:
-            self._trouble = ""
-            self._drain(open_device)
-            return True
-
-        Reopening(*_BACK_OFF_S).serve(
-            device,
-            self._connect,
-            use,
-            lambda open_device: open_device.close(),
-            self._leaving.wait,
-            absent=DeviceUnavailableError,
-            refused=refused,
-        )
+        super()._run(device)
         with self._lock:
             self._there = False
             self._release(time.monotonic_ns())
 
-    def _drain(self, device: Any) -> None:
-        """Read reports until the device fails or the driver is asked to stop."""
+    def _drain(self, device: Any) -> bool:
+        self._trouble = ""
         while not self._leaving.is_set():
             try:
                 report = bytes(device.read(_REPORT_BYTES, _POLL_MS))
@@ -285,7 +272,7 @@ class HidInput(Opened):
                     self.counts.lost += 1
                     self._there = False
                     self._release(time.monotonic_ns())
-                return
+                break
             t_ns = time.monotonic_ns()
             with self._lock:
                 if report:
@@ -295,4 +282,5 @@ class HidInput(Opened):
                     else:
                         self.counts.odd += 1
                 self._pass_time(t_ns)
-                self._say(self._buttons.settle(t_ns))
+                self._events.extend(self._buttons.settle(t_ns))
+        return True

@@ -122,7 +122,7 @@ class SpaceMouse(HidInput):
     def _pressed(self, report: bytes, t_ns: int) -> bool:
         """Take a report of the buttons; half a one lets go of all."""
         if len(report) < 2:
-            self._say(self._buttons.take(t_ns, frozenset()))
+            self._events.extend(self._buttons.take(t_ns, frozenset()))
             return False
         mask = int.from_bytes(report[1:], "little")
         down = {b for b in range(8 * (len(report) - 1)) if mask >> b & 1}

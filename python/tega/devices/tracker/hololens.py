@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 import struct
-import threading
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -14,10 +13,9 @@ import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
-from tega.devices.tracker.tracker_thread import BACK_OFF_S, RESTART_NS, SILENT_S, DeviceClock, ThreadedTracker
+from tega.devices.tracker.tracker_thread import RESTART_NS, SILENT_S, DeviceClock, ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.evidence import Evidence
-from tega.runtime.reopening import Reopening
 
 # One packet of the spatial input: time, size and validity, head and eyes, 26 joints of each hand.
 _PACKET_BYTES: Final = 1948
@@ -70,9 +68,8 @@ class HoloLens(ThreadedTracker):
 
     driver: ClassVar[str] = "hololens"
     summary: ClassVar[str] = "HoloLens 2 with the hl2ss app: a wrist, over TCP"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = HoloLensOptions
+    absent: ClassVar[type[Exception]] = OSError
     compared: ClassVar[Mapping[Evidence, str]] = {
         "banner": "packets have the size of spatial input",
         "stamp": "the headset's clock runs with the arrivals; after a leap no pose is used for 0.35 s",
@@ -125,29 +122,29 @@ class HoloLens(ThreadedTracker):
         if self._thread is not None:
             return
         self._forget()
-        self._restart_until_ns = 0
-        self._leaving.clear()
-        link: socket.socket | None = None
         try:
             link = self._connect()
-            first = self._first_packet(link)
-        except (OSError, WrongDeviceError) as error:
-            if link is not None:
+            try:
+                first = self._first_packet(link)
+            except BaseException:
                 link.close()
-            if isinstance(error, WrongDeviceError):
                 raise
+        except OSError as error:
             raise DeviceUnavailableError(
                 f"hololens: {self._where} cannot be reached: {error.strerror or error}",
                 "is the hl2ss app running on the headset, and is this its address?",
             ) from error
         self._take(first, time.monotonic_ns())
-        self._thread = threading.Thread(target=self._run, args=(link,), name="tega-hololens", daemon=True)
-        self._thread.start()
+        self._begin(link, "tega-hololens")
 
     def _connect(self) -> socket.socket:
         o = self._options
         link = socket.create_connection((o.host, o.port), timeout=o.connect_s)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._clock.forget()
+        self._arrivals_ns.clear()
+        self._last = None
+        self._restart_until_ns = 0
         return link
 
     def _first_packet(self, link: socket.socket) -> bytes:
@@ -177,33 +174,16 @@ class HoloLens(ThreadedTracker):
         size = _HEAD.unpack_from(packet)[1]
         return "" if size == _PAYLOAD_BYTES else f"a packet of {size} bytes is none of spatial input's 1936"
 
-    def _run(self, link: socket.socket | None) -> None:
-        """Read packets until asked to stop; reconnect if the connection is lost."""
+    def _refused(self, error: Exception) -> None:
+        self._say(f"{self._where} cannot be reached: {getattr(error, 'strerror', None) or error}")
 
-        def renewed() -> socket.socket:
-            made = self._connect()
-            self._clock.forget()
-            self._arrivals_ns.clear()
-            self._last = None
-            self._restart_until_ns = 0
-            return made
+    def _drain(self, link: socket.socket) -> bool:
+        before = self.counts.poses
+        self._say(f"{self._receive(link)}, connecting again")
+        # One that takes connections and says nothing is not asked ever faster.
+        return self.counts.poses > before
 
-        def use(open_link: socket.socket) -> bool:
-            before = self.counts.poses
-            text = self._drain(open_link)
-            self._say(f"{text}, connecting again")
-            # One that takes connections and says nothing is not asked ever faster.
-            return self.counts.poses > before
-
-        def refused(error: Exception) -> None:
-            text = getattr(error, "strerror", None) or error
-            self._say(f"{self._where} cannot be reached: {text}")
-
-        Reopening(*BACK_OFF_S).serve(
-            link, renewed, use, lambda made: made.close(), self._leaving.wait, absent=OSError, refused=refused
-        )
-
-    def _drain(self, link: socket.socket) -> str:
+    def _receive(self, link: socket.socket) -> str:
         """Read packets until disconnected or asked to stop; return the reason."""
         link.settimeout(_POLL_S)
         data, received_s = bytearray(), time.monotonic()

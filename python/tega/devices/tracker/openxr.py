@@ -11,9 +11,8 @@ from typing import Any, ClassVar, Final
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
-from tega.devices.tracker.openxr_instance import OpenXrOptions
-from tega.devices.tracker.openxr_session import Located, XrSession
-from tega.devices.tracker.tracker_thread import BACK_OFF_S, RESTART_NS, SILENT_S, ThreadedTracker
+from tega.devices.tracker.openxr_session import Located, OpenXrOptions, XrSession
+from tega.devices.tracker.tracker_thread import RESTART_NS, SILENT_S, ThreadedTracker
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import require
@@ -101,7 +100,7 @@ class OpenXr(ThreadedTracker):
         # Of their own for each thread: one that a runtime never lets go finds that it has to leave.
         self._leaving, outcome = threading.Event(), _Outcome()
         thread = threading.Thread(
-            target=self._run, args=(xr, self._leaving, outcome), name="tega-openxr", daemon=True
+            target=self._track, args=(xr, self._leaving, outcome), name="tega-openxr", daemon=True
         )
         thread.start()
         refused: DeviceUnavailableError | None
@@ -113,15 +112,14 @@ class OpenXr(ThreadedTracker):
                 f"openxr: no session after {self._options.connect_s:g} s: {why}",
                 "wake the headset, and see whether the runtime's own window shows it; connect_s may be longer",
             )
-        if refused is None:
-            self._thread = thread
-            return
-        self._leave(thread)
-        raise refused
+        self._thread = thread
+        if refused is not None:
+            self.close()
+            raise refused
 
-    def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
+    def _track(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
         """Poll until asked to stop; begin a new session if the session is lost."""
-        again = Reopening(*BACK_OFF_S)
+        again = Reopening(*self.back_off_s)
         while not leaving.is_set():
             n_begun = self.counts.connections
             session: XrSession | None = None

@@ -1,17 +1,94 @@
-"""Run an OpenXR session without a picture, and locate something in it, for :mod:`tega.devices.tracker.openxr`."""
+"""Connect to an OpenXR runtime, run a session without a picture, and locate something in it.
+
+:mod:`tega.devices.tracker.openxr` does so in a thread. What a runtime lacks is told in plain words.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import os
+import sys
 import time
+from collections.abc import Collection
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
-from tega.devices.tracker.openxr_instance import TIMES, make_instance, text
+import msgspec
+
 from tega.errors import DeviceUnavailableError
+from tega.runtime.device_items import Options
 
-if TYPE_CHECKING:
-    from tega.devices.tracker.openxr_instance import OpenXrOptions
+_TIMES: Final = "XR_KHR_convert_timespec_time"
+_HEADLESS: Final = "XR_MND_headless"
+_NEEDED: Final = {"wrist": "XR_EXT_hand_tracking", "tracker": "XR_HTCX_vive_tracker_interaction"}
+_MANIFEST: Final = "openxr/1/active_runtime.json"
+
+
+def _make_instance(xr: Any) -> tuple[Any, str, list[str]]:
+    """Connect to the active runtime, and return its handle, its name and what it can do beyond the standard.
+
+    ``DeviceUnavailableError``: there is none, or it does not answer.
+    """
+    # Times are converted to CLOCK_MONOTONIC, which is Python's monotonic clock on Linux alone.
+    wanted = {_HEADLESS, *_NEEDED.values(), *((_TIMES,) if sys.platform == "linux" else ())}
+    try:
+        there = {e.extension_name.decode() for e in xr.enumerate_instance_extension_properties()}
+        names = sorted(wanted & there)
+        about = xr.ApplicationInfo("TEGA", 1, "TEGA", 1, xr.Version(1, 0, 0))
+        info = xr.InstanceCreateInfo(application_info=about, enabled_extension_names=names)
+        instance = xr.create_instance(info)
+    except xr.LimitReachedError as error:
+        raise DeviceUnavailableError(
+            "openxr: this program uses OpenXR already, and can only once", "set one tracker of it"
+        ) from error
+    except xr.XrException as error:
+        raise DeviceUnavailableError(f"openxr: no OpenXR runtime: {_text(error)}", _where()) from error
+    reported = xr.get_instance_properties(instance)
+    name = f"{reported.runtime_name.decode()} {xr.Version(reported.runtime_version)}"
+    return instance, name, names
+
+
+def _text(error: Exception) -> str:
+    """Return OpenXR's message for an error, with the name under which it can be looked up."""
+    return f"{str(error).rstrip('.')} ({type(error).__name__})"
+
+
+def _where() -> str:
+    """Describe the places that the loader has searched, and the fix."""
+    if file := os.environ.get("XR_RUNTIME_JSON"):
+        there = "does not load" if Path(file).is_file() else "does not exist"
+        return f"XR_RUNTIME_JSON names {file}, which {there}; is that runtime installed, and does its service run?"
+    home = Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config"))
+    for folder in (home, Path("/etc/xdg"), Path("/etc")):
+        if (folder / _MANIFEST).is_file():
+            return f"{folder / _MANIFEST} names the runtime; is it installed, and does its service run?"
+    return (
+        "install and start one, such as Monado, WiVRn or SteamVR, and make it the active one "
+        f"({home / _MANIFEST}), or let XR_RUNTIME_JSON name its .json"
+    )
+
+
+class OpenXrOptions(Options, frozen=True, kw_only=True):
+    """Settings of :class:`OpenXr`.
+
+    Attributes:
+        source: Tracked device on the forearm: the ``grip`` or the ``aim`` of a controller, the ``wrist`` of a hand
+            that the headset sees, or a Vive ``tracker``.
+        hand: Hand of the controller or wrist.
+        role: Role of the Vive tracker, as set in the runtime.
+        base: Where the origin is: where the head was (``local``), or on the floor in the middle of the room
+            (``stage``).
+        rate_hz: How often the runtime is asked.
+        connect_s: How long to wait for the runtime to begin the session.
+    """
+
+    source: Literal["grip", "aim", "wrist", "tracker"] = "grip"
+    hand: Literal["right", "left"] = "right"
+    role: Literal["handheld_object", "right_elbow", "left_elbow", "right_wrist", "left_wrist"] = "right_elbow"
+    base: Literal["local", "stage"] = "local"
+    rate_hz: Annotated[float, msgspec.Meta(ge=10, le=500)] = 90.0
+    connect_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 5.0
 
 
 _VIVE_PROFILE: Final = "/interaction_profiles/htc/vive_tracker_htcx"
@@ -62,20 +139,32 @@ class XrSession:
         self.state = "unknown"
         self.device = ""
         self.restart_from_ns = 0
-        made = make_instance(xr)
-        self._instance, self.runtime = made.handle, made.name
-        self.converts_times = TIMES in made.extensions
+        self._instance, self.runtime, extensions = _make_instance(xr)
+        self.converts_times = _TIMES in extensions
         try:
-            made.check(options.source)
+            self._check_extensions(extensions)
             self._make_session()
         except xr.XrException as error:
             self.close()
             raise DeviceUnavailableError(
-                f"openxr: {self.runtime} refuses: {text(error)}", "what does its own log say?"
+                f"openxr: {self.runtime} refuses: {_text(error)}", "what does its own log say?"
             ) from error
         except DeviceUnavailableError:
             self.close()
             raise
+
+    def _check_extensions(self, extensions: Collection[str]) -> None:
+        source = self._options.source
+        if _HEADLESS not in extensions:
+            raise DeviceUnavailableError(
+                f"openxr: {self.runtime} has no sessions without a picture ({_HEADLESS})",
+                "make another runtime the active one, such as Monado or WiVRn",
+            )
+        if (needed := _NEEDED.get(source, _HEADLESS)) not in extensions:
+            raise DeviceUnavailableError(
+                f"openxr: {self.runtime} knows no source = {source!r} ({needed})",
+                'set source = "grip" and hold a controller, or take another runtime',
+            )
 
     @property
     def _user(self) -> str:
@@ -149,7 +238,7 @@ class XrSession:
         except xr.EventUnavailable:
             return
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {text(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {_text(error)}") from error
 
     def _reported(self, event: Any) -> None:
         xr, kind = self._xr, self._xr.StructureType(event.type)
@@ -215,7 +304,7 @@ class XrSession:
         except xr.SessionNotFocused:
             return None
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {text(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {_text(error)}") from error
         flags, p, q = int(found.location_flags), found.pose.position, found.pose.orientation
         return Located(
             (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), flags & _VALID == _VALID, flags & _TRACKED == _TRACKED

@@ -7,10 +7,9 @@ a recording in the axes that it was recorded in. A file has a line for each pose
 
 from __future__ import annotations
 
-import csv
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -104,16 +103,6 @@ def _pose(name: str, line: int, cells: dict[str, str], before: Sequence[StampedP
     if before and t_ns < before[-1].t_ns:
         raise RecordingError(f"{name}, line {line}: {t_s} s is earlier than the line before")
     return StampedPose(t_ns, numbers[:3], numbers[3:], valid=valid)
-
-
-def write_poses(path: Path, poses: Iterable[StampedPose]) -> None:
-    """Write poses so that :func:`read_poses` gives back the same numbers; times are kept to a nanosecond."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([*_COLUMNS, "valid"])
-        for pose in poses:
-            numbers = [float(x) for x in (*pose.position_m, *pose.quaternion_xyzw)]
-            writer.writerow([f"{pose.t_ns / 1e9:.9f}", *map(repr, numbers), int(pose.valid)])
 
 
 class RecordedPoses:

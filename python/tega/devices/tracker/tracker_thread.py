@@ -11,11 +11,8 @@ import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Kind
+from tega.devices.drained import Drained
 from tega.errors import DeviceUnavailableError
-from tega.runtime.lifecycle import Opened
-
-BACK_OFF_S: Final = (0.25, 2.0)
-"""Shortest and longest pause before a lost tracker is tried again."""
 
 RESTART_NS: Final = 350_000_000
 """After a reconnection the same numbers may be another place. So long, together with the pause before, poses are not
@@ -51,26 +48,23 @@ class TrackerCounts(msgspec.Struct, kw_only=True):
     recentred: int = 0
 
 
-class ThreadedTracker(Opened):
+class ThreadedTracker(Drained):
     """A tracker whose driver's ``open`` starts a thread, which puts poses into ``_poses`` under ``_lock``.
 
-    The thread stops once ``_leaving`` is set, within ``leave_s``; it reports to the operator with ``_say``.
+    The thread reports to the operator with ``_say``.
     ``frame`` names the axes of the poses in :data:`tega.arm.FRAMES`.
     """
 
     kind: ClassVar[Kind] = "tracker"
     driver: ClassVar[str]
-    leave_s: ClassVar[float] = 5.0
     frame: ClassVar[str] = "openxr"
 
     def __init__(self, subject: str, rate_hz: float) -> None:
+        super().__init__()
         self._subject, self._rate_hz = subject, rate_hz
         self.counts = TrackerCounts()
         self._lock = threading.Lock()
-        self._leaving = threading.Event()
-        self._thread: threading.Thread | None = None
         self._poses: deque[StampedPose] = deque(maxlen=_MOST_POSES)
-        self._trouble = ""
 
     def _describe(self, label: str, notes: Sequence[str]) -> DeviceInfo:
         """Return the description, with notes on the counts and of the driver's own."""
@@ -97,12 +91,6 @@ class ThreadedTracker(Opened):
         self._poses.clear()
         self._trouble = ""
 
-    def close(self) -> None:
-        """End the thread, and with it the connection."""
-        thread, self._thread = self._thread, None
-        if thread is not None:
-            self._leave(thread)
-
     def read(self, now_ns: int) -> Sequence[StampedPose]:  # noqa: ARG002  # poses carry their own times
         """Return the poses that came since the last call, oldest first; never waits."""
         if self._thread is None:
@@ -111,10 +99,6 @@ class ThreadedTracker(Opened):
             poses = list(self._poses)
             self._poses.clear()
         return poses
-
-    def _leave(self, thread: threading.Thread) -> None:
-        self._leaving.set()
-        thread.join(self.leave_s)
 
     def _say(self, trouble: str) -> None:
         with self._lock:

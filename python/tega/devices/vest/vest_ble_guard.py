@@ -31,14 +31,6 @@ _CALL_S: Final = 5.0
 _REST_S: Final = 1.0
 
 
-def guard_vest(address: str, path: str) -> GuardProcess:
-    """Start the process that guards a vest, and return it when it is ready.
-
-    ``path`` is its path on the system's message bus, if any: scanning does not find a connected vest.
-    """
-    return GuardProcess("silences the vest", _MODULE, address, path)
-
-
 class VestWatch:
     """Keeps what outlives a link to a vest: the process that silences it, and whether it is silent.
 
@@ -53,11 +45,15 @@ class VestWatch:
         self._of = ("", "")
 
     def over(self, address: str, path: str) -> None:
-        """Have a process watch over a vest."""
+        """Have a process watch over a vest; ``path`` is its path on the system's message bus, if any.
+
+        Scanning does not find a connected vest.
+        """
         if self.guard is not None and self._of != (address, path):
             self.end()
         if self.guard is None:
-            self.guard, self._of, self.silent = guard_vest(address, path), (address, path), True
+            self.guard = GuardProcess("silences the vest", _MODULE, address, path)
+            self._of, self.silent = (address, path), True
             self.beat()  # until it has heard something it takes the vest for silent
 
     def beat(self) -> None:

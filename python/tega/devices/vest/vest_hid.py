@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
-from tega.devices.machine import hid_module
+from tega.devices.machine import hid_module, open_hid
 from tega.devices.vest.vest_link import VestLink
 from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
@@ -112,24 +112,15 @@ class _HidLink(VestLink):
 
     def connect(self) -> None:
         o = self._options
-        hid = hid_module(HidVest.name)
-        found = [d for d in hid.enumerate(o.vendor_id, o.product_id) if o.serial in {"", d["serial_number"]}]
+        boards = hid_module(HidVest.name).enumerate(o.vendor_id, o.product_id)
+        found = [d for d in boards if o.serial in {"", d["serial_number"]}]
         wanted = f"{o.vendor_id:04x}:{o.product_id:04x}" + (f", serial number {o.serial}" if o.serial else "")
         if not found:
             raise DeviceUnavailableError(
                 f"no USB board {wanted} is there",
                 "is it plugged in, and may you open it? tega-teleop doctor --udev-rules prints the rule",
             )
-        device = hid.device()
-        try:
-            device.open_path(found[0]["path"])
-            device.set_nonblocking(1)
-        except OSError as error:
-            raise DeviceUnavailableError(
-                f"the USB board {wanted} is there but does not open: {error}",
-                "another program may have it, or its udev rule is missing: tega-teleop doctor --udev-rules prints it",
-            ) from error
-        self._device = device
+        self._device = open_hid(HidVest.name, found[0], f"the USB board {wanted}")
         deadline = time.monotonic() + min(_ANSWER_S, o.open_timeout_s * 0.6)
         self._write(hid_motor_report([0] * 40, sequence=self._next(), ttl_ms=HOLD_MS, request_status=True))
         while self._status is None and time.monotonic() < deadline:

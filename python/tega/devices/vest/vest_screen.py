@@ -35,8 +35,6 @@ class ScreenVest(StreamedVest):
 
     name: ClassVar[str] = "on-screen-vest"
     summary: ClassVar[str] = "a vest drawn in a terminal"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = ScreenVestOptions
     _options: ScreenVestOptions
 

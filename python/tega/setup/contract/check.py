@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tega.devices.arm.base import ArmDriver
 from tega.devices.base import (
+    ArmDriver,
     Device,
     DeviceInfo,
     DiscoveringDevice,

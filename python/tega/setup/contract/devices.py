@@ -13,8 +13,8 @@ import numpy as np
 
 from tega.arm.frames import FRAMES
 from tega.arm.pose import ArmCommand, StampedPose
-from tega.devices.arm.base import ArmDriver
 from tega.devices.base import (
+    ArmDriver,
     EmgSource,
     InputEvent,
     InputReading,

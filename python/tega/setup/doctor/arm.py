@@ -7,7 +7,7 @@ from typing import Any
 
 from tega.config import ArmConfig, SessionConfig
 from tega.devices import HarmlessDevice, InputReading, InputSource, driver_class
-from tega.devices.arm.base import PreflightedArm
+from tega.devices.base import PreflightedArm
 from tega.errors import TegaError
 from tega.setup.doctor.findings import DriverCase, Finding, failed
 

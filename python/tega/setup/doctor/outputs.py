@@ -123,14 +123,15 @@ def time_loop(hand: Allegro, *, seconds: float) -> LoopTiming:
 
     Raises ``DeviceUnavailableError`` if the hand had to be let go.
     """
-    start_ns, cpu_s, before = time.monotonic_ns(), hand.cpu_s, hand.state().counts
+    start_ns, before = time.monotonic_ns(), hand.news
     level = 1
     while (now_ns := time.monotonic_ns()) - start_ns < seconds * 1e9:
         level = 1 + (now_ns - start_ns) // 1_000_000_000 % 5
         hand.step(level)
         time.sleep(0.01)
     spent_s = (now_ns - start_ns) * 1e-9
-    cpu_s, after = hand.cpu_s - cpu_s, hand.state().counts
+    news = hand.news
+    before_counts, counts = before.state.counts, news.state.counts
     cycles = (
         np.array([c for c in hand.cycles if start_ns <= c[0] <= now_ns], np.float64).reshape(-1, 2) * 1e-6
     )
@@ -138,14 +139,14 @@ def time_loop(hand: Allegro, *, seconds: float) -> LoopTiming:
     answers = cycles[:, 1] if len(cycles) else np.zeros(1)
     return LoopTiming(
         seconds=spent_s,
-        rate_hz=(after.sets - before.sets) / spent_s,
+        rate_hz=(counts.sets - before_counts.sets) / spent_s,
         period_ms=tuple(float(p) for p in np.percentile(periods, _PERCENTILES)),
         answer_ms=tuple(float(p) for p in np.percentile(answers, _PERCENTILES)),
-        cpu_percent=100 * cpu_s / spent_s,
-        incomplete=after.incomplete - before.incomplete,
-        late=after.late - before.late,
-        silences=after.silences - before.silences,
-        unsent=hand.n_unsent,
+        cpu_percent=100 * (news.cpu_s - before.cpu_s) / spent_s,
+        incomplete=counts.incomplete - before_counts.incomplete,
+        late=counts.late - before_counts.late,
+        silences=counts.silences - before_counts.silences,
+        unsent=news.n_unsent,
     )
 
 

@@ -303,15 +303,13 @@ class Detector:
         if not math.isnan(self._closure.quick):
             self._grip.add(t_s, self._closure.quick)
 
-    def _settled(self, t_s: float) -> bool:
-        return self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
-
     def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
         seen = self.features(t_s)
         rule = self._rule()
         may = self.may_slip and not self._lowered
-        share = share_of(rule, seen) if self._settled(t_s) and may else 0.0
+        settled = self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
+        share = share_of(rule, seen) if settled and may else 0.0
         found = self._rises[rule].add(t_s, share, void=not may)
         return [] if found is None else [self._as_sure(rule, found)]
 
@@ -343,8 +341,5 @@ class Detector:
 def share_of(rule: Rule, seen: Sequence[float]) -> float:
     """Return the output of a rule for some features."""
     both = sum(w * seen[i] * seen[j] for i, j, w in rule.products)
-    return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both)
-
-
-def _logistic(x: float) -> float:
+    x = rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both
     return 1 / (1 + math.exp(-x)) if x > -700 else 0.0

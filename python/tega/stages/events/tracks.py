@@ -131,7 +131,8 @@ class FingerTrack:
         """Take in a frame."""
         if touch.in_contact != self.touching:
             self.touching, self.since_s = touch.in_contact, t_s
-            self.forget()
+            for course in (self.mass, self.peak, self.area, self.x, self.y):
+                course.forget()
         self.seen_s = t_s
         if touch.in_contact:
             self.mass.add(t_s, math.log(max(touch.mass, 1.0)))
@@ -139,11 +140,6 @@ class FingerTrack:
             self.area.add(t_s, math.sqrt(touch.eda))
             self.x.add(t_s, touch.x)
             self.y.add(t_s, touch.y)
-
-    def forget(self) -> None:
-        """Restart the means with the next frame."""
-        for course in (self.mass, self.peak, self.area, self.x, self.y):
-            course.forget()
 
     @property
     def flow_px(self) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import math
 import secrets
-import select
 import socket
 import subprocess
 import sys
@@ -57,8 +56,6 @@ class ProcessArm(Opened):
     """An arm in a separate process. A subclass names the body, and the arm for people (``label``)."""
 
     kind: ClassVar[Kind] = "arm"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     name: ClassVar[str]
     body: ClassVar[str]
     open_s: ClassVar[float] = 15.0
@@ -71,16 +68,15 @@ class ProcessArm(Opened):
         self._reported: ArmStatusWords | None = None
         self._received_s = 0.0
         self._facts: tuple[str, ...] = ()
-        self._late = self._refused = 0
 
     @property
     def info(self) -> DeviceInfo:
         """Description of the arm."""
-        notes = list(self._facts)
-        if self._late:
-            notes.append(f"{self._late} ticks of the arm's loop came late")
-        if self._refused:
-            notes.append(f"{self._refused} commands were not obeyed")
+        health, notes = self.health, list(self._facts)
+        if health.late:
+            notes.append(f"{health.late} ticks of the arm's loop came late")
+        if health.refused:
+            notes.append(f"{health.refused} commands were not obeyed")
         rate_hz, said = self._options.rate_hz, tuple(notes)
         return DeviceInfo(
             driver=self.name, kind="arm", label=self.label, live=True, rate_hz=rate_hz, unit="m", notes=said
@@ -123,7 +119,7 @@ class ProcessArm(Opened):
             )
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._session, self._sequence = secrets.randbits(62), 0
-        self._reported, self._late, self._refused = None, 0, 0
+        self._reported = None
         o = self._options
         settings = ProcessSettings(
             link=theirs.fileno(),
@@ -139,21 +135,24 @@ class ProcessArm(Opened):
         theirs.close()
         self._link = ours
         try:
-            self._await_ready()
+            self._await_ready(ours, self._process)
         except BaseException:
             self.close()
             raise
         ours.settimeout(0)
         self._received_s = time.monotonic()
 
-    def _await_ready(self) -> None:
+    def _await_ready(self, link: socket.socket, process: subprocess.Popen[bytes]) -> None:
         until_s = time.monotonic() + self.open_s
+        link.settimeout(0.1)
         while time.monotonic() < until_s:
-            if not self._has_word(0.1):
-                if self._process is not None and self._process.poll() is not None and not self._has_word(0):
+            ended = process.poll() is not None  # before the look for its last word
+            try:
+                message = decode(link.recv(_MOST_BYTES))
+            except OSError:
+                if ended:
                     break
                 continue
-            message = decode(self._link.recv(_MOST_BYTES)) if self._link is not None else None
             if isinstance(message, Failed):
                 kind = getattr(tega.errors, message.kind, DeviceUnavailableError)
                 raise kind(message.message, message.hint)
@@ -164,9 +163,6 @@ class ProcessArm(Opened):
             f"{self.name}: the arm's process did not answer within {self.open_s:g} s",
             "its error output says why",
         )
-
-    def _has_word(self, wait_s: float) -> bool:
-        return self._link is not None and bool(select.select([self._link], [], [], wait_s)[0])
 
     def close(self) -> None:
         """Let the arm come to rest and end its process."""
@@ -202,10 +198,7 @@ class ProcessArm(Opened):
                 break
             if isinstance(message, ArmStatusWords):
                 self._reported, self._received_s = message, time.monotonic()
-                self._late, self._refused = message.health.late, message.health.refused
-        if self._reported is None:
-            return None
-        return StampedPose(*self._reported.seen)
+        return None if self._reported is None else StampedPose(*self._reported.seen)
 
     def led(self) -> StampedPose | None:
         """Return the target that the arm itself was given last, after leash and slew; ``None`` while it is not led."""

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple, TypeAlias
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 
 PORT: Final = 1337
+_PACKAGE: Final = "franky-control"
 _HEADER: Final = struct.Struct("<III")
 _CONNECT: Final = 0
 _STATUS: Final = {0: "accepted", 1: "of another version"}
@@ -44,12 +45,11 @@ Finding: TypeAlias = tuple[bool, str, str]
 
 
 class Library(NamedTuple):
-    """The libfranka of an installed package, such as ``0.21.2``, and the robot server's version for it.
+    """The libfranka of the installed franky-control, such as ``0.21.2``, and the robot server's version for it.
 
     Where they are unknown, ``libfranka`` is ``""`` and ``server`` is ``None``.
     """
 
-    package: str
     version: str
     libfranka: str
     server: int | None
@@ -70,15 +70,14 @@ def fitting_server(libfranka: str) -> int | None:
 
 def installed_library() -> Library | None:
     """Return the libfranka that franky-control brings, by its files' names; ``None`` if it is not installed."""
-    package = "franky-control"
     try:
-        own = version(package)
+        own = version(_PACKAGE)
     except PackageNotFoundError:
         return None
-    for file in files(package) or ():
+    for file in files(_PACKAGE) or ():
         if found := re.search(r"libfranka.*\.so\.(\d+\.\d+\.\d+)$", Path(file).name):
-            return Library(package, own, found[1], fitting_server(found[1]))
-    return Library(package, own, "", None)
+            return Library(own, found[1], fitting_server(found[1]))
+    return Library(own, "", None)
 
 
 def server_version(host: str) -> int:
@@ -129,16 +128,12 @@ def the_fix(server: int, library: Library | None) -> str:
     """Return the software to install for a robot's server version; ``""`` if the installed one fits."""
     if library is not None and library.server == server:
         return ""
-    if server in _PANDA_SERVERS:
-        return (
-            f"this is a Panda with robot server {server}: install franky-control's wheel for it from the index that "
-            f"franky's own documentation names, path by-robot-server-version/{server}/"
-        )
     if server == _NEWEST:
         return "pip install 'franky-control>=2,<3'"
     return (
-        f"robot server {server} is an FR3's: install franky-control's wheel from the index that franky's own "
-        f"documentation names, path by-robot-server-version/{server}/"
+        f"this is {'a Panda' if server in _PANDA_SERVERS else 'an FR3'} with robot server {server}: install "
+        "franky-control's wheel for it from the index that franky's own documentation names, path "
+        f"by-robot-server-version/{server}/"
     )
 
 
@@ -150,8 +145,8 @@ def machine_findings() -> list[Finding]:
 
     realtime = Path("/sys/kernel/realtime")
     is_rt = realtime.is_file() and realtime.read_text().strip() == "1"
-    priority = resource.getrlimit(resource.RLIMIT_RTPRIO)[0] if hasattr(resource, "RLIMIT_RTPRIO") else 0
-    unlimited = priority in {resource.RLIM_INFINITY, -1}
+    priority, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    unlimited = priority == resource.RLIM_INFINITY
     governors = {
         path.read_text().strip()
         for path in Path("/sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")
@@ -186,7 +181,7 @@ def preflight(
     """
     server, library = server_version(host), installed_library()
     fix, kind = the_fix(server, library), "Panda" if server in _PANDA_SERVERS else "FR3"
-    has = "no franky-control" if library is None else f"{library.package} {library.version}"
+    has = f"no {_PACKAGE}" if library is None else f"{_PACKAGE} {library.version}"
     if library is not None:
         has += f", libfranka {library.libfranka or '?'} for robot server {library.server or '?'}"
     findings = [(True, f"robot server {server} ({kind}) at {host}", ""), (not fix, has, fix)]

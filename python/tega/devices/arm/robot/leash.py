@@ -5,7 +5,7 @@ The leash is pure, without clock or arm; the body is a robot, or a simulation of
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 from tega.arm.messages import ArmTargetWords, HandSeen, Quaternion, Triple
 from tega.arm.settings import WatchdogSettings
@@ -108,7 +108,7 @@ class Leash:
         return age_ms
 
 
-class RobotBody:
+class RobotBody(Protocol):
     """An arm that is led. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick.
 
     ``facts`` are about the arm, one line each. ``success_rate`` is the share of commands that the robot
@@ -120,28 +120,22 @@ class RobotBody:
 
     def open(self) -> None:
         """Connect to the arm that the settings ask for; nothing moves but what its options ask for."""
-        raise NotImplementedError
 
     def observe(self) -> HandSeen:
         """Return place and turn of the hand."""
-        raise NotImplementedError
 
     def begin(self) -> None:
         """Begin to follow, with the present pose as the first target."""
-        raise NotImplementedError
 
     def lead(self, place: Triple, turn: Quaternion, velocity_m_s: Triple, velocity_rad_s: Triple) -> None:
         """Give the arm its next target."""
-        raise NotImplementedError
 
     def rest(self) -> None:
         """Begin to come to rest, with damping and without force; returns at once."""
-        raise NotImplementedError
 
     @property
     def in_control(self) -> bool:
         """Whether the arm still follows or comes to rest."""
-        raise NotImplementedError
 
     def fault(self) -> str:
         """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
@@ -153,4 +147,3 @@ class RobotBody:
 
     def close(self) -> None:
         """Come to rest and let go."""
-        raise NotImplementedError
