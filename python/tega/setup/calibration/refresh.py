@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.config import EmgConfig, SessionConfig
+from tega.config.calibration import EmgMaxima
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
 from tega.config.choose import block_s, chosen_stage
@@ -18,9 +19,10 @@ from tega.config.person import driver_settings, other_conditions
 from tega.devices.base import EmgChunk, EmgSource
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
-from tega.setup.calibration.effort import Chain
+from tega.loop.maxima import emg_conditions
+from tega.setup.calibration.effort import Maxima, Quiet
 from tega.setup.calibration.sitting import Sitting
-from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of
+from tega.setup.calibration.steps_emg import MuscleSteps
 from tega.setup.calibration.steps_touch import take_baseline
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.stage import LearnedOptions
@@ -72,15 +74,15 @@ def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
     return files
 
 
-def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, Chain]:
-    """Return the person's calibration on an open source, and the chain by which it was made.
+def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, EmgMaxima]:
+    """Return the person's calibration on an open source, and the conditions under which it was made.
 
     Raises ``CalibrationError`` if there is none, or it is of other channels or EMG settings.
     """
     record = sitting.folder.record(sitting.person, EmgRecord, device_name(source.info))
     if record is None:
         raise _nothing(sitting.person, "EMG", device_name(source.info))
-    chain = chain_of(source, section, block_s=block_s(sitting.config))
+    chain = emg_conditions(source, section.kind, block_s=block_s(sitting.config))
     text = other_conditions(
         record,
         channels=chain.channels,

@@ -23,12 +23,14 @@ from tega.config.choose import block_s
 from tega.config.person import closed_info, driver_settings
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.loop.maxima import emg_conditions
 from tega.runtime.files.foreign_file import path_below
 from tega.runtime.opencv import read_image
+from tega.setup.calibration.effort import Maxima, Quiet
 from tega.setup.calibration.presses import Ball
 from tega.setup.calibration.sitting import Journal, Sitting
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
-from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of, muscle_names
+from tega.setup.calibration.steps_emg import MuscleSteps, muscle_names
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
 from tega.setup.calibration.vest_part import VestChoices, calibrate_vest, check_live, drawing
 
@@ -164,7 +166,7 @@ class Calibrating:
         )
         with driver_class(section.driver, "emg")(section.options) as source:
             check_live(source)
-            chain = chain_of(source, section, block_s=block_s(self._config))
+            chain = emg_conditions(source, section.kind, block_s=block_s(self._config))
             muscles = muscle_names(section, chain.channels)
             steps = MuscleSteps(source, chain, self._guide, self._sitting.times)
             quiet = self._journal.step("emg.rest", Quiet, steps.rest)
