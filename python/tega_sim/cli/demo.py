@@ -11,7 +11,7 @@ import click
 
 from tega.errors import MissingExtraError
 from tega.runtime.lifecycle import require
-from tega.ui.cli.options import NameList, echo_json, json_option
+from tega.ui.cli.options import NAMES, echo_json, json_option
 from tega.ui.cli.page import browser_observer, view_options
 from tega_sim.cli.options import loop_options, loop_sets, print_rows
 
@@ -28,7 +28,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
 @click.command(epilog="Example: tega-teleop demo --objects bag --condition non-haptic --out my-demo")
 @click.option(
     "--objects",
-    type=NameList(),
+    type=NAMES,
     default="bottle,container,bag",
     show_default=True,
     help="Objects to lift, one after the other.",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import NameList, echo_json, json_option, progress_bar
+from tega.ui.cli.options import NAMES, echo_json, json_option, progress_bar
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options, print_rows
 from tega_sim.conditions import CONDITIONS
 
@@ -24,14 +24,14 @@ def sim() -> None:
 @sim.command(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
 @click.option(
     "--objects",
-    type=NameList(),
+    type=NAMES,
     default="bottle,container,bag",
     show_default=True,
     help="Objects that are lifted.",
 )
 @click.option(
     "--conditions",
-    type=NameList(),
+    type=NAMES,
     default="haptic,non-haptic",
     show_default=True,
     help=f"Conditions to compare: any of {', '.join(CONDITIONS)}.",

@@ -6,7 +6,7 @@ import io
 import random
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from tega.devices.base import EmgChunk
 from tega.errors import CalibrationError, InvalidValueError
 from tega.runtime.files.foreign_file import load_npy, read_foreign
 from tega.runtime.files.whole_file import write_whole
+from tega.stages.learned.compare import Log
 
 _HOLD_S = 3.0
 _RAMP_S_PER_LEVEL = 0.75
@@ -86,20 +87,6 @@ _MOST_MIB = 1024
 _TOP_STEPS = 4
 
 
-class Tracked(NamedTuple):
-    """EMG of a tracked curve, ``(n, channels)``, in the source's unit.
-
-    ``target`` is the closure asked for at each sample, 0 to 1, ``(n,)``.
-    """
-
-    samples: NDArray[np.float64]
-    target: NDArray[np.float64]
-    rate_hz: float
-    kind: Literal["raw", "rectified", "envelope"]
-    channels: tuple[str, ...]
-    person: str
-
-
 def tracked_samples(
     chunks: Sequence[EmgChunk], curve: Curve, *, rate_hz: float, start_ns: int
 ) -> NDArray[np.float64]:
@@ -131,8 +118,8 @@ def keep_tracked(data: NDArray[np.float64], record: Path) -> Path:
     return path
 
 
-def read_tracked(record: Path) -> Tracked:
-    """Read the EMG of a practice record, which earlier versions did not keep."""
+def read_tracked(record: Path) -> tuple[Log, PracticeRecord]:
+    """Read a practice record and the EMG beside it, in the source's unit, which earlier versions did not keep."""
     if not record.is_file():
         raise CalibrationError(f"{record.name}: no such practice record", f"looked for {record}")
     reported = read_record(record, PracticeRecord)
@@ -150,11 +137,5 @@ def read_tracked(record: Path) -> Tracked:
             f"{path.name}: {data.dtype} {data.shape}, expected float64 (n, {len(reported.channels) + 1})",
             "track again",
         )
-    return Tracked(
-        np.ascontiguousarray(data[:, :-1]),
-        np.ascontiguousarray(data[:, -1]),
-        reported.rate_hz,
-        reported.kind,
-        reported.channels,
-        reported.person,
-    )
+    samples, target = np.ascontiguousarray(data[:, :-1]), np.ascontiguousarray(data[:, -1])
+    return Log(record.name, samples, target, reported.rate_hz, reported.kind), reported

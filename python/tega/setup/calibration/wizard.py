@@ -200,20 +200,17 @@ class Calibrating:
         )
         with driver_class(section.driver, "tracker")(section.options) as tracker:
             check_live(tracker)
-            taken = take_heading(tracker, self._guide)
-            assert taken.check is not None
+            yaw_rad, check = take_heading(tracker, self._guide)
             arm = self._config.arm
             reported_rad = 0.0 if arm is None else arm.mapping.base_yaw_rad
-            base_yaw_rad = take_base_yaw(
-                tracker, self._guide, yaw_rad=taken.yaw_rad, reported_rad=reported_rad
-            )
+            base_yaw_rad = take_base_yaw(tracker, self._guide, yaw_rad=yaw_rad, reported_rad=reported_rad)
             return ArmRecord(
                 person=self._sitting.person,
                 device=device_name(tracker.info),
                 driver=tracker.info.driver,
                 made=self._sitting.now(),
                 frame=tracker.frame,
-                yaw_rad=taken.yaw_rad,
-                off_rad=round(taken.check.off_rad, 4),
+                yaw_rad=yaw_rad,
+                off_rad=round(check.off_rad, 4),
                 base_yaw_rad=base_yaw_rad,
             )

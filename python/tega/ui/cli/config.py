@@ -10,9 +10,8 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.runtime.files.toml_text import toml_value
-from tega.runtime.words import number_text
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import PATH, echo_json, json_option, sets_option
+from tega.ui.cli.options import PATH, echo_json, json_option, scalar_text, sets_option
 
 if TYPE_CHECKING:
     from tega.config import SettingValue
@@ -113,12 +112,6 @@ def _plain(value: Any) -> Any:
 
 
 def _text(value: Any) -> str:
-    if value is None:
-        return "not set"
     if isinstance(value, tuple):
         return ", ".join(map(_text, value)) or "none"
-    if isinstance(value, msgspec.Struct):
-        return toml_value(_plain(value))
-    if isinstance(value, float):
-        return number_text(value, 12)
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    return toml_value(_plain(value)) if isinstance(value, msgspec.Struct) else scalar_text(value)

@@ -141,7 +141,8 @@ def _wrapped(text: str, margin: str, hang: str = "") -> list[str]:
 
 
 def _summary(examination: Examination) -> list[str]:
-    n_bad, n_warnings = examination.count(("error", "missing")), examination.count(("warning",))
+    statuses = [finding.status for finding in examination.findings]
+    n_bad, n_warnings = statuses.count("error") + statuses.count("missing"), statuses.count("warning")
     if n_bad:
         subject = f"Fix {n_bad} problem{'' if n_bad == 1 else 's'} before you start a session."
         if not examination.settings:

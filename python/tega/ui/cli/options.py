@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 
 import click
 
+from tega.runtime.words import number_text
 from tega.safety.stop import Stop as AnyStop
 
 _NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
@@ -23,37 +24,41 @@ PATH: Final = click.Path(path_type=Path)
 FILE: Final = click.Path(path_type=Path, dir_okay=False)
 
 
-class ChannelList(click.ParamType[list[int]]):
-    """Channel numbers, comma separated."""
+class CommaList(click.ParamType[list[Any]]):
+    """Values, comma separated: ``read`` makes them of the parts or raises ``ValueError``, ``wanted`` says of what."""
 
-    name = "n,n,..."
+    def __init__(self, name: str, wanted: str, read: Callable[[list[str]], list[Any]]) -> None:
+        self.name, self._wanted, self._read = name, wanted, read
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[int]:
-        """Read the numbers, or fail with a usage error."""
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[Any]:
+        """Read the values, or fail with a usage error."""
         if isinstance(value, list):
             return value
         try:
-            channels = [int(part) for part in str(value).split(",")]
+            return self._read(str(value).split(","))
         except ValueError:
-            channels = []
-        if not channels or min(channels) < 1:
-            self.fail(f"{value!r} is not a list of channel numbers from 1, such as 3,6,8", param, ctx)
-        return channels
+            self.fail(f"{value!r} is not a list of {self._wanted}", param, ctx)
 
 
-class NameList(click.ParamType[list[str]]):
-    """Names, comma separated."""
+def _channels(parts: list[str]) -> list[int]:
+    channels = list(map(int, parts))
+    if min(channels) < 1:
+        raise ValueError
+    return channels
 
-    name = "name,name,..."
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[str]:
-        """Split the names, or fail with a usage error."""
-        if isinstance(value, list):
-            return value
-        names = [part.strip() for part in str(value).split(",")]
-        if not all(names):
-            self.fail(f"{value!r} is not a list of names, such as bottle,bag", param, ctx)
-        return list(dict.fromkeys(names))
+def _names(parts: list[str]) -> list[str]:
+    names = dict.fromkeys(part.strip() for part in parts)
+    if "" in names:
+        raise ValueError
+    return list(names)
+
+
+CHANNELS: Final = CommaList("n,n,...", "channel numbers from 1, such as 3,6,8", _channels)
+NAMES: Final = CommaList("name,name,...", "names, such as bottle,bag", _names)
+NUMBERS: Final = CommaList(
+    "number,...", "numbers, such as 0.3,0.6", lambda parts: list(dict.fromkeys(map(float, parts)))
+)
 
 
 class PngPath(click.Path):
@@ -71,21 +76,6 @@ class PngPath(click.Path):
                 f"{path}: pictures are written as PNG; name it {path.with_suffix('.png').name}", param, ctx
             )
         return path
-
-
-class NumberList(click.ParamType[list[float]]):
-    """Numbers, comma separated."""
-
-    name = "number,..."
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
-        """Read the numbers, or fail with a usage error."""
-        if isinstance(value, list):
-            return value
-        try:
-            return list(dict.fromkeys(float(part) for part in str(value).split(",")))
-        except ValueError:
-            self.fail(f"{value!r} is not a list of numbers, such as 0.3,0.6", param, ctx)
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
@@ -107,6 +97,15 @@ time_scale_option = click.option(
 def echo_json(value: Any) -> None:
     """Print a value as JSON on stdout."""
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+
+
+def scalar_text(value: object) -> str:
+    """Return one value of a setting in words."""
+    if value is None:
+        return "not set"
+    if isinstance(value, float):
+        return number_text(value, 12)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:

@@ -153,22 +153,17 @@ def run_viewed(
     )
     tests = MotorTests()
     live = run is None and not can_pause
-    if live:
-        controls.try_motor = tests.ask
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
     feed = SessionFeed({"preset": config.session.preset}, bus)
     if config.stages.adaptation.on and not can_pause:
         controls.undo = feed.undo
-    if run is None and not can_pause:
-        controls.rezero = feed.rezero
-    kept: dict[str, Any] = {"opened": opened}
-    if can_pause or run is not None:
-        kept["kept_s"] = _RECORDING_KEPT_S
-    with browser_observer(
-        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M, **kept
-    ) as view:
+    if live:
+        controls.try_motor, controls.rezero = tests.ask, feed.rezero
+    kept = {} if live else {"kept_s": _RECORDING_KEPT_S}
+    looks = {"complete": feed.complete, "eye_m": EYE_M, "at_m": LOOK_AT_M, **kept}
+    with browser_observer(title, port=port, controls=controls, opened=opened, **looks) as view:
         view.watch(bus)
         if can_pause:
             options["clock"] = PausableClock(lambda: controls.paused and not stop())

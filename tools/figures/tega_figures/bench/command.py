@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from tega.ui.cli.options import NameList, PngPath, json_option
+from tega.ui.cli.options import NAMES, PngPath, json_option
 
 __all__ = ["bench"]
 
@@ -66,7 +66,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
 @bench.command(epilog="Example: tega-teleop bench sim --repeats 3 --json")
 @click.option(
     "--objects",
-    type=NameList(),
+    type=NAMES,
     default="bottle,container,bag",
     show_default=True,
     help="Objects that are lifted.",
