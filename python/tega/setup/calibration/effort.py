@@ -98,7 +98,7 @@ def judge_quiet(
 
     What is wrong while a muscle works is wrong at rest too, but an envelope at rest may well stand still.
     """
-    samples = _samples(chunks)
+    samples = joined(chunks)
     middle, top = _level(samples, chain, 50.0), _level(samples, chain, 95.0)
     problems = list(watch(chunks, chain, limits))
     for name, quiet, loud in zip(chain.channels, middle, top, strict=True):
@@ -131,7 +131,7 @@ def judge_squeezes(
     The first half second of each is its rise and is left out. ``rest`` is that of the channels, (channels,);
     ``limits`` are the range of the converter.
     """
-    steady = [_samples(chunks)[_rise(chunks, chain) :] for chunks in squeezes]
+    steady = [joined(chunks)[_rise(chunks, chain) :] for chunks in squeezes]
     levels = np.array([_level(s, chain, 50.0) for s in steady])
     whole = np.concatenate(steady)
     paper, live = _level(whole, chain, 100.0), _level(whole, chain, 95.0)
@@ -167,9 +167,7 @@ def judge_muscles(
     nothing came during one.
     """
     span = np.maximum(maxima - rest, 1e-12)
-    drives = np.array(
-        [(_level(_samples(m)[_rise(m, chain) :], chain, 50.0) - rest) / span for m in movements]
-    )
+    drives = np.array([(_level(joined(m)[_rise(m, chain) :], chain, 50.0) - rest) / span for m in movements])
     problems = []
     if text := swapped_channels(np.maximum(drives, 0.0), chain.channels):
         problems.append(text)
@@ -186,7 +184,8 @@ def _rise(chunks: Sequence[EmgChunk], chain: EmgMaxima) -> int:
     return min(round(_RISE_S * chain.rate_hz), n // 4)
 
 
-def _samples(chunks: Sequence[EmgChunk]) -> NDArray[np.float64]:
+def joined(chunks: Sequence[EmgChunk]) -> NDArray[np.float64]:
+    """Return the samples of some chunks, float64 (n, channels); ``CalibrationError`` if there are none."""
     if not sum(len(c.samples) for c in chunks):
         raise CalibrationError("no EMG sample came", "check power and cable")
     return np.concatenate([c.samples for c in chunks])

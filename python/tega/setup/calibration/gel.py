@@ -168,15 +168,14 @@ class GelChange(NamedTuple):
 
     ``shift`` is that of the whole picture, counts, blue, green, red. ``dark_px`` counts the pixels that are
     darker than the shift explains, ``bright_px`` the brighter ones; ``dark_xy`` is the darkest, column and
-    row, ``None`` for none. ``noise_ratio`` is the noise now by that then; ``wear`` is the share of changed
-    pixels, 0 to 1; ``words`` are the consequences, one sentence each, none for a healthy gel.
+    row, ``None`` for none. ``wear`` is the share of changed pixels, 0 to 1; ``words`` are the consequences, one
+    sentence each, none for a healthy gel.
     """
 
     shift: tuple[float, float, float]
     dark_px: int
     bright_px: int
     dark_xy: tuple[int, int] | None
-    noise_ratio: float
     wear: float
     words: tuple[str, ...]
 
@@ -220,9 +219,7 @@ def compare_gels(
         )
     if wear > _WORN_SHARE:
         words.append(f"{wear:.0%} of the gel looks other than on {when}: think of a new one")
-    return GelChange(
-        _bgr(shift), dark_px, bright_px, (column, row) if dark_px else None, ratio, wear, tuple(words)
-    )
+    return GelChange(_bgr(shift), dark_px, bright_px, (column, row) if dark_px else None, wear, tuple(words))
 
 
 def _blurred(grey: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,11 +16,11 @@ from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
 from tega.config.choose import block_s, chosen_stage
 from tega.config.person import driver_settings, other_conditions
-from tega.devices.base import EmgChunk, EmgSource
+from tega.devices.base import EmgSource
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.loop.maxima import emg_conditions
-from tega.setup.calibration.effort import Maxima, Quiet
+from tega.setup.calibration.effort import Maxima, Quiet, joined
 from tega.setup.calibration.sitting import Sitting
 from tega.setup.calibration.steps_emg import MuscleSteps
 from tega.setup.calibration.steps_touch import take_baseline
@@ -193,8 +193,8 @@ def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated
     new = to_todays_scale(record, quiet, maxima, _LIMITS, sitting)
     if found is None:
         return Recalibrated(folder.keep(new), None)
-    effort = _samples(steps.received)[round(_RISE_S * chain.rate_hz) :]
-    fitted = _fitted(file, decoder, _samples(rested), effort)
+    effort = joined(steps.received)[round(_RISE_S * chain.rate_hz) :]
+    fitted = _fitted(file, decoder, joined(rested), effort)
     written = model_out or file.with_name(f"{file.stem}-{now():%Y%m%d-%H%M%S}{file.suffix}")
     fitted.save(written)
     return Recalibrated(folder.keep(new), written)
@@ -230,7 +230,3 @@ def _fitted(
             "practise for a minute, then fit a new one: tega-teleop practice, tega-teleop emg fit",
         )
     return fitted
-
-
-def _samples(chunks: list[EmgChunk]) -> NDArray[np.float64]:
-    return np.concatenate([chunk.samples for chunk in chunks])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,6 +20,7 @@ from tega.loop.maxima import emg_conditions
 from tega.records import Intent
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.practice import Curve, keep_tracked, score, tracked_samples
+from tega.setup.calibration.steps_emg import drain
 
 _READ_S = 0.05
 
@@ -43,24 +45,21 @@ class MuscleLoop:
 
     def __enter__(self) -> Self:
         """Open the source and make the decoder."""
-        self._source.__enter__()
-        try:
-            self._calibrate()
-        except BaseException:
-            self._source.__exit__(None, None, None)
-            raise
-        return self
-
-    def _calibrate(self) -> None:
         config, source = self._config, self._source
-        conditions = emg_conditions(source, self._kind, block_s=block_s(config))
-        personal = person_calibration(config, {}, source, conditions, settings=self._settings, now=utc_now())
-        maxima = personal.calibration.emg
-        if maxima is None:
-            raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")
-        self.maxima = maxima
-        self._decoder = muscle_decoder(config.stages, config.session.preset, maxima)
-        self.driver, self.device = source.info.driver, device_name(source.info)
+        with ExitStack() as opened:
+            opened.enter_context(source)
+            conditions = emg_conditions(source, self._kind, block_s=block_s(config))
+            personal = person_calibration(
+                config, {}, source, conditions, settings=self._settings, now=utc_now()
+            )
+            maxima = personal.calibration.emg
+            if maxima is None:
+                raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")
+            self.maxima = maxima
+            self._decoder = muscle_decoder(config.stages, config.session.preset, maxima)
+            self.driver, self.device = source.info.driver, device_name(source.info)
+            opened.pop_all()
+        return self
 
     def __exit__(self, *error: Any) -> None:
         """Close the source."""
@@ -68,8 +67,7 @@ class MuscleLoop:
 
     def start(self) -> None:
         """Begin with the next samples."""
-        while self._source.read(0.0) is not None:
-            pass
+        drain(self._source)
         self.start_ns = time.monotonic_ns()
         self._meter = BlockMeter(
             self._decoder, SourceReport(), maxima=self.maxima, live=True, start_ns=self.start_ns

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
@@ -45,8 +44,6 @@ _KINDS: dict[str, Literal["tactile", "emg", "vest", "tracker"]] = {
 
 class _KeptBaseline(msgspec.Struct, frozen=True):
     file: str
-    made: datetime
-    notes: tuple[str, ...]
 
 
 def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
@@ -141,9 +138,7 @@ class Calibrating:
             taken = self._baseline(step)
             if taken is None:
                 taken = take_baseline(finger, source, self._sitting)
-                self._journal.keep(
-                    step, _KeptBaseline(self._folder.named(taken.file), taken.made, taken.notes)
-                )
+                self._journal.keep(step, _KeptBaseline(self._folder.named(taken.file)))
             return take_presses(finger, source, taken, self._sitting, self._ball)
 
     def _baseline(self, step: str) -> TakenBaseline | None:
@@ -154,9 +149,8 @@ class Calibrating:
         path = path_below(self._folder.path, kept.file, subject="picture", source="unfinished.json")
         if not path.is_file():
             return None
-        picture = read_image(path, driver="calibrate")
-        noise = read_record(path.with_suffix(".toml"), GelRecord).cell_noise_counts
-        return TakenBaseline(picture, path, kept.made, kept.notes, noise)
+        record = read_record(path.with_suffix(".toml"), GelRecord)
+        return TakenBaseline(read_image(path, driver="calibrate"), path, record)
 
     def _emg(self, section: EmgConfig) -> EmgRecord:
         self._begin(

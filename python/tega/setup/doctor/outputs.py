@@ -167,11 +167,8 @@ def try_vest(case: DriverCase) -> list[Finding]:
         return [case.reported(label, "ok", f"{case.driver} needs no device; it was not opened")]
     try:
         with vest:
-            info, condition, battery = (
-                vest.info,
-                optional(vest, "condition"),
-                optional(vest, "battery_percent"),
-            )
+            info, condition = vest.info, optional(vest, "condition")
+            battery = optional(vest, "battery_percent")
     except TegaError as error:
         why, hint = bluetooth_trouble() if case.driver == "bhaptics-ble" else ("", "")
         if isinstance(error, MissingExtraError):

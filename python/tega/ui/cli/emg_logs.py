@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import CHANNELS
+from tega.ui.cli.options import CHANNELS, all_options
 
 if TYPE_CHECKING:
     from tega.runtime.files.signals import Signals
@@ -49,19 +49,24 @@ class _ReadOption(click.ParamType[dict[str, Any]]):
 
 def column_options(prefix: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return a decorator that adds the options for rate, columns and array of a file of EMG."""
-    array = click.option(
-        f"--{prefix}variable", default="emg", show_default=True, help="Array or stream of a file of several."
+    return all_options(
+        click.option(
+            f"--{prefix}rate-hz",
+            type=click.FloatRange(0, 10_000_000, min_open=True),
+            help="Samples per second; else as the file states them.",
+        ),
+        click.option(
+            f"--{prefix}channels",
+            type=CHANNELS,
+            help="EMG columns, counted from 1; else those that are EMG.",
+        ),
+        click.option(
+            f"--{prefix}variable",
+            default="emg",
+            show_default=True,
+            help="Array or stream of a file of several.",
+        ),
     )
-    columns = click.option(
-        f"--{prefix}channels",
-        type=CHANNELS,
-        help="EMG columns, counted from 1; else those that are EMG.",
-    )
-    rate = click.option(
-        f"--{prefix}rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True),
-        help="Samples per second; else as the file states them.",
-    )  # fmt: skip
-    return lambda function: rate(columns(array(function)))
 
 
 def kind_option(name: str, default: str | None = None) -> Callable[[Any], Any]:

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 from urllib.parse import urlsplit
 
 import click
@@ -18,7 +17,7 @@ import click
 from tega.runtime.words import number_text
 from tega.safety.stop import Stop as AnyStop
 
-_NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 PATH: Final = click.Path(path_type=Path)
 FILE: Final = click.Path(path_type=Path, dir_okay=False)
@@ -78,6 +77,17 @@ class PngPath(click.Path):
         return path
 
 
+def all_options(*options: Callable[[Any], Any]) -> Callable[[_Function], _Function]:
+    """Return a decorator that adds options, which the help then lists in this order."""
+
+    def add(function: _Function) -> _Function:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return add
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
 sets_option = click.option(
     "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
@@ -115,7 +125,7 @@ def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 
 @contextmanager
 def stop_keys(
-    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = _NO_KEYS
+    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = {}
 ) -> Iterator[None]:
     """Let the space bar and q ask for the end, where there is a terminal to press them on."""
     if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -147,24 +157,21 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("preparing", total=None)
-
-        displayed: list[tuple[str, int]] = []
+        task, last = bar.add_task("preparing", total=None), ("", 0)
 
         def show(subject: str, done: int, total: int) -> None:
-            if (
-                displayed and displayed[-1][0] != subject and displayed[-1][1]
-            ):  # full before the next work takes its place
-                bar.update(task, completed=displayed[-1][1], refresh=True)
-            displayed[:] = [(subject, total)]
+            nonlocal last
+            if last[1] and last[0] != subject:  # full before the next work takes its place
+                bar.update(task, completed=last[1], refresh=True)
+            last = subject, total
             if total == 0:
                 bar.reset(task, description=subject, total=None)
             elif total <= 1000 or done % 16 == 0 or done == total:
                 bar.update(task, description=subject, completed=done, total=total, refresh=done == total)
 
         yield show
-        if displayed and displayed[0][1]:
-            bar.update(task, completed=displayed[0][1], refresh=True)
+        if last[1]:
+            bar.update(task, completed=last[1], refresh=True)
 
 
 def with_origin(text: str, installed: Distribution | None = None) -> str:

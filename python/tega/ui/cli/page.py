@@ -7,10 +7,12 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import click
+
+from tega.ui.cli.options import all_options
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -19,34 +21,38 @@ if TYPE_CHECKING:
     from tega.ui.view.browser import BrowserView, Controls
 
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 DEFAULT_PORT = 8080
 _ADDRESS = "tega.view_address"
 # A recording can be looked back at for longer than a live run.
 _RECORDING_KEPT_S = 300.0
 
 
-def view_options(function: _Function) -> _Function:
-    """Add ``--view``, ``--view-port`` and ``--view-address``."""
-    address = click.option(
-        "--view-address", metavar="IP", expose_value=False, callback=_keep_address,
-        help="Address of this machine to serve the page at, for a second screen. Anyone with the printed URL can "
-        "control the run.",
-    )  # fmt: skip
-    port = click.option(
-        "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
-        help="TCP port of the page. If it is taken, the next free one is used; 0 means any.",
-    )  # fmt: skip
-    view = click.option(
+def _keep_address(context: click.Context, _option: click.Parameter, value: str | None) -> None:
+    context.meta[_ADDRESS] = value
+
+
+view_options = all_options(
+    click.option(
         "--view",
         is_flag=True,
         help="Open a page in the browser that shows this; only this machine can reach it.",
-    )
-    return view(port(address(function)))
-
-
-def _keep_address(context: click.Context, _option: click.Parameter, value: str | None) -> None:
-    context.meta[_ADDRESS] = value
+    ),
+    click.option(
+        "--view-port",
+        type=click.IntRange(0, 65_535),
+        default=DEFAULT_PORT,
+        show_default=True,
+        help="TCP port of the page. If it is taken, the next free one is used; 0 means any.",
+    ),
+    click.option(
+        "--view-address",
+        metavar="IP",
+        expose_value=False,
+        callback=_keep_address,
+        help="Address of this machine to serve the page at, for a second screen. Anyone with the printed URL can "
+        "control the run.",
+    ),
+)
 
 
 def page_address() -> dict[str, Any]:
