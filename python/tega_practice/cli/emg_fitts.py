@@ -49,7 +49,7 @@ def practice(
     With --json: {"person", "decoder", "seconds", "seed", "in_target_percent", "rms_error_levels", "delay_s", "file"}.
     """
     from tega.config import load_config
-    from tega.setup.calibration.tracking import track
+    from tega.setup.calibration.practice import track
     from tega.ui.cli.guide_page import guided
 
     config = load_config(settings, sets=worn_by(person, sets)).config

@@ -187,11 +187,8 @@ def _found(looked: Mapping[str, DriverProbe], kind: str, driver: str | None = No
     """Return the devices found of a kind, for one driver or any; the likelier and usable ones first."""
     found = [one for there in looked.values() if there.kind == kind for one in there.found]
     found = [one for one in found if driver in {None, one.driver}]
-    return sorted(found, key=lambda one: (bool(one.problem), _rank(one.driver), not one.options))
-
-
-def _rank(driver: str) -> int:
-    return _PREFERRED.index(driver) if driver in _PREFERRED else len(_PREFERRED)
+    rank = {name: place - len(_PREFERRED) for place, name in enumerate(_PREFERRED)}
+    return sorted(found, key=lambda one: (bool(one.problem), rank.get(one.driver, 0), not one.options))
 
 
 def _section(table: str, found: Found, more: str) -> str:

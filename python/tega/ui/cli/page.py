@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import click
 
 from tega.ui.cli.options import all_options
+from tega.ui.view.same_machine import LOOPBACK
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -79,7 +80,7 @@ def address_lines(url: str, environ: Mapping[str, str]) -> list[str]:
     lines = ["view: open this page in a browser", url]
     host, port = urlsplit(url).hostname, urlsplit(url).port
     connection = environ.get("SSH_CONNECTION", "").split()
-    if len(connection) == 4 and host in {"127.0.0.1", "localhost", "::1"}:
+    if len(connection) == 4 and host in LOOPBACK:
         name = f"{environ.get('USER', 'USER')}@{connection[2]}"
         there = f"[{host}]" if ":" in str(host) else host
         lines += ["over SSH, forward its port first, from the machine with the browser:"]

@@ -14,6 +14,7 @@ from tega.records.bus import Backlog
 from tega.runtime.lifecycle import require
 from tega.ui.view.browser.controls import Controls
 from tega.ui.view.run_state import NO_NEWS_S, RateMeter
+from tega.ui.view.same_machine import LOOPBACK
 from tega.ui.view.state import ViewState
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
     from tega.ui.view.browser.page import Page
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _PERIOD_S = 1 / 30
 # The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
 N_TURNS = 3
