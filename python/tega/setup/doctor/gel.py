@@ -160,21 +160,16 @@ def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]
             return [case.reported(label, "error", text, why=why, todo=("take the baseline again",))]
     if len(pictures) < LEAST_PICTURES:
         return []
-    findings = [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures, baseline)]
+    mean, noises = mean_and_noise(pictures)
+    noise, findings = float(noises.max()), []
+    if text := dark(mean, noise):
+        why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
+        text = f"{case.driver} {label}: {text}"
+        findings.append(case.reported(label, "error", text, why=why, measured={"noise_counts": noise}))
+    findings += _has_bands(case, label, pictures, baseline)
     if baseline is not None and case.baseline is not None:
         findings += _compared(case, label, pictures, baseline, case.baseline)
     return findings
-
-
-def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
-    mean, noises = mean_and_noise(pictures)
-    noise = float(noises.max())
-    text = dark(mean, noise)
-    if not text:
-        return []
-    why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
-    text = f"{case.driver} {label}: {text}"
-    return [case.reported(label, "error", text, why=why, measured={"noise_counts": noise})]
 
 
 def _has_bands(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from tega.records import (
     Marker,
     MuscleCondition,
     Picture,
+    Record,
 )
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
@@ -259,23 +260,14 @@ class MuscleRows:
 
     def __init__(self, bus: Bus) -> None:
         self._apart = DecodersApart()
-        self._intent: Intent | None = None
-        self._adaptation: Adaptation | None = None
-        self._condition: MuscleCondition | None = None
-        bus.subscribe(Intent, self._decoded, name="page")
+        self._newest: dict[type[Record], Any] = {}
+        for kind in (Intent, Adaptation, MuscleCondition):
+            bus.subscribe(kind, self._keep, name="page")
+        bus.subscribe(Intent, self._apart.connected, name="page")
         bus.subscribe(BesideIntent, self._apart.beside, name="page")
-        bus.subscribe(Adaptation, self._adapted, name="page")
-        bus.subscribe(MuscleCondition, self._looked, name="page")
 
-    def _decoded(self, intent: Intent) -> None:
-        self._intent = intent
-        self._apart.connected(intent)
-
-    def _adapted(self, change: Adaptation) -> None:
-        self._adaptation = change
-
-    def _looked(self, condition: MuscleCondition) -> None:
-        self._condition = condition
+    def _keep(self, record: Record) -> None:
+        self._newest[type(record)] = record
 
     def rows(self, holds: str = "") -> dict[str, str]:
         """Return a line of text by its name; unknown facts have no line.
@@ -283,10 +275,10 @@ class MuscleRows:
         ``holds`` is why the decoder holds its closure, in its own words; ``""`` if it does not.
         """
         rows = {"decoder": self._decoder(holds), **self._apart.rows()}
-        if (change := self._adaptation) is not None:
+        if (change := self._newest.get(Adaptation)) is not None:
             gains = " · ".join(f"{gain:.2f}" for gain in change.gains)
             rows["adaptation"] = "undone" if change.why == "undone" else f"gains {gains} ({change.why})"
-        if (condition := self._condition) is not None:
+        if (condition := self._newest.get(MuscleCondition)) is not None:
             rows["fatigue"] = _fatigue(condition)
             if math.isfinite(condition.pattern_change):
                 rows["electrodes"] = f"pattern {100 * condition.pattern_change:.0f} % off the run's first"
@@ -294,7 +286,7 @@ class MuscleRows:
 
     def _decoder(self, holds: str) -> str:
         """Say the closure and how sure it is, or that it is held and why; nothing of levels alone."""
-        intent = self._intent
+        intent: Intent | None = self._newest.get(Intent)
         if intent is None:
             return ""
         if intent.channels and not any(intent.channels):
