@@ -34,12 +34,6 @@ from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, tak
 from tega.setup.calibration.vest_part import VestChoices, calibrate_vest, check_live, drawing
 
 Only = Literal["tactile", "emg", "vest", "arm"]
-_KINDS: dict[str, Literal["tactile", "emg", "vest", "tracker"]] = {
-    "tactile": "tactile",
-    "emg": "emg",
-    "vest": "vest",
-    "arm": "tracker",
-}
 
 
 class _KeptBaseline(msgspec.Struct, frozen=True):
@@ -112,7 +106,8 @@ class Calibrating:
         return getattr(self._config, kind)
 
     def _device(self, part: str) -> str:
-        info = closed_info(self._section(part), _KINDS[part.partition(".")[0]])
+        kind: Any = part.partition(".")[0]
+        info = closed_info(self._section(part), "tracker" if kind == "arm" else kind)
         return "" if info is None else device_name(info)
 
     def _part(self, part: str) -> TouchRecord | EmgRecord | ArmRecord | VestCalibration:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -170,6 +169,7 @@ def export(
 
     EMG can identify a person, in tables and in datasets: publish them only with that person's consent.
     """
+    from tega.recording.export import export_file
     from tega.recording.mcap_folder import session_files
 
     formats = _guest_formats()
@@ -180,26 +180,18 @@ def export(
     if kind in formats:
         if pictures:
             raise click.UsageError("--pictures is for tables")
-        made: Sequence[Path] = formats[kind].export(files, out, **formats[kind].values(ctx))
+        made = list(formats[kind].export(files, out, **formats[kind].values(ctx)))
     else:
-        made = _tables(files, out, kind=kind, pictures=pictures, folders=session.is_dir())
+        made = []
+        for path in files:
+            target = out / path.stem if session.is_dir() else out
+            with progress_bar() as progress:
+                made += export_file(path, target, kind=kind, pictures=pictures, progress=progress)
     if as_json:
         echo_json([str(path) for path in made])
         return
     for path in made:
         click.echo(path)
-
-
-def _tables(files: Sequence[Path], out: Path, *, kind: Any, pictures: bool, folders: bool) -> list[Path]:
-    """Write the tables of each recording, in a folder of its own where there are several."""
-    from tega.recording.export import export_file
-
-    made: list[Path] = []
-    for path in files:
-        target = out / path.stem if folders else out
-        with progress_bar() as progress:
-            made += export_file(path, target, kind=kind, pictures=pictures, progress=progress)
-    return made
 
 
 @click.command(

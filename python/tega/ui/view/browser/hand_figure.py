@@ -104,22 +104,15 @@ class HandFigure:
             self._add(child, number)
 
     def _add_solid(self, geom: ET.Element, link: int) -> None:
-        size = [*_numbers(geom.get("size", "")), 0.0, 0.0][:3]
+        a, b, c = [*_numbers(geom.get("size", "")), 0.0, 0.0][:3]
         place, turn = _numbers(geom.get("pos", "0 0 0")), IDENTITY
         if (ends := geom.get("fromto")) is not None:
             start, end = _numbers(ends).reshape(2, 3)
-            place, size[1] = (start + end) / 2, float(np.linalg.norm(end - start)) / 2
+            place, b = (start + end) / 2, float(np.linalg.norm(end - start)) / 2
             turn = _upright_to(end - start)
-        colour = _HAND if (rgba := geom.get("rgba")) is None else tuple(_numbers(rgba))
+        red, green, blue, opacity = _HAND if (rgba := geom.get("rgba")) is None else _numbers(rgba)
         kind = cast("ShapeKind", geom.get("type", "sphere"))
-        self.shapes.append(
-            (
-                geom.get("name", ""),
-                kind,
-                cast("tuple[float, float, float]", tuple(size)),
-                cast("tuple[float, float, float, float]", colour),
-            )
-        )
+        self.shapes.append((geom.get("name", ""), kind, (a, b, c), (red, green, blue, opacity)))
         self._solids.append(_Solid(link, place, turn))
 
 
