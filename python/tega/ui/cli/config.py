@@ -74,16 +74,16 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     """
     from tega.config import load_config
 
-    if not as_json:
-        load_config(file, sets=sets)
-        click.echo(f"{file.name}: ok")
-        return
     try:
         load_config(file, sets=sets)
     except TegaError as error:
-        echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
+        if as_json:
+            echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
         raise
-    echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+    if as_json:
+        echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+    else:
+        click.echo(f"{file.name}: ok")
 
 
 def changed_values(values: dict[str, SettingValue]) -> dict[str, SettingValue]:

@@ -68,8 +68,7 @@ class PngPath(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path, or fail with a usage error if its name does not end in ``.png``."""
-        super().convert(value, param, ctx)
-        path = Path(str(value))
+        path = Path(str(super().convert(value, param, ctx)))
         if path.suffix.lower() != ".png":
             self.fail(
                 f"{path}: pictures are written as PNG; name it {path.with_suffix('.png').name}", param, ctx
