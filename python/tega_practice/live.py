@@ -14,7 +14,7 @@ from tega.config.choose import decoder_choice
 from tega.config.person import whose
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.guide import Bar, Guide
-from tega.setup.calibration.tracking import MuscleLoop
+from tega.setup.calibration.practice import MuscleLoop
 from tega_practice.fitts import CONDITIONS, FittsScore, Movement, fitts_score
 from tega_practice.kept import FittsRecord, keep_record, movement_row
 

@@ -20,9 +20,9 @@ from tega.config.calibration.records import EmgRecord
 from tega.config.choose import block_s
 from tega.config.person import driver_settings
 from tega.devices.registry import driver_class
+from tega.loop.maxima import emg_conditions
 from tega.runtime.files.signals import read_signals
 from tega.runtime.files.tables.table import Reading
-from tega.setup.calibration.steps_emg import chain_of
 from tega.stages.learned import LearnedDecoder, fit
 from tega.stages.learned.compare import Log, shifted_electrode, two_halves
 from tega.stages.learned.judge import DecoderFigures, judge
@@ -106,7 +106,7 @@ class Bench(NamedTuple):
         config = load_config(self.file, environ={}).config
         assert config.emg is not None
         with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
-            chain = chain_of(source, config.emg, block_s=block_s(config))
+            chain = emg_conditions(source, config.emg.kind, block_s=block_s(config))
             record = EmgRecord(
                 person=person,
                 device=device_name(source.info),

@@ -141,7 +141,7 @@ def test_refuses_to_serve_others(host):
     BrowserView(host=host, allow_remote=True)
 
 
-@pytest.mark.parametrize("wrong", [{"port": 70_000}, {"port": -1}, {"rate_hz": 0}, {"rate_hz": 200}])
+@pytest.mark.parametrize("wrong", [{"port": 70_000}, {"port": -1}])
 def test_refuses_what_makes_no_sense(wrong):
     with pytest.raises(InvalidValueError):
         BrowserView(**wrong)

@@ -20,10 +20,10 @@ import pytest
 
 from reference.processes import hand_guards, until
 from tega.arm import ArmChain, ArmSettings, StampedPose
+from tega.arm.chain import Turn, lead
 from tega.arm.move_to_start import SPEED_M_S, MoveToStart
 from tega.arm.pose import ArmCommand, Pose
 from tega.arm.settings import FilterSettings, LimitSettings, MappingSettings
-from tega.arm.turn import Turn, lead
 from tega.arm.workspace import Workspace
 from tega.config import load_config
 from tega.errors import ConfigError

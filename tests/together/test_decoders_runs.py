@@ -60,7 +60,7 @@ def tracked(folder: Path, names: tuple[str, ...], rate_hz: float, seconds: float
         record,
     )
     keep_tracked(tracked_samples(chunks, curve, rate_hz=rate_hz, start_ns=10**9), record)
-    found = read_tracked(record)
+    found, _ = read_tracked(record)
     assert np.array_equal(found.samples, emg)
     assert found.target[-1] == (curve.at(seconds) - 1) / 4
     return record

@@ -17,8 +17,7 @@ from tega.records import Adaptation, BesideIntent, Button, Intent, MuscleConditi
 from tega.records.bus import Bus
 from tega.stages.learned import fit
 from tega.ui.view.browser import BrowserView
-from tega.ui.view.browser.feed import SessionFeed
-from tega.ui.view.browser.muscle_rows import DecodersApart, MuscleRows
+from tega.ui.view.browser.feed import DecodersApart, MuscleRows, SessionFeed
 from tega.ui.view.state import ViewState
 
 

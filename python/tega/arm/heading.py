@@ -44,9 +44,7 @@ def yaw_from_sweep(positions: ArrayLike, *, frame: str) -> float:
         >>> yaw_from_sweep([[0, 0, 0], [0, 0, -0.1], [0, 0, -0.2]], frame="openxr")
         0.0
     """
-    if frame not in FRAMES:
-        raise InvalidValueError(f"there is no frame {frame!r}", f"one of {', '.join(FRAMES)}")
-    away = _sweep(positions, FRAMES[frame])
+    away = _sweep(positions, _to_base(frame))
     return math.atan2(float(away[1]), float(away[0])) + 0.0
 
 
@@ -78,6 +76,12 @@ def check_forward(positions: ArrayLike, *, frame: str, yaw_rad: float) -> Forwar
     else:
         words = f"forward came out {abs(degrees):.0f}° to the {'left' if off > 0 else 'right'}"
     return ForwardCheck(ok=False, off_rad=off, words=f"{words}; calibrate again")
+
+
+def _to_base(frame: str) -> NDArray[np.float64]:
+    if frame not in FRAMES:
+        raise InvalidValueError(f"there is no frame {frame!r}", f"one of {', '.join(FRAMES)}")
+    return FRAMES[frame]
 
 
 def _sweep(positions: ArrayLike, to_base: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -127,9 +131,7 @@ class ForearmSweep:
     """
 
     def __init__(self, frame: str, *, yaw_rad: float = 0.0) -> None:
-        if frame not in FRAMES:
-            raise InvalidValueError(f"there is no frame {frame!r}", f"one of {', '.join(FRAMES)}")
-        self._to_base = turned(-yaw_rad) @ FRAMES[frame]
+        self._to_base = turned(-yaw_rad) @ _to_base(frame)
         self._last_ns: int | None = None
         self._newest: deque[tuple[int, NDArray[np.float64]]] = deque()
         self.places: list[NDArray[np.float64]] = []

@@ -12,9 +12,8 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
-from tega.arm.chain import ArmChain
+from tega.arm.chain import ArmChain, Turn, lead
 from tega.arm.pose import ArmCommand, PoseSource, StampedPose
-from tega.arm.turn import Turn, lead
 from tega.config import ArmConfig, SessionConfig
 from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from msgspec.structs import astuple, replace
 
+from tega.arm.chain import Turn
 from tega.arm.frames import ToBase
 from tega.arm.messages import Health
 from tega.arm.pose import ArmCommand, ArmState, StampedPose
 from tega.arm.rotation import from_matrix
 from tega.arm.settings import MappingSettings
-from tega.arm.turn import Turn
 from tega.devices.base import ArmDriver, TellingArm
 from tega.records import (
     ArmHealth,

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from tega.ui.cli.options import (
-    NameList,
+    NAMES,
     calibrated_person_option,
     echo_json,
     json_option,
@@ -49,7 +49,7 @@ def practice(
     With --json: {"person", "decoder", "seconds", "seed", "in_target_percent", "rms_error_levels", "delay_s", "file"}.
     """
     from tega.config import load_config
-    from tega.setup.calibration.tracking import track
+    from tega.setup.calibration.practice import track
     from tega.ui.cli.guide_page import guided
 
     config = load_config(settings, sets=worn_by(person, sets)).config
@@ -165,7 +165,7 @@ def emg_fitts(
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False), metavar="CALIBRATIONS")
 @click.option("--person", metavar="ID", help="Only this person's tests.")
 @click.option(
-    "--decoders", type=NameList(), help="Decoders; the others are compared with the first. Else all, by name."
+    "--decoders", type=NAMES, help="Decoders; the others are compared with the first. Else all, by name."
 )
 @json_option
 def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, as_json: bool) -> None:

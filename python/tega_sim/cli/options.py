@@ -11,7 +11,7 @@ import click
 from tega.config import file_sets
 from tega.errors import InvalidValueError
 from tega.runtime.words import nearest_hint
-from tega.ui.cli.options import NameList, NumberList
+from tega.ui.cli.options import NAMES, NUMBERS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,7 +22,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 objects_option = click.option(
     "--objects",
-    type=NameList(),
+    type=NAMES,
     default="bottle,container,bag",
     show_default=True,
     help="Objects that are lifted.",
@@ -41,15 +41,15 @@ def object_options(function: _Function) -> _Function:
     for option in (
         click.option(
             "--friction",
-            type=NumberList(),
+            type=NUMBERS,
             help="Friction between object and gel, instead of the object's own.",
         ),
         click.option(
-            "--stiffness-n-m", type=NumberList(), help="Stiffness of the object's wall, instead of its own."
+            "--stiffness-n-m", type=NUMBERS, help="Stiffness of the object's wall, instead of its own."
         ),
         click.option(
             "--mass-kg",
-            type=NumberList(),
+            type=NUMBERS,
             help="Mass instead of each object's own. Every combination with the next two options is run.",
         ),
         click.option(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import NameList, echo_json, json_option, progress_bar
+from tega.ui.cli.options import NAMES, echo_json, json_option, progress_bar
 from tega_sim.cli.options import (
     chosen_objects,
     loop_options,
@@ -32,7 +32,7 @@ def sim() -> None:
 @objects_option
 @click.option(
     "--conditions",
-    type=NameList(),
+    type=NAMES,
     default="haptic,non-haptic",
     show_default=True,
     help=f"Conditions to compare: any of {', '.join(CONDITIONS)}.",

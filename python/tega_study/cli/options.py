@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 
 import click
 
-from tega.ui.cli.options import NameList
+from tega.ui.cli.options import NAMES
 from tega_sim.cli.options import objects_option
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -56,7 +56,7 @@ def design_options(*, seed: str, conditions: str = "") -> Callable[[_Function], 
     def add(function: _Function) -> _Function:
         for option in (
             trials_option(10),
-            shown_option("--conditions", type=NameList(), default=both, help=what),
+            shown_option("--conditions", type=NAMES, default=both, help=what),
             objects_option,
             shown_option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, help=seed),
         ):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.errors import InvalidValueError
-from tega.ui.cli.options import NameList, echo_json, json_option
+from tega.ui.cli.options import NAMES, echo_json, json_option
 from tega_study.cli.options import FILE, FOLDER, design_options, folder_argument, shown_option
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 @click.option("--anyway", is_flag=True, help="Write a plan with too few people for a significant result.")
 @click.option(
     "--behaviours",
-    type=NameList(),
+    type=NAMES,
     help="Behaviours that raters code besides lift-off, slip, deformation and drop, such as regrasp,contact.",
 )
 @click.option(

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import NameList, echo_json, json_option, progress_bar
+from tega.ui.cli.options import NAMES, echo_json, json_option, progress_bar
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
 from tega_study.cli.options import (
     FOLDER,
@@ -131,7 +131,7 @@ def simulate(
 @trials_option(2)
 @click.option(
     "--vary",
-    type=NameList(),
+    type=NAMES,
     metavar="NAMES",
     help="Parameters such as vest.weber,motor.aim_sd; a set unless given.",
 )

@@ -16,7 +16,7 @@ from tega.errors import CalibrationError, ConfigError, TegaError
 from tega.loop.homing import go_to_start
 from tega.loop.prepare import prepare
 from tega.runtime.guide import Bar, Shows
-from tega.setup.calibration.effort import Chain, judge_squeezes
+from tega.setup.calibration.effort import judge_squeezes
 from tega.setup.calibration.steps_emg import collect, drain
 from tega_study.journal import Kind
 from tega_study.lead.running_trial import in_thread
@@ -143,8 +143,7 @@ def measure_squeeze(config: SessionConfig, shows: Shows, *, settings: str) -> Re
         drain(source)
         collect(source, _READY_S, shows, "get ready to squeeze", names=made.channels)
         chunks = collect(source, SQUEEZE_S, shows, "SQUEEZE as strong as you can", names=made.channels)
-        chain = Chain(made.rate_hz, made.tau, made.kind, made.channels)
-        rest = np.zeros(len(made.channels))
-        found = judge_squeezes([chunks], rest, chain, limits=optional(source, "limits"))
+        rest = (0.0,) * len(made.channels)
+        found = judge_squeezes([chunks], rest, made, limits=optional(source, "limits"))
     tops = found.live if config.session.preset == "live" else found.paper
-    return RestTaskEnd("; ".join(found.problems), float(np.mean(tops / np.array(made.maxima))))
+    return RestTaskEnd("; ".join(found.notes), float(np.mean(np.array(tops) / np.array(made.maxima))))

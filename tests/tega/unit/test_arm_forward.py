@@ -108,10 +108,9 @@ class _Scripted:
 def test_a_heading_that_does_not_come_out_forward_is_not_kept() -> None:
     guide = LineGuide(yes=True, get_ready_s=0.0)
     straight: Any = _Scripted(0.4, 0.45)
-    taken = take_heading(straight, guide)
-    assert taken.yaw_rad == pytest.approx(0.4, abs=1e-3)
-    assert taken.check is not None
-    assert taken.check.off_rad == pytest.approx(0.05, abs=1e-3)
+    yaw_rad, check = take_heading(straight, guide)
+    assert yaw_rad == pytest.approx(0.4, abs=1e-3)
+    assert check.off_rad == pytest.approx(0.05, abs=1e-3)
     crooked: Any = _Scripted(0.0, 1.2)
     with pytest.raises(CalibrationError, match="forward came out 69° to the left"):
         take_heading(crooked, guide)

@@ -17,10 +17,10 @@ from tega.devices import registry
 from tega.devices.base import DeviceInfo, EmgChunk, Options, SteeredHand, optional
 from tega.errors import CalibrationError
 from tega.hand import CLOSURE_POSES_RAD
+from tega.loop.maxima import emg_conditions
 from tega.loop.session import run_session
 from tega.runtime import features as plugins
 from tega.runtime.guide import Bar, Undecided
-from tega.setup.calibration.effort import Chain
 from tega.setup.calibration.sitting import Times
 from tega.setup.calibration.steps_emg import MuscleSteps
 
@@ -175,7 +175,7 @@ class Alone:
 def test_the_converters_limits_of_others_are_used_in_calibration() -> None:
     guide: Any = Alone()
     source: Any = OwnAmplifier(Options())
-    chain = Chain(_RATE_HZ, 50, "raw", ("ch1", "ch2", "ch3"))
+    chain = emg_conditions(source, "raw")
     with source, pytest.raises(CalibrationError):
         MuscleSteps(source, chain, guide, Times(rest_s=0.8)).rest()
     assert any("at the converter's limit" in message for message in guide.said), guide.said

@@ -18,9 +18,8 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from tega.arm.chain import ArmChain
+from tega.arm.chain import ArmChain, lead
 from tega.arm.settings import ArmSettings
-from tega.arm.turn import lead
 from tega.errors import RecordingError
 from tega.hand import joined_level
 from tega.hand.link import HandLink, Received

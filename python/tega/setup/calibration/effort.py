@@ -9,11 +9,12 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk
 from tega.devices.emg.emg_health import EmgHealth, swapped_channels
 from tega.emg import channel_maxima
@@ -31,43 +32,33 @@ _RISE_S = 0.5
 # A channel that rises by less than this share of its maximum has not answered.
 _ANSWER = 0.15
 
-# What is wrong while a muscle works is wrong at rest too, but an envelope at rest may well stand still.
-_Findings = Counter[str]
+
+def _level(samples: NDArray[np.float64], chain: EmgMaxima, percentile: float) -> NDArray[np.float64]:
+    """Return a percentile of the block means of each channel, (channels,); 0 where it never moves."""
+    values = np.zeros(len(chain.channels))
+    for k, column in enumerate(samples.T):
+        try:
+            values[k] = channel_maxima(
+                column[np.isfinite(column)],
+                chain.rate_hz,
+                tau=chain.tau,
+                kind=chain.kind,
+                percentile=percentile,
+            )[0]
+        except CalibrationError:  # too short, or it does not move
+            continue
+    return values
 
 
-class Chain(NamedTuple):
-    """Turns samples into block means."""
-
-    rate_hz: float
-    tau: int
-    kind: Literal["raw", "rectified", "envelope"]
-    channels: tuple[str, ...]
-
-    def level(self, samples: NDArray[np.float64], percentile: float) -> NDArray[np.float64]:
-        """Return a percentile of the block means of each channel, (channels,); 0 where it never moves."""
-        values = np.zeros(len(self.channels))
-        for k in range(len(self.channels)):
-            column = samples[:, k]
-            try:
-                values[k] = channel_maxima(
-                    column[np.isfinite(column)],
-                    self.rate_hz,
-                    tau=self.tau,
-                    kind=self.kind,
-                    percentile=percentile,
-                )[0]
-            except CalibrationError:  # too short, or it does not move
-                continue
-        return values
-
-
-def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] | None) -> tuple[str, ...]:
+def watch(
+    chunks: Sequence[EmgChunk], chain: EmgMaxima, limits: tuple[float, float] | None
+) -> tuple[str, ...]:
     """Return the problems of a stretch of signal, in the words of :mod:`tega.devices.emg.emg_health`.
 
     A problem is reported if it lasts for two half seconds and for half of the time since it was first detected: mains
     can be detected after two seconds only, and a jerk of the arm is no fault. Lost samples are reported above 5 %.
     """
-    health, seen, n_checks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), _Findings(), 0
+    health, seen, n_checks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), Counter[str](), 0
     first_seen: dict[str, int] = {}
     step = max(1, round(0.5 * chain.rate_hz))
     samples = np.concatenate([c.samples for c in chunks]) if chunks else np.empty((0, len(chain.channels)))
@@ -89,54 +80,61 @@ def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] 
     return tuple(words)
 
 
-class RestEffort(NamedTuple):
-    """Mean of the samples and middle block mean at rest, (channels,), and why they cannot be used."""
+class Quiet(msgspec.Struct, frozen=True, kw_only=True):
+    """Muscles at rest by channel: ``offset``, the mean of the samples, and ``rest``, the middle block mean.
 
-    offset: NDArray[np.float64]
-    rest: NDArray[np.float64]
-    problems: tuple[str, ...]
+    ``notes`` are the problems found, one sentence each; once they are kept, those with which they were.
+    """
+
+    offset: tuple[float, ...]
+    rest: tuple[float, ...]
+    notes: tuple[str, ...] = ()
 
 
 def judge_quiet(
-    chunks: Sequence[EmgChunk], chain: Chain, *, limits: tuple[float, float] | None = None
-) -> RestEffort:
-    """Measure muscles at rest; ``CalibrationError`` if nothing came."""
-    samples = _samples(chunks)
-    middle, top = chain.level(samples, 50.0), chain.level(samples, 95.0)
+    chunks: Sequence[EmgChunk], chain: EmgMaxima, *, limits: tuple[float, float] | None = None
+) -> Quiet:
+    """Measure muscles at rest; ``CalibrationError`` if nothing came.
+
+    What is wrong while a muscle works is wrong at rest too, but an envelope at rest may well stand still.
+    """
+    samples = joined(chunks)
+    middle, top = _level(samples, chain, 50.0), _level(samples, chain, 95.0)
     problems = list(watch(chunks, chain, limits))
     for name, quiet, loud in zip(chain.channels, middle, top, strict=True):
         if loud > _UNQUIET * quiet > 0:
             problems.append(f"{name}: not at rest all the time: let the arm lie, hand open")
-    return RestEffort(np.nanmean(samples, axis=0), middle, tuple(problems))
+    offset: NDArray[np.float64] = np.nanmean(samples, axis=0)
+    return Quiet(offset=tuple(offset.tolist()), rest=tuple(middle.tolist()), notes=tuple(problems))
 
 
-class Squeezes(NamedTuple):
-    """Maxima of strong contractions, (channels,), and why they cannot be used, one sentence each.
+class Maxima(msgspec.Struct, frozen=True, kw_only=True):
+    """Maxima of the muscles in strong squeezes, by channel, with ``notes`` as those of :class:`Quiet`.
 
     ``paper`` is the largest block mean, ``live`` the 95th percentile of the block means.
     """
 
-    paper: NDArray[np.float64]
-    live: NDArray[np.float64]
-    problems: tuple[str, ...]
+    live: tuple[float, ...]
+    paper: tuple[float, ...]
+    notes: tuple[str, ...] = ()
 
 
 def judge_squeezes(
     squeezes: Sequence[Sequence[EmgChunk]],
-    rest: NDArray[np.float64],
-    chain: Chain,
+    rest: Sequence[float],
+    chain: EmgMaxima,
     *,
     limits: tuple[float, float] | None = None,
-) -> Squeezes:
+) -> Maxima:
     """Take the maxima of all strong squeezes together; ``CalibrationError`` if nothing came during one.
 
     The first half second of each is its rise and is left out. ``rest`` is that of the channels, (channels,);
     ``limits`` are the range of the converter.
     """
-    steady = [_samples(chunks)[_rise(chunks, chain) :] for chunks in squeezes]
-    levels = np.array([chain.level(s, 50.0) for s in steady])
+    steady = [joined(chunks)[_rise(chunks, chain) :] for chunks in squeezes]
+    levels = np.array([_level(s, chain, 50.0) for s in steady])
     whole = np.concatenate(steady)
-    paper, live = chain.level(whole, 100.0), chain.level(whole, 95.0)
+    paper, live = _level(whole, chain, 100.0), _level(whole, chain, 95.0)
     found = Counter(words for chunks in squeezes for words in set(watch(chunks, chain, limits)))
     problems = [words for words, n in found.items() if 2 * n >= len(squeezes)]
     for name, quiet, top in zip(chain.channels, rest, live, strict=True):
@@ -153,14 +151,14 @@ def judge_squeezes(
             problems.append(
                 f"squeeze {k + 1} reached {share / overall.max():.0%} of the strongest: all as strong as you can"
             )
-    return Squeezes(paper, live, tuple(problems))
+    return Maxima(live=tuple(live.tolist()), paper=tuple(paper.tolist()), notes=tuple(problems))
 
 
 def judge_muscles(
     movements: Sequence[Sequence[EmgChunk]],
     rest: NDArray[np.float64],
     maxima: NDArray[np.float64],
-    chain: Chain,
+    chain: EmgMaxima,
 ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Return each channel's rise, as a share of its range, (muscles, channels), and the problems found.
 
@@ -169,7 +167,7 @@ def judge_muscles(
     nothing came during one.
     """
     span = np.maximum(maxima - rest, 1e-12)
-    drives = np.array([(chain.level(_samples(m)[_rise(m, chain) :], 50.0) - rest) / span for m in movements])
+    drives = np.array([(_level(joined(m)[_rise(m, chain) :], chain, 50.0) - rest) / span for m in movements])
     problems = []
     if text := swapped_channels(np.maximum(drives, 0.0), chain.channels):
         problems.append(text)
@@ -181,12 +179,13 @@ def judge_muscles(
     return drives, tuple(problems)
 
 
-def _rise(chunks: Sequence[EmgChunk], chain: Chain) -> int:
+def _rise(chunks: Sequence[EmgChunk], chain: EmgMaxima) -> int:
     n = sum(len(c.samples) for c in chunks)
     return min(round(_RISE_S * chain.rate_hz), n // 4)
 
 
-def _samples(chunks: Sequence[EmgChunk]) -> NDArray[np.float64]:
+def joined(chunks: Sequence[EmgChunk]) -> NDArray[np.float64]:
+    """Return the samples of some chunks, float64 (n, channels); ``CalibrationError`` if there are none."""
     if not sum(len(c.samples) for c in chunks):
         raise CalibrationError("no EMG sample came", "check power and cable")
     return np.concatenate([c.samples for c in chunks])

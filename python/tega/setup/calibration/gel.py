@@ -7,6 +7,7 @@ if something touches the gel, so both are looked for. Numbers are counts of 0 to
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -68,18 +69,8 @@ def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
             f"{len(pictures)} pictures of {' and '.join(sizes) or 'no size'} make no baseline",
             "look at the sensor's cable",
         )
-    total = np.zeros(pictures[0].shape, np.float64)
-    squares = np.zeros(3)
-    levels = []
-    for k, picture in enumerate(pictures):
-        now = picture.astype(np.float64)
-        total += now
-        levels.append(now.mean(axis=(0, 1)))
-        if k:
-            squares += ((now - pictures[k - 1]) ** 2).mean(axis=(0, 1))
-    mean = np.rint(total / len(pictures)).astype(np.uint8)
-    # Two neighbours differ by the noise of both.
-    noise = np.sqrt(squares / (2 * (len(pictures) - 1)))
+    mean, noise = mean_and_noise(pictures)
+    levels = [picture.mean(axis=(0, 1)) for picture in pictures]
     third = max(1, len(levels) // 3)
     moved = np.mean(levels[-third:], axis=0) - np.mean(levels[:third], axis=0)
     problems = []
@@ -100,6 +91,22 @@ def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
     if n_touched > _MOVED_SHARE * len(pictures):
         problems.append("the pictures differ: something moved on the gel")
     return Rest(mean, _bgr(noise), _bgr(np.array(cell_noise)), len(pictures), tuple(problems))
+
+
+def mean_and_noise(
+    pictures: Sequence[NDArray[np.uint8]],
+) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """Return the mean of two or more pictures, uint8 (H, W, 3), and the standard deviation of a pixel in time, (3,).
+
+    The pictures are of one size, in the order they came; the deviation is in counts, blue, green, red.
+    """
+    total, squares = pictures[0].astype(np.float64), np.zeros(3)
+    for before, after in pairwise(pictures):
+        total += after
+        squares += ((after.astype(np.float64) - before) ** 2).mean(axis=(0, 1))
+    # Two neighbours differ by the noise of both.
+    noise: NDArray[np.float64] = np.sqrt(squares / (2 * (len(pictures) - 1)))
+    return np.rint(total / len(pictures)).astype(np.uint8), noise
 
 
 def dark(picture: NDArray[np.uint8], noise: float) -> str:
@@ -161,15 +168,14 @@ class GelChange(NamedTuple):
 
     ``shift`` is that of the whole picture, counts, blue, green, red. ``dark_px`` counts the pixels that are
     darker than the shift explains, ``bright_px`` the brighter ones; ``dark_xy`` is the darkest, column and
-    row, ``None`` for none. ``noise_ratio`` is the noise now by that then; ``wear`` is the share of changed
-    pixels, 0 to 1; ``words`` are the consequences, one sentence each, none for a healthy gel.
+    row, ``None`` for none. ``wear`` is the share of changed pixels, 0 to 1; ``words`` are the consequences, one
+    sentence each, none for a healthy gel.
     """
 
     shift: tuple[float, float, float]
     dark_px: int
     bright_px: int
     dark_xy: tuple[int, int] | None
-    noise_ratio: float
     wear: float
     words: tuple[str, ...]
 
@@ -213,9 +219,7 @@ def compare_gels(
         )
     if wear > _WORN_SHARE:
         words.append(f"{wear:.0%} of the gel looks other than on {when}: think of a new one")
-    return GelChange(
-        _bgr(shift), dark_px, bright_px, (column, row) if dark_px else None, ratio, wear, tuple(words)
-    )
+    return GelChange(_bgr(shift), dark_px, bright_px, (column, row) if dark_px else None, wear, tuple(words))
 
 
 def _blurred(grey: NDArray[np.float64]) -> NDArray[np.float64]:

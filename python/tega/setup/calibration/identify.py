@@ -53,7 +53,6 @@ def light_motor(
         raise InvalidValueError(
             f"motor {motor} is not one of layout {layout!r} (or percent is 0)", f"it has {known}"
         )
-    subject = f"motor {motor}"
     show_frame(
         vest,
         MotorLevels(layout, lit),
@@ -61,7 +60,7 @@ def light_motor(
         clock=clock,
         stop=stop,
         reported=reported,
-        subject=subject,
+        subject=f"motor {motor}",
     )
 
 

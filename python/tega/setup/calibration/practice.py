@@ -1,21 +1,37 @@
-"""Score how well a person follows a curve of levels (no force is measured), and keep the EMG to fit a decoder to."""
+"""Have a calibrated person follow a curve of levels, score it, and keep the EMG to fit a decoder to.
+
+The muscles are read through a run's decoder, without a hand; no force is measured.
+"""
 
 from __future__ import annotations
 
 import io
 import random
+import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.config.calibration.records import PracticeRecord, read_record
+from tega.config import SessionConfig
+from tega.config.calibration.folder import device_name
+from tega.config.calibration.records import PracticeRecord, read_record, utc_now
+from tega.config.choose import block_s, decoder_choice, muscle_decoder
+from tega.config.person import person_calibration, whose
 from tega.devices.base import EmgChunk
-from tega.errors import CalibrationError, InvalidValueError
+from tega.devices.registry import driver_class
+from tega.errors import CalibrationError, ConfigError, InvalidValueError
+from tega.loop.inbox.sources import BlockMeter, SourceReport
+from tega.loop.maxima import emg_conditions
+from tega.records import Intent
 from tega.runtime.files.foreign_file import load_npy, read_foreign
 from tega.runtime.files.whole_file import write_whole
+from tega.runtime.guide import Bar, Guide
+from tega.setup.calibration.steps_emg import drain
+from tega.stages.learned.compare import Log
 
 _HOLD_S = 3.0
 _RAMP_S_PER_LEVEL = 0.75
@@ -86,20 +102,6 @@ _MOST_MIB = 1024
 _TOP_STEPS = 4
 
 
-class Tracked(NamedTuple):
-    """EMG of a tracked curve, ``(n, channels)``, in the source's unit.
-
-    ``target`` is the closure asked for at each sample, 0 to 1, ``(n,)``.
-    """
-
-    samples: NDArray[np.float64]
-    target: NDArray[np.float64]
-    rate_hz: float
-    kind: Literal["raw", "rectified", "envelope"]
-    channels: tuple[str, ...]
-    person: str
-
-
 def tracked_samples(
     chunks: Sequence[EmgChunk], curve: Curve, *, rate_hz: float, start_ns: int
 ) -> NDArray[np.float64]:
@@ -131,8 +133,8 @@ def keep_tracked(data: NDArray[np.float64], record: Path) -> Path:
     return path
 
 
-def read_tracked(record: Path) -> Tracked:
-    """Read the EMG of a practice record, which earlier versions did not keep."""
+def read_tracked(record: Path) -> tuple[Log, PracticeRecord]:
+    """Read a practice record and the EMG beside it, in the source's unit, which earlier versions did not keep."""
     if not record.is_file():
         raise CalibrationError(f"{record.name}: no such practice record", f"looked for {record}")
     reported = read_record(record, PracticeRecord)
@@ -150,11 +152,125 @@ def read_tracked(record: Path) -> Tracked:
             f"{path.name}: {data.dtype} {data.shape}, expected float64 (n, {len(reported.channels) + 1})",
             "track again",
         )
-    return Tracked(
-        np.ascontiguousarray(data[:, :-1]),
-        np.ascontiguousarray(data[:, -1]),
-        reported.rate_hz,
-        reported.kind,
-        reported.channels,
-        reported.person,
+    samples, target = np.ascontiguousarray(data[:, :-1]), np.ascontiguousarray(data[:, -1])
+    return Log(record.name, samples, target, reported.rate_hz, reported.kind), reported
+
+
+_READ_S = 0.05
+
+
+class MuscleLoop:
+    """EMG source and decoder of the settings, for as long as the ``with`` block lasts.
+
+    ``chunks`` are the samples since :meth:`start`, as they came; ``start_ns`` is the time of that call, on
+    the monotonic clock. ``device`` is the source's serial number, or a substitute. Raises ``ConfigError`` if
+    the settings have no EMG, ``CalibrationError`` if the person is not calibrated on this source.
+    """
+
+    def __init__(self, config: SessionConfig, *, settings: str, subject: str) -> None:
+        if config.emg is None:
+            raise ConfigError(
+                f"{subject} needs muscles: the settings have no [emg]", "add it; see docs/device-emg.md"
+            )
+        self._config = config
+        self.chunks: list[EmgChunk] = []
+        self._source = driver_class(config.emg.driver, "emg")(config.emg.options)
+        self._kind, self._settings = config.emg.kind, settings
+
+    def __enter__(self) -> Self:
+        """Open the source and make the decoder."""
+        config, source = self._config, self._source
+        with ExitStack() as opened:
+            opened.enter_context(source)
+            conditions = emg_conditions(source, self._kind, block_s=block_s(config))
+            personal = person_calibration(
+                config, {}, source, conditions, settings=self._settings, now=utc_now()
+            )
+            maxima = personal.calibration.emg
+            if maxima is None:
+                raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")
+            self.maxima = maxima
+            self._decoder = muscle_decoder(config.stages, config.session.preset, maxima)
+            self.driver, self.device = source.info.driver, device_name(source.info)
+            opened.pop_all()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        """Close the source."""
+        self._source.__exit__(*error)
+
+    def start(self) -> None:
+        """Begin with the next samples."""
+        drain(self._source)
+        self.start_ns = time.monotonic_ns()
+        self._meter = BlockMeter(
+            self._decoder, SourceReport(), maxima=self.maxima, live=True, start_ns=self.start_ns
+        )
+
+    @property
+    def gone_s(self) -> float:
+        """Seconds since :meth:`start`."""
+        return (time.monotonic_ns() - self.start_ns) * 1e-9
+
+    def blocks(self) -> list[Intent]:
+        """Wait a twentieth of a second at most; return the blocks that were completed, oldest first."""
+        chunk = self._source.read(_READ_S)
+        if chunk is None:
+            return []
+        self.chunks.append(chunk)
+        return list(self._meter.take(chunk))
+
+
+_TOP_LEVEL = 5
+
+
+def track(
+    config: SessionConfig, guide: Guide, *, duration_s: float, seed: int, settings: str
+) -> tuple[PracticeRecord, Path]:
+    """Let a calibrated person follow a curve; return the score, and where it is kept.
+
+    The EMG lies beside it, for ``tega-teleop emg fit``.
+    """
+    curve = Curve(duration_s, seed=seed)
+    with MuscleLoop(config, settings=settings, subject="practice") as muscles:
+        guide.part("Practice", "Follow the upper bar with the lower one: squeeze as far as it is full.")
+        guide.ready("Arm as in use. The curve begins at rest")
+        muscles.start()
+        times: list[float] = []
+        levels: list[int] = []
+        while (gone_s := muscles.gone_s) < duration_s:
+            for block in muscles.blocks():
+                times.append(block.t_ns * 1e-9)
+                levels.append(block.level)
+            now, requested = levels[-1] if levels else 1, curve.at(gone_s)
+            bars = [
+                Bar("target", requested / _TOP_LEVEL, f"{requested:.1f}"),
+                Bar("you", now / _TOP_LEVEL, f"{now}"),
+            ]
+            guide.show("Follow", bars, duration_s - gone_s)
+    found = score(times, levels, curve)
+    person, folder = whose(config.calibration)
+    decoder, options = decoder_choice(config)
+    record = PracticeRecord(
+        person=person,
+        device=muscles.device,
+        driver=muscles.driver,
+        made=utc_now(),
+        preset=config.session.preset,
+        seed=seed,
+        duration_s=duration_s,
+        in_target_percent=round(100 * found.in_target, 1),
+        rms_error_levels=round(found.rms_error_levels, 3),
+        delay_s=None if found.delay_s is None else round(found.delay_s, 2),
+        kind=muscles.maxima.kind,
+        rate_hz=muscles.maxima.rate_hz,
+        channels=muscles.maxima.channels,
+        decoder=decoder,
+        options=options,
     )
+    path = folder.keep_practice(record)
+    keep_tracked(
+        tracked_samples(muscles.chunks, curve, rate_hz=muscles.maxima.rate_hz, start_ns=muscles.start_ns),
+        path,
+    )
+    return record, path

@@ -142,14 +142,6 @@ _OUTLINED = 1.05
 _NOMINAL_PX = 320 * 240
 
 
-def ball_radius_mm(ball: Ball, stiffness_n_mm3: float) -> float:
-    """Return the radius of the disc over which a ball touches, millimetres: √(2 d √(Ra Rb)), d the depth.
-
-    Ra and Rb are as in :func:`ball_depth_mm`.
-    """
-    return math.sqrt(2 * ball_depth_mm(ball, stiffness_n_mm3) * _round_mm(ball))
-
-
 def _round_mm(ball: Ball) -> float:
     radius_mm = ball.diameter_mm / 2
     across, along = (1 / (1 / radius_mm + 1 / gel) for gel in GEL_RADII_MM)
@@ -195,7 +187,9 @@ def fit_gel(presses: Sequence[Sequence[Contact]], ball: Ball) -> GelFit:
     light = calibrate_light(known)
     gain = float(np.abs(nominal.terms).max() / np.abs(light.terms).max())
     radius_px = [math.sqrt((press.contact.broad or 0.0) * _NOMINAL_PX / math.pi) for press in known]
-    mm_per_px = _OUTLINED * ball_radius_mm(ball, nominal.stiffness_n_mm3) / (sum(radius_px) / len(radius_px))
+    # The radius of the disc over which a ball touches is √(2 d √(Ra Rb)), d the depth.
+    radius_mm = math.sqrt(2 * depth_mm * _round_mm(ball))
+    mm_per_px = _OUTLINED * radius_mm / (sum(radius_px) / len(radius_px))
     # Depth goes with gain times scale, force with gain times the cube of the scale.
     larger = mm_per_px / nominal.mm_per_px
     return GelFit(gain / larger, light.stiffness_n_mm3 / larger**2, mm_per_px)

@@ -11,16 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.config import EmgConfig, SessionConfig
+from tega.config.calibration import EmgMaxima
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
 from tega.config.choose import block_s, chosen_stage
 from tega.config.person import driver_settings, other_conditions
-from tega.devices.base import EmgChunk, EmgSource
+from tega.devices.base import EmgSource
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
-from tega.setup.calibration.effort import Chain
+from tega.loop.maxima import emg_conditions
+from tega.setup.calibration.effort import Maxima, Quiet, joined
 from tega.setup.calibration.sitting import Sitting
-from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of
+from tega.setup.calibration.steps_emg import MuscleSteps
 from tega.setup.calibration.steps_touch import take_baseline
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.stage import LearnedOptions
@@ -72,15 +74,15 @@ def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
     return files
 
 
-def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, Chain]:
-    """Return the person's calibration on an open source, and the chain by which it was made.
+def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, EmgMaxima]:
+    """Return the person's calibration on an open source, and the conditions under which it was made.
 
     Raises ``CalibrationError`` if there is none, or it is of other channels or EMG settings.
     """
     record = sitting.folder.record(sitting.person, EmgRecord, device_name(source.info))
     if record is None:
         raise _nothing(sitting.person, "EMG", device_name(source.info))
-    chain = chain_of(source, section, block_s=block_s(sitting.config))
+    chain = emg_conditions(source, section.kind, block_s=block_s(sitting.config))
     text = other_conditions(
         record,
         channels=chain.channels,
@@ -166,20 +168,21 @@ def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated
         raise ConfigError(
             "nothing to recalibrate: the settings have no [emg]", "add it; see docs/device-emg.md"
         )
-    model = _model_of(config)
-    if model is None and model_out is not None:
+    found = _model_of(config)
+    if found is None and model_out is not None:
         raise ConfigError(
             "there is no model to write: the settings' decoder is not learned",
             'leave out --out, or set stages.decoder.name = "learned" and its model',
         )
     with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
         record, chain = kept_record(sitting, config.emg, source)
-        if model is not None:
-            model.decoder.model.check_fits(
+        if found is not None:
+            file, decoder = found
+            decoder.model.check_fits(
                 kind=chain.kind,
                 rate_hz=chain.rate_hz,
                 channels=chain.channels,
-                name=model.file.name,
+                name=file.name,
                 person=person,
             )
         guide.part("Recalibrate", "Five seconds of rest, then one fist of five seconds. Ten seconds.")
@@ -188,21 +191,17 @@ def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated
         rested = steps.received
         maxima = steps.squeezes(quiet, n=1)
     new = to_todays_scale(record, quiet, maxima, _LIMITS, sitting)
-    if model is None:
+    if found is None:
         return Recalibrated(folder.keep(new), None)
-    effort = _samples(steps.received)[round(_RISE_S * chain.rate_hz) :]
-    fitted = _fitted(model, _samples(rested), effort)
-    written = model_out or model.file.with_name(f"{model.file.stem}-{now():%Y%m%d-%H%M%S}{model.file.suffix}")
+    effort = joined(steps.received)[round(_RISE_S * chain.rate_hz) :]
+    fitted = _fitted(file, decoder, joined(rested), effort)
+    written = model_out or file.with_name(f"{file.stem}-{now():%Y%m%d-%H%M%S}{file.suffix}")
     fitted.save(written)
     return Recalibrated(folder.keep(new), written)
 
 
-class _Named(NamedTuple):
-    file: Path
-    decoder: LearnedDecoder
-
-
-def _model_of(config: SessionConfig) -> _Named | None:
+def _model_of(config: SessionConfig) -> tuple[Path, LearnedDecoder] | None:
+    """Return the settings' learned model with its file; ``None`` where the decoder is another."""
     options = chosen_stage("decoder", config.stages, config.session.preset).options
     if not isinstance(options, LearnedOptions):
         return None
@@ -214,22 +213,20 @@ def _model_of(config: SessionConfig) -> _Named | None:
             f"{options.model.name}: a kernel cannot be refitted in ten seconds",
             "practise for a minute, then fit it again: tega-teleop emg fit",
         )
-    return _Named(options.model, decoder)
+    return options.model, decoder
 
 
-def _fitted(model: _Named, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> LearnedDecoder:
+def _fitted(
+    file: Path, decoder: LearnedDecoder, rest: NDArray[np.float64], effort: NDArray[np.float64]
+) -> LearnedDecoder:
     """Return the model fitted to rest and effort, if it then distinguishes them."""
     target = np.repeat([0.0, 1.0], [len(rest), len(effort)])
-    fitted = model.decoder.recalibrated(np.concatenate([rest, effort]), target)
+    fitted = decoder.recalibrated(np.concatenate([rest, effort]), target)
     at_rest, at_work = (float(np.median(LearnedDecoder(fitted.model).process(s))) for s in (rest, effort))
     if at_rest > _REST_MOST or at_work < _EFFORT_LEAST:
         raise CalibrationError(
-            f"{model.file.name}: fitted to today it makes closure {at_rest:.2f} of rest and {at_work:.2f} of effort, "
+            f"{file.name}: fitted to today it makes closure {at_rest:.2f} of rest and {at_work:.2f} of effort, "
             f"at most {_REST_MOST:g} and at least {_EFFORT_LEAST:g} are needed",
             "practise for a minute, then fit a new one: tega-teleop practice, tega-teleop emg fit",
         )
     return fitted
-
-
-def _samples(chunks: list[EmgChunk]) -> NDArray[np.float64]:
-    return np.concatenate([chunk.samples for chunk in chunks])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -35,21 +35,13 @@ _BASE_ANSWERS: Final = {
 }
 
 
-class TakenHeading(NamedTuple):
-    """Heading of the operator's forward, as in ``arm.mapping.yaw_rad``, and the result of its check.
+def take_heading(tracker: Tracker, guide: Guide) -> tuple[float, ForwardCheck]:
+    """Lead through both movements, again until the second comes out forward: a wrong heading is not kept.
 
-    ``check`` is ``None`` where it did not come to that; ``problem`` is one from before it, ``""`` for none.
+    Return the heading of the operator's forward, as in ``arm.mapping.yaw_rad``, and the result of its check.
     """
 
-    yaw_rad: float
-    check: ForwardCheck | None
-    problem: str = ""
-
-
-def take_heading(tracker: Tracker, guide: Guide) -> TakenHeading:
-    """Lead through both movements, again until the second comes out forward: a wrong heading is not kept."""
-
-    def attempt() -> TakenHeading:
+    def attempt() -> tuple[float, ForwardCheck]:
         try:
             guide.ready(
                 "Hold the forearm still where you work, facing the way you will look; then move it straight forward "
@@ -61,16 +53,17 @@ def take_heading(tracker: Tracker, guide: Guide) -> TakenHeading:
             guide.ready("Go back and hold still; then move it forward once more: this is the check")
             again = watch_sweep(tracker, WAIT_S, yaw_rad=yaw_rad, displayed=_displayed(guide))
         except CalibrationError as error:
-            return TakenHeading(0.0, None, f"{error.message}: {error.hint}" if error.hint else error.message)
-        return TakenHeading(yaw_rad, check_forward(again.places, frame=tracker.frame, yaw_rad=yaw_rad))
-
-    def problems(taken: TakenHeading) -> tuple[str, ...]:
-        if taken.check is None:
-            return (taken.problem,)
-        return () if taken.check.ok else (taken.check.words,)
+            return 0.0, ForwardCheck(ok=False, off_rad=0.0, words=_said(error))
+        return yaw_rad, check_forward(again.places, frame=tracker.frame, yaw_rad=yaw_rad)
 
     # A heading that its own check says is wrong would lead the arm another way than the person means.
-    taken, _ = until_good(guide, "forward", attempt, problems, can_keep=lambda _taken: False)
+    taken, _ = until_good(
+        guide,
+        "forward",
+        attempt,
+        lambda taken: () if taken[1].ok else (taken[1].words,),
+        can_keep=lambda _taken: False,
+    )
     return taken
 
 
@@ -95,7 +88,7 @@ def take_base_yaw(tracker: Tracker, guide: Guide, *, yaw_rad: float, reported_ra
             found = watch_sweep(tracker, WAIT_S, yaw_rad=yaw_rad, displayed=_displayed(guide))
             seen_rad = yaw_from_sweep(found.places, frame=tracker.frame) - yaw_rad
         except CalibrationError as error:
-            return 0.0, f"{error.message}: {error.hint}" if error.hint else error.message
+            return 0.0, _said(error)
         return kept_yaw(math.remainder(seen_rad, 2 * math.pi)), ""
 
     (base_yaw_rad, _), _ = until_good(
@@ -141,3 +134,7 @@ def _displayed(guide: Guide) -> Callable[[ForearmSweep, float], None]:
         guide.show("FORWARD", [Bar("gone", min(1.0, gone_m / _FULL_M), f"{100 * gone_m:.0f} cm")], left_s)
 
     return show
+
+
+def _said(error: CalibrationError) -> str:
+    return f"{error.message}: {error.hint}" if error.hint else error.message

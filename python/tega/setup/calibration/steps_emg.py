@@ -5,16 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.config import EmgConfig
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk, EmgSource, optional
 from tega.errors import CalibrationError
-from tega.loop.maxima import TAU_S, emg_conditions
 from tega.runtime.guide import Bar, Guide, Shows
-from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
+from tega.setup.calibration.effort import Maxima, Quiet, judge_muscles, judge_quiet, judge_squeezes
 from tega.setup.calibration.sitting import Times, until_good
 
 SQUEEZES = 3
@@ -36,28 +35,6 @@ _MOVEMENTS = {
     "FDS": "curl the middle of the fingers, wrist still",
     "FPL": "bend the tip of the thumb",
 }
-
-
-class Quiet(msgspec.Struct, frozen=True, kw_only=True):
-    """Offset and rest of the muscles by channel, and the problems with which they were kept."""
-
-    offset: tuple[float, ...]
-    rest: tuple[float, ...]
-    notes: tuple[str, ...] = ()
-
-
-class Maxima(msgspec.Struct, frozen=True, kw_only=True):
-    """Maxima of the muscles in strong squeezes, by channel."""
-
-    live: tuple[float, ...]
-    paper: tuple[float, ...]
-    notes: tuple[str, ...] = ()
-
-
-def chain_of(source: EmgSource, config: EmgConfig, *, block_s: float = TAU_S) -> Chain:
-    """Return the chain that turns an open source's samples into block means of a length."""
-    conditions = emg_conditions(source, config.kind, block_s=block_s)
-    return Chain(conditions.rate_hz, conditions.tau, config.kind, conditions.channels)
 
 
 def muscle_names(config: EmgConfig, channels: Sequence[str]) -> tuple[str, ...]:
@@ -133,7 +110,7 @@ class MuscleSteps:
     ``received`` are the samples that the last step judged, of all its squeezes.
     """
 
-    def __init__(self, source: EmgSource, chain: Chain, guide: Guide, times: Times) -> None:
+    def __init__(self, source: EmgSource, chain: EmgMaxima, guide: Guide, times: Times) -> None:
         self._source, self._chain, self._guide, self._times = source, chain, guide, times
         self.received: list[EmgChunk] = []
 
@@ -149,12 +126,12 @@ class MuscleSteps:
             self._guide.ready("Let the arm lie, hand open, and do nothing")
             drain(self._source)
             self.received = self._collect(self._times.rest_s, "Rest")
-            found = judge_quiet(self.received, self._chain, limits=optional(self._source, "limits"))
-            return Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=found.problems)
+            return judge_quiet(self.received, self._chain, limits=optional(self._source, "limits"))
 
-        quiet, notes = until_good(self._guide, "rest", attempt, lambda q: q.notes)
+        found, notes = until_good(self._guide, "rest", attempt, lambda q: q.notes)
+        quiet = Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=notes)
         self._guide.say(f"rest: {_list(self._chain.channels, quiet.rest)}", tone="good")
-        return msgspec.structs.replace(quiet, notes=notes)
+        return quiet
 
     def squeezes(self, quiet: Quiet, *, n: int = SQUEEZES) -> Maxima:
         """Take the maxima of ``n`` strong squeezes, with pauses."""
@@ -172,14 +149,14 @@ class MuscleSteps:
                 guide.say(f"{which.lower().partition(' of ')[0]}: let go")
             self.received = [chunk for chunks in squeezes for chunk in chunks]
             limits = optional(self._source, "limits")
-            found = judge_squeezes(squeezes, np.array(quiet.rest), self._chain, limits=limits)
-            return Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=found.problems)
+            return judge_squeezes(squeezes, quiet.rest, self._chain, limits=limits)
 
-        maxima, notes = until_good(
+        found, notes = until_good(
             guide, "squeezes", attempt, lambda m: m.notes, can_keep=lambda m: min((*m.live, *m.paper)) > 0
         )
+        maxima = Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=notes)
         guide.say(f"strong squeeze: {_list(self._chain.channels, maxima.live)}", tone="good")
-        return msgspec.structs.replace(maxima, notes=notes)
+        return maxima
 
     def muscles(
         self, names: Sequence[str], quiet: Quiet, maxima: Maxima
@@ -201,7 +178,7 @@ class MuscleSteps:
         return tuple(tuple(round(float(v), 3) for v in row) for row in drives), notes
 
 
-def _rounded(values: NDArray[np.float64]) -> tuple[float, ...]:
+def _rounded(values: Sequence[float]) -> tuple[float, ...]:
     return tuple(float(f"{v:.6g}") for v in values)
 
 

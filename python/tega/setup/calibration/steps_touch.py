@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,24 +39,18 @@ _PATIENCE = 4.0
 
 
 class TakenBaseline(NamedTuple):
-    """A baseline that was accepted, uint8 (H, W, 3).
-
-    ``notes`` are the problems with which it was accepted, and changes of the gel. ``cell_noise`` is the noise
-    of the sensor's cells, counts; ``None`` where unknown.
-    """
+    """A baseline that was accepted, uint8 (H, W, 3), its file, and its record, whose notes say with what problems."""
 
     picture: NDArray[np.uint8]
     file: Path
-    made: datetime
-    notes: tuple[str, ...]
-    cell_noise: tuple[float, float, float] | None = None
+    record: GelRecord
 
 
 def take_baseline(
     finger: str, source: TactileSource, sitting: Sitting, *, is_free: bool = False
 ) -> TakenBaseline:
     """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it."""
-    folder, guide, now = sitting.folder, sitting.guide, sitting.now()
+    folder, guide = sitting.folder, sitting.guide
     device = device_name(source.info)
     before = folder.gels(device)
     last = _picture(before[-1]) if before else None
@@ -77,7 +70,7 @@ def take_baseline(
     record = GelRecord(
         device=device,
         driver=source.info.driver,
-        made=now,
+        made=sitting.now(),
         notes=notes,
         noise_counts=rest.noise,
         n_pictures=rest.n_pictures,
@@ -101,7 +94,7 @@ def take_baseline(
     )
     for words in record.notes[len(notes) :]:
         guide.say(f"{finger}: {words}", tone="warn")
-    return TakenBaseline(rest.picture, file, now, record.notes, rest.cell_noise)
+    return TakenBaseline(rest.picture, file, record)
 
 
 def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[KeptGel]) -> list[GelChange]:
@@ -154,7 +147,7 @@ def take_presses(
 ) -> TouchRecord:
     """Ask for presses on a fingertip, round, flat, then with the ball if any, and derive its maxima."""
     guide = sitting.guide
-    height, width = baseline.picture.shape[:2]
+    (height, width), noise = baseline.picture.shape[:2], baseline.record.cell_noise_counts
     wanted = {
         name: f"{finger}: press firmly, as firmly as it will be in use, {how}"
         for name, how in _PRESSED.items()
@@ -165,7 +158,7 @@ def take_presses(
             "second"
         )
     metrics: dict[Preset, Metric] = {
-        preset: preset_metric(preset, baseline.picture, finger, TouchMaxima(noise_counts=baseline.cell_noise))
+        preset: preset_metric(preset, baseline.picture, finger, TouchMaxima(noise_counts=noise))
         for preset in ("live", "paper")
     }
     meters: dict[str, PressMeter] = {}
@@ -197,7 +190,7 @@ def take_presses(
         for preset in metrics
     }
     fitted = {} if ball is None else fit_gel(known, ball)._asdict()
-    live = msgspec.structs.replace(full["live"], noise_counts=baseline.cell_noise, **fitted)
+    live = msgspec.structs.replace(full["live"], noise_counts=noise, **fitted)
     n_firm = sum(len(meters[name].firm) for name in _PRESSED)
     guide.say(f"{finger}: {n_firm} firm presses, full is {live.eda_max or 0:.0f} pixels", tone="good")
     return TouchRecord(
@@ -208,7 +201,7 @@ def take_presses(
         notes=notes,
         finger=finger,
         baseline=sitting.folder.named(baseline.file),
-        baseline_made=baseline.made,
+        baseline_made=baseline.record.made,
         width_px=width,
         height_px=height,
         n_presses=n_firm,

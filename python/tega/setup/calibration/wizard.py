@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,28 +22,22 @@ from tega.config.choose import block_s
 from tega.config.person import closed_info, driver_settings
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.loop.maxima import emg_conditions
 from tega.runtime.files.foreign_file import path_below
 from tega.runtime.opencv import read_image
+from tega.setup.calibration.effort import Maxima, Quiet
 from tega.setup.calibration.presses import Ball
 from tega.setup.calibration.sitting import Journal, Sitting
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
-from tega.setup.calibration.steps_emg import Maxima, MuscleSteps, Quiet, chain_of, muscle_names
+from tega.setup.calibration.steps_emg import MuscleSteps, muscle_names
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
 from tega.setup.calibration.vest_part import VestChoices, calibrate_vest, check_live, drawing
 
 Only = Literal["tactile", "emg", "vest", "arm"]
-_KINDS: dict[str, Literal["tactile", "emg", "vest", "tracker"]] = {
-    "tactile": "tactile",
-    "emg": "emg",
-    "vest": "vest",
-    "arm": "tracker",
-}
 
 
 class _KeptBaseline(msgspec.Struct, frozen=True):
     file: str
-    made: datetime
-    notes: tuple[str, ...]
 
 
 def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
@@ -113,7 +106,8 @@ class Calibrating:
         return getattr(self._config, kind)
 
     def _device(self, part: str) -> str:
-        info = closed_info(self._section(part), _KINDS[part.partition(".")[0]])
+        kind: Any = part.partition(".")[0]
+        info = closed_info(self._section(part), "tracker" if kind == "arm" else kind)
         return "" if info is None else device_name(info)
 
     def _part(self, part: str) -> TouchRecord | EmgRecord | ArmRecord | VestCalibration:
@@ -139,9 +133,7 @@ class Calibrating:
             taken = self._baseline(step)
             if taken is None:
                 taken = take_baseline(finger, source, self._sitting)
-                self._journal.keep(
-                    step, _KeptBaseline(self._folder.named(taken.file), taken.made, taken.notes)
-                )
+                self._journal.keep(step, _KeptBaseline(self._folder.named(taken.file)))
             return take_presses(finger, source, taken, self._sitting, self._ball)
 
     def _baseline(self, step: str) -> TakenBaseline | None:
@@ -152,9 +144,8 @@ class Calibrating:
         path = path_below(self._folder.path, kept.file, subject="picture", source="unfinished.json")
         if not path.is_file():
             return None
-        picture = read_image(path, driver="calibrate")
-        noise = read_record(path.with_suffix(".toml"), GelRecord).cell_noise_counts
-        return TakenBaseline(picture, path, kept.made, kept.notes, noise)
+        record = read_record(path.with_suffix(".toml"), GelRecord)
+        return TakenBaseline(read_image(path, driver="calibrate"), path, record)
 
     def _emg(self, section: EmgConfig) -> EmgRecord:
         self._begin(
@@ -164,7 +155,7 @@ class Calibrating:
         )
         with driver_class(section.driver, "emg")(section.options) as source:
             check_live(source)
-            chain = chain_of(source, section, block_s=block_s(self._config))
+            chain = emg_conditions(source, section.kind, block_s=block_s(self._config))
             muscles = muscle_names(section, chain.channels)
             steps = MuscleSteps(source, chain, self._guide, self._sitting.times)
             quiet = self._journal.step("emg.rest", Quiet, steps.rest)
@@ -198,20 +189,17 @@ class Calibrating:
         )
         with driver_class(section.driver, "tracker")(section.options) as tracker:
             check_live(tracker)
-            taken = take_heading(tracker, self._guide)
-            assert taken.check is not None
+            yaw_rad, check = take_heading(tracker, self._guide)
             arm = self._config.arm
             reported_rad = 0.0 if arm is None else arm.mapping.base_yaw_rad
-            base_yaw_rad = take_base_yaw(
-                tracker, self._guide, yaw_rad=taken.yaw_rad, reported_rad=reported_rad
-            )
+            base_yaw_rad = take_base_yaw(tracker, self._guide, yaw_rad=yaw_rad, reported_rad=reported_rad)
             return ArmRecord(
                 person=self._sitting.person,
                 device=device_name(tracker.info),
                 driver=tracker.info.driver,
                 made=self._sitting.now(),
                 frame=tracker.frame,
-                yaw_rad=taken.yaw_rad,
-                off_rad=round(taken.check.off_rad, 4),
+                yaw_rad=yaw_rad,
+                off_rad=round(check.off_rad, 4),
                 base_yaw_rad=base_yaw_rad,
             )

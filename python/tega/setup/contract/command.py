@@ -71,14 +71,19 @@ def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
                 check_stage(find_layout(name))
             else:
                 check_stage(stage_class(group, name), stage_options(group, name, sets=sets))
-    except AssertionError as error:
-        return "broken", f"rule: {error}"
-    except TegaError as error:
-        return "not tried", str(error)
     except Exception as error:  # whatever a stage in the making does
-        sys.stderr.write(traceback.format_exc())
-        return "broken", f"it raised {type(error).__name__}: {error}"
+        return _failed(error)
     return "ok", f"{' and '.join(groups)}, {'with ' + ' '.join(sets) if sets else 'with its default options'}"
+
+
+def _failed(error: Exception, where: str = "") -> tuple[str, str]:
+    """Return the verdict on a driver or stage whose check ended with an error, and its text."""
+    if isinstance(error, AssertionError):
+        return "broken", f"rule: {error}{where}"
+    if isinstance(error, TegaError):
+        return "not tried", str(error)
+    sys.stderr.write(traceback.format_exc())
+    return "broken", f"it raised {type(error).__name__}: {error}{where}"
 
 
 def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
@@ -101,11 +106,6 @@ def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str
                 folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
                 tree = stack.enter_context(BENCHES[name].start(folder))
             check_driver(driver, driver_options(name, tree, sets=sets))
-        except AssertionError as error:
-            return "broken", f"rule: {error} ({where})"
-        except TegaError as error:
-            return "not tried", str(error)
         except Exception as error:  # whatever a driver in the making does
-            sys.stderr.write(traceback.format_exc())
-            return "broken", f"it raised {type(error).__name__}: {error} ({where})"
+            return _failed(error, f" ({where})")
     return "ok", where

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from tega.config import ArmConfig, SessionConfig
-from tega.devices import HarmlessDevice, InputReading, InputSource, driver_class
+from tega.devices import HarmlessDevice, driver_class
 from tega.devices.base import PreflightedArm
 from tega.errors import TegaError
 from tega.setup.doctor.findings import DriverCase, Finding, failed
@@ -131,7 +131,9 @@ def try_input(case: DriverCase) -> list[Finding]:
     source: Any = driver_class(case.driver, "input")(case.options)
     try:
         with source:
-            state = _listen(source)
+            until_s = time.monotonic() + _LISTEN_S
+            while (state := source.state()).live and time.monotonic() < until_s:
+                time.sleep(_LISTEN_STEP_S)
             info = source.info
     except TegaError as error:
         refused = isinstance(error.__cause__, OSError)
@@ -150,11 +152,3 @@ def try_input(case: DriverCase) -> list[Finding]:
         return [case.reported(info.label, "warning", text, why=why, todo=todo), *doubts]
     why = "it reports nothing at rest: move it in tega-teleop run, which shows its values"
     return [case.reported(info.label, "ok", f"{name} is open and at rest", why=why), *doubts]
-
-
-def _listen(source: InputSource) -> InputReading:
-    """Return the state of a device after a moment, or when it is lost."""
-    until_s = time.monotonic() + _LISTEN_S
-    while (state := source.state()).live and time.monotonic() < until_s:
-        time.sleep(_LISTEN_STEP_S)
-    return state

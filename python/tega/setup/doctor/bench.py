@@ -16,7 +16,7 @@ from tega.devices.base import Kind
 from tega.devices.fingertip.video_nodes import video_nodes
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.setup.doctor.arm import try_arm, try_input, try_tracker
-from tega.setup.doctor.findings import DriverCase, Examination, Finding, Status, late
+from tega.setup.doctor.findings import DriverCase, Examination, Finding, Status
 from tega.setup.doctor.outputs import try_hand, try_vest
 from tega.setup.doctor.sensors import FoundCamera, crowded, try_amplifier, try_camera
 
@@ -216,11 +216,19 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
             text = f"{case.driver} failed with an unexpected {type(error).__name__}: {error}"
             return [case.reported("", "error", text, todo=("report it to the author of the driver",))]
 
+    def late(n: int, deadline_s: float) -> list[Finding]:
+        text = f"{cases[n].driver} was not done within {deadline_s:g} s"
+        why, step = (
+            "the device, its driver or the machine is held up",
+            "unplug it, plug it in again and look once more",
+        )
+        return [cases[n].reported("", "error", text, why=why, todo=(step,))]
+
     jobs = {n: partial(attempt, case) for n, case in enumerate(cases)}
     # Devices are opened in threads, and only the main one can see to it that SIGTERM closes them.
     closes_on_exit(_nothing)
     try:
-        answers = in_time(jobs, deadline_s, lambda n, s: [late(cases[n], s)])
+        answers = in_time(jobs, deadline_s, late)
     finally:
         release(_nothing)
     return [finding for findings in answers.values() for finding in findings] + crowded(cameras)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -13,8 +12,6 @@ from tega.errors import SampleRateError, StreamContradictionError, TegaError, Wr
 
 Status = Literal["ok", "warning", "error", "missing"]
 """``ok``; ``warning``: usable, with a limitation; ``error``: present but not usable; ``missing``: not found."""
-
-_MISSING = 3
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,11 +45,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def exit_code(self) -> int:
         """0 where everything that was examined can be used, warnings included; else 3."""
-        return _MISSING if {f.status for f in self.findings} & {"error", "missing"} else 0
-
-    def count(self, statuses: Sequence[Status]) -> int:
-        """Return how many findings have one of the statuses."""
-        return sum(f.status in statuses for f in self.findings)
+        return 3 if {f.status for f in self.findings} & {"error", "missing"} else 0
 
 
 _PROC = Path("/proc")
@@ -110,15 +103,6 @@ def failed(
         status = "error" if wrong or isinstance(error.__cause__, PermissionError) else "missing"
     steps = tuple(step for step in (error.hint, *todo) if step)
     return case.reported(device, status, error.message, why=why, todo=steps)
-
-
-def late(case: DriverCase, deadline_s: float) -> Finding:
-    """Return the finding for a device that did not answer in time."""
-    text, why = (
-        f"{case.driver} was not done within {deadline_s:g} s",
-        "the device, its driver or the machine is held up",
-    )
-    return case.reported("", "error", text, why=why, todo=("unplug it, plug it in again and look once more",))
 
 
 def holders(device: str) -> list[str]:

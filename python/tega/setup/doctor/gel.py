@@ -12,7 +12,6 @@ least so large as the fastest wave that fits. One that stands still shows agains
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from tega.config.calibration.records import GelRecord, read_record
 from tega.errors import CalibrationError, TegaError
 from tega.runtime.opencv import read_image
-from tega.setup.calibration.gel import compare_gels, dark
+from tega.setup.calibration.gel import compare_gels, dark, mean_and_noise
 from tega.setup.doctor.findings import DriverCase, Finding, failed
 from tega.tactile.tracker import TouchTracker, sensor_noise
 
@@ -161,20 +160,16 @@ def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]
             return [case.reported(label, "error", text, why=why, todo=("take the baseline again",))]
     if len(pictures) < LEAST_PICTURES:
         return []
-    findings = [*_is_dark(case, label, pictures), *_has_bands(case, label, pictures, baseline)]
+    mean, noises = mean_and_noise(pictures)
+    noise, findings = float(noises.max()), []
+    if text := dark(mean, noise):
+        why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
+        text = f"{case.driver} {label}: {text}"
+        findings.append(case.reported(label, "error", text, why=why, measured={"noise_counts": noise}))
+    findings += _has_bands(case, label, pictures, baseline)
     if baseline is not None and case.baseline is not None:
         findings += _compared(case, label, pictures, baseline, case.baseline)
     return findings
-
-
-def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
-    noise = max(_noise(pictures))
-    text = dark(_mean(pictures), noise)
-    if not text:
-        return []
-    why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
-    text = f"{case.driver} {label}: {text}"
-    return [case.reported(label, "error", text, why=why, measured={"noise_counts": noise})]
 
 
 def _has_bands(
@@ -205,7 +200,8 @@ def _compared(
     baseline: NDArray[np.uint8],
     path: Path,
 ) -> list[Finding]:
-    now, noise = _mean(pictures), max(_noise(pictures))
+    now, noises = mean_and_noise(pictures)
+    noise = float(noises.max())
     noise_then, when = noise, f"in {path.name}"
     try:
         record = read_record(path.with_suffix(".toml"), GelRecord)
@@ -239,20 +235,3 @@ def _compared(
         measured = {"difference_noises": round(contact.difference, 2)}
         findings.append(case.reported(label, "warning", text, why=why, todo=todo, measured=measured))
     return findings
-
-
-def _mean(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    total = np.zeros(pictures[0].shape, np.float64)
-    for picture in pictures:
-        total += picture
-    return np.rint(total / len(pictures)).astype(np.uint8)
-
-
-def _noise(pictures: Sequence[NDArray[np.uint8]]) -> list[float]:
-    """Return the standard deviation of a pixel in time, counts, blue, green, red."""
-    squares = np.zeros(3)
-    for before, after in pairwise(pictures):
-        squares += ((after.astype(np.float32) - before) ** 2).mean(axis=(0, 1))
-    # Two neighbours differ by the noise of both.
-    noise: list[float] = np.sqrt(squares / (2 * (len(pictures) - 1))).tolist()
-    return noise

@@ -98,9 +98,7 @@ _ARM = """
 # driver = "spacemouse"
 # button = "left"
 """
-_OPTIONS: Mapping[str, str] = {
-    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n'
-}
+_FRANKY = 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n'
 
 # What a driver cannot find out by itself, and where to start.
 _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
@@ -180,7 +178,7 @@ def _arm(driver: str | dict[str, Any] | None) -> str:
     if isinstance(driver, dict):
         return "\n" + tree_text({"arm": driver})
     off, name = ("# ", "franky") if driver is None else ("", driver)
-    options = f"{off}{_OPTIONS[name]}" if name in _OPTIONS else ""
+    options = f"{off}{_FRANKY}" if name == "franky" else ""
     gap = " " * max(1, 34 - len(f'{off}driver = "{name}"'))
     return _ARM.format(off=off, driver=name, gap=gap, options=options)
 
@@ -189,11 +187,8 @@ def _found(looked: Mapping[str, DriverProbe], kind: str, driver: str | None = No
     """Return the devices found of a kind, for one driver or any; the likelier and usable ones first."""
     found = [one for there in looked.values() if there.kind == kind for one in there.found]
     found = [one for one in found if driver in {None, one.driver}]
-    return sorted(found, key=lambda one: (bool(one.problem), _rank(one.driver), not one.options))
-
-
-def _rank(driver: str) -> int:
-    return _PREFERRED.index(driver) if driver in _PREFERRED else len(_PREFERRED)
+    rank = {name: place - len(_PREFERRED) for place, name in enumerate(_PREFERRED)}
+    return sorted(found, key=lambda one: (bool(one.problem), rank.get(one.driver, 0), not one.options))
 
 
 def _section(table: str, found: Found, more: str) -> str:

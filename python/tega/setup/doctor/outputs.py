@@ -39,8 +39,8 @@ def try_hand(case: DriverCase) -> list[Finding]:
         return [case.reported(label, "error", f"the hand cannot be reached: {why}", todo=(step,))]
     try:
         with hand:
-            measured = _check(hand)
-            info, joints_c = hand.info, hand.state().joints_c if isinstance(hand, ReportingHand) else []
+            measured = _check(hand) if isinstance(hand, ReportingHand) else {}
+            info, joints_c = hand.info, hand.state().joints_c if measured else []
     except TegaError as error:
         return [failed(case, error, device=label)]
     text = (
@@ -60,9 +60,7 @@ def try_hand(case: DriverCase) -> list[Finding]:
 
 
 def _check(hand: Any) -> dict[str, float]:
-    """Count a hand's reports for a moment; a driver without a state has none."""
-    if not isinstance(hand, ReportingHand):
-        return {}
+    """Count a hand's reports for a moment."""
     started_s, before = time.monotonic(), hand.state().counts
     time.sleep(_POLL_S)
     # What went wrong meanwhile is raised here.
@@ -168,11 +166,8 @@ def try_vest(case: DriverCase) -> list[Finding]:
         return [case.reported(label, "ok", f"{case.driver} needs no device; it was not opened")]
     try:
         with vest:
-            info, condition, battery = (
-                vest.info,
-                optional(vest, "condition"),
-                optional(vest, "battery_percent"),
-            )
+            info, condition = vest.info, optional(vest, "condition")
+            battery = optional(vest, "battery_percent")
     except TegaError as error:
         why, hint = bluetooth_trouble() if case.driver == "bhaptics-ble" else ("", "")
         if isinstance(error, MissingExtraError):

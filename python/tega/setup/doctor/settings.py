@@ -7,7 +7,6 @@ an open device knows, such as its true rate, are checked when a run starts.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
@@ -45,10 +44,13 @@ DEADLINE_S: Final = 30.0
 _IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
 
 
-def _about(status: Status, text: str, command: str = "") -> Finding:
-    """Return a finding about the calibration, with the command to run."""
-    todo = (f"run this:\n{command}",) if command else ()
-    return Finding(check=CHECK, status=status, finding=text, todo=todo)
+def _about(status: Status, text: str, *steps: str, why: str = "") -> Finding:
+    """Return a finding about the calibration, with the steps to take; an empty one is none."""
+    return Finding(check=CHECK, status=status, finding=text, why=why, todo=tuple(filter(None, steps)))
+
+
+def _run(command: str) -> str:
+    return f"run this:\n{command}" if command else ""
 
 
 def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Finding]:
@@ -69,13 +71,13 @@ def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[F
             return needed_record(folder, person, wanted, info, subject=subject, settings=settings)
         except CalibrationError as error:
             there = folder.file(person, part, device_name(info)).is_file()
-            found.append(_about("error" if there else "missing", error.message, error.hint))
+            found.append(_about("error" if there else "missing", error.message, _run(error.hint)))
             return None
 
     def warned(subject: str, warnings: list[str]) -> None:
         for warning in warnings:
             text, begins, rest = warning.partition(": tega-teleop ")
-            found.append(_about("warning", text, f"tega-teleop {rest}" if begins else ""))
+            found.append(_about("warning", text, _run(f"tega-teleop {rest}" if begins else "")))
         if not warnings:
             fine.append(subject)
 
@@ -86,7 +88,7 @@ def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[F
     if (record := check("EMG", EmgRecord, live_info(emg, "emg"))) is not None and emg is not None:
         text = other_conditions(record, driver=emg.driver, kind=emg.kind, settings=driver_settings(emg))
         if text:
-            found.append(_about("error", text, calibrate_command(settings, person, "emg")))
+            found.append(_about("error", text, _run(calibrate_command(settings, person, "emg"))))
         else:
             warned("EMG", emg_warnings(record, config, settings=settings, now=now))
     if (info := live_info(config.vest, "vest")) is not None and config.session.preset == "live":
@@ -95,8 +97,8 @@ def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[F
             fit = "" if worn is None else f" ({worn.named_right} of {worn.named} places named right)"
             warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
         except CalibrationError as error:
-            command = calibrate_command(settings, person, "vest")
-            found.append(_about("error", f"vest: {error.message}", command))
+            step = _run(calibrate_command(settings, person, "vest"))
+            found.append(_about("error", f"vest: {error.message}", step))
     if fine:
         found.insert(0, _about("ok", f"{person}'s calibration is there and fresh: {', '.join(fine)}"))
     return found
@@ -128,22 +130,18 @@ def _no_person(config: SessionConfig, settings: str) -> Finding:
     people = sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
     if people:
         them = ", ".join(people[:6]) + (" …" if len(people) > 6 else "")
-        return Finding(
-            check=CHECK,
-            status="warning",
-            finding=f"no person is named, so no calibration was looked at; there are those of {them}",
+        return _about(
+            "warning",
+            f"no person is named, so no calibration was looked at; there are those of {them}",
+            f"look at one:\ntega-teleop doctor {settings} --person {people[0]}",
+            f"run with it:\ntega-teleop run {settings} --person {people[0]}",
             why="a run on live devices needs one",
-            todo=(
-                f"look at one:\ntega-teleop doctor {settings} --person {people[0]}",
-                f"run with it:\ntega-teleop run {settings} --person {people[0]}",
-            ),
         )
-    return Finding(
-        check=CHECK,
-        status="missing",
-        finding=f"there is no calibration for {', '.join(_live(config))}",
+    return _about(
+        "missing",
+        f"there is no calibration for {', '.join(_live(config))}",
+        f"make one (ID is the person's code, such as p01):\n{calibrate_command(settings, 'ID')}",
         why="a run on live devices needs one, and does not start without",
-        todo=(f"make one (ID is the person's code, such as p01):\n{calibrate_command(settings, 'ID')}",),
     )
 
 
@@ -155,9 +153,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
             preset=config.session.preset, fingers=config.tactile.in_use(), emg=None, name=file.name
         )
     except CalibrationError as error:
-        status: Status = "error" if file.exists() else "missing"
-        todo = tuple(step for step in (error.hint, again) if step)
-        return Finding(check=CHECK, status=status, finding=error.message, todo=todo)
+        return _about("error" if file.exists() else "missing", error.message, error.hint, again)
     wrong = ""
     if config.emg is not None:
         kind = None if calibration.emg is None else calibration.emg.kind
@@ -166,7 +162,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
         elif kind != config.emg.kind:
             wrong = f"{file.name}: made for emg kind = {kind!r}, the settings have {config.emg.kind!r}"
     if wrong:
-        return Finding(check=CHECK, status="error", finding=wrong, todo=(again,))
+        return _about("error", wrong, again)
     command = calibrate_command(settings, "ID", "touch")
     refused = [
         text for one in config.tactile.in_use() for text in refused_law(one, calibration.touch(one), command)
@@ -203,14 +199,14 @@ def _of_feature(feature: Feature, config: SessionConfig) -> list[Finding]:
     """Return the findings of a feature's check, or one that the check fails."""
     try:
         found = call_member(feature, "checks", config)
-        findings: list[Finding] = call_feature(feature, f"checks {feature.checks}", _findings, found)
+        findings: list[Finding] = call_feature(
+            feature,
+            f"checks {feature.checks}",
+            lambda: msgspec.convert(msgspec.to_builtins(list(found)), list[Finding]),
+        )
     except TegaError as error:
         return [Finding(check=feature.name, status="error", finding=error.message, todo=(error.hint,))]
     return findings
-
-
-def _findings(found: Iterable[Finding]) -> list[Finding]:
-    return msgspec.convert(msgspec.to_builtins(list(found)), list[Finding])
 
 
 def _no_input(config: SessionConfig) -> list[Finding]:

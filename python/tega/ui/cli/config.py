@@ -10,9 +10,8 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.runtime.files.toml_text import toml_value
-from tega.runtime.words import number_text
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import PATH, echo_json, json_option, sets_option
+from tega.ui.cli.options import PATH, echo_json, json_option, scalar_text, sets_option
 
 if TYPE_CHECKING:
     from tega.config import SettingValue
@@ -75,16 +74,16 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     """
     from tega.config import load_config
 
-    if not as_json:
-        load_config(file, sets=sets)
-        click.echo(f"{file.name}: ok")
-        return
     try:
         load_config(file, sets=sets)
     except TegaError as error:
-        echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
+        if as_json:
+            echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
         raise
-    echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+    if as_json:
+        echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+    else:
+        click.echo(f"{file.name}: ok")
 
 
 def changed_values(values: dict[str, SettingValue]) -> dict[str, SettingValue]:
@@ -113,12 +112,6 @@ def _plain(value: Any) -> Any:
 
 
 def _text(value: Any) -> str:
-    if value is None:
-        return "not set"
     if isinstance(value, tuple):
         return ", ".join(map(_text, value)) or "none"
-    if isinstance(value, msgspec.Struct):
-        return toml_value(_plain(value))
-    if isinstance(value, float):
-        return number_text(value, 12)
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    return toml_value(_plain(value)) if isinstance(value, msgspec.Struct) else scalar_text(value)

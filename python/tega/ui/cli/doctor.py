@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec import to_builtins
 
 from tega.ui.cli.options import PATH, echo_json, json_option, sets_option, with_origin, worn_by
 
@@ -53,7 +54,11 @@ def doctor(
         return
     examination = _examine(config, worn_by(person, sets), talk=not as_json)
     if as_json:
-        echo_json(as_table(examination))
+        code = examination.exit_code
+        about = {"format": "tega-doctor", "version": 1, "settings": examination.settings or None}
+        echo_json(
+            {**about, "ok": code == 0, "exit_code": code, "findings": to_builtins(examination.findings)}
+        )
     else:
         for line in reported(examination):
             click.echo(line)
@@ -80,21 +85,6 @@ def _examine(config: Path | None, sets: tuple[str, ...], *, talk: bool) -> Exami
         )
     name, given = ("--set", "SETTINGS.toml") if config is None else (config.name, str(config))
     return examine(loaded.config, name=name, settings=given)
-
-
-def as_table(examination: Examination) -> dict[str, object]:
-    """Return what ``--json`` prints."""
-    import msgspec
-
-    code = examination.exit_code
-    return {
-        "format": "tega-doctor",
-        "version": 1,
-        "settings": examination.settings or None,
-        "ok": code == 0,
-        "exit_code": code,
-        "findings": [{**msgspec.structs.asdict(f), "todo": list(f.todo)} for f in examination.findings],
-    }
 
 
 def reported(examination: Examination) -> list[str]:
@@ -141,7 +131,8 @@ def _wrapped(text: str, margin: str, hang: str = "") -> list[str]:
 
 
 def _summary(examination: Examination) -> list[str]:
-    n_bad, n_warnings = examination.count(("error", "missing")), examination.count(("warning",))
+    statuses = [finding.status for finding in examination.findings]
+    n_bad, n_warnings = statuses.count("error") + statuses.count("missing"), statuses.count("warning")
     if n_bad:
         subject = f"Fix {n_bad} problem{'' if n_bad == 1 else 's'} before you start a session."
         if not examination.settings:

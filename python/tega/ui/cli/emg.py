@@ -12,13 +12,12 @@ from tega.ui.cli.emg_files import emg_inspect, emg_score
 from tega.ui.cli.emg_logs import (
     force_log,
     kind_option,
-    practised_log,
     read_log,
     reading_options,
     target_option,
 )
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, PATH, NameList, PngPath, echo_json, json_option
+from tega.ui.cli.options import FILE, NAMES, PATH, PngPath, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.runtime.files.tables.table import Reading
@@ -52,7 +51,7 @@ emg.add_command(emg_recalibrate, "recalibrate")
 )
 @click.option(
     "--features",
-    type=NameList(),
+    type=NAMES,
     default="MAV,LOGVAR",
     show_default=True,
     help="Features of each block and channel.",
@@ -87,13 +86,14 @@ def fit(
 
     import msgspec
 
+    from tega.setup.calibration.practice import read_tracked
     from tega.stages.learned import fit as fit_decoder
     from tega.stages.learned.judge import judge
 
     full, names = None, tuple[str, ...]()
     if log.suffix == ".toml":
-        given, tracked = practised_log(log)
-        full, names, person = 1.0, tracked.channels, person or tracked.person
+        given, record = read_tracked(log)
+        full, names, person = 1.0, record.channels, person or record.person
     else:
         if target is None:
             raise click.UsageError(f"{log.name} is no practice record: name --target")
@@ -151,7 +151,7 @@ def fit(
 )
 @click.option(
     "--decoders",
-    type=NameList(),
+    type=NAMES,
     default="rules-paper,rules,proportional,learned",
     show_default=True,
     help="Decoders to compare; learned-huber, learned-kernel and any installed one are possible, too.",

@@ -5,16 +5,15 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import ChannelList
+from tega.ui.cli.options import CHANNELS, all_options
 
 if TYPE_CHECKING:
     from tega.runtime.files.signals import Signals
     from tega.runtime.files.tables.table import Reading
-    from tega.setup.calibration.practice import Tracked
     from tega.stages.learned.compare import Log
 
 _ARRAYS = {".mat", ".npz", ".h5", ".hdf5", ".hdf"}
@@ -50,19 +49,24 @@ class _ReadOption(click.ParamType[dict[str, Any]]):
 
 def column_options(prefix: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return a decorator that adds the options for rate, columns and array of a file of EMG."""
-    array = click.option(
-        f"--{prefix}variable", default="emg", show_default=True, help="Array or stream of a file of several."
+    return all_options(
+        click.option(
+            f"--{prefix}rate-hz",
+            type=click.FloatRange(0, 10_000_000, min_open=True),
+            help="Samples per second; else as the file states them.",
+        ),
+        click.option(
+            f"--{prefix}channels",
+            type=CHANNELS,
+            help="EMG columns, counted from 1; else those that are EMG.",
+        ),
+        click.option(
+            f"--{prefix}variable",
+            default="emg",
+            show_default=True,
+            help="Array or stream of a file of several.",
+        ),
     )
-    columns = click.option(
-        f"--{prefix}channels",
-        type=ChannelList(),
-        help="EMG columns, counted from 1; else those that are EMG.",
-    )
-    rate = click.option(
-        f"--{prefix}rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True),
-        help="Samples per second; else as the file states them.",
-    )  # fmt: skip
-    return lambda function: rate(columns(array(function)))
 
 
 def kind_option(name: str, default: str | None = None) -> Callable[[Any], Any]:
@@ -114,11 +118,12 @@ def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
     """Read a log as ``emg compare`` is given it: a practice, files of one class each, or EMG beside a force."""
     import numpy as np
 
+    from tega.setup.calibration.practice import read_tracked
     from tega.stages.learned.compare import Log as Given
 
     channels = reading.channels
     if log.endswith(".toml"):
-        practised, known = practised_log(Path(log))
+        practised, known = read_tracked(Path(log))
         if channels and max(channels) > len(known.channels):
             raise click.UsageError(f"--channels {max(channels)}: {log} has {len(known.channels)} channels")
         return practised.columns([c - 1 for c in channels]) if channels else practised
@@ -145,15 +150,6 @@ def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
     return Given(name, np.concatenate(samples), np.concatenate(goal), rates.pop(), kind)
 
 
-def practised_log(record: Path) -> tuple[Log, Tracked]:
-    """Read a record of practice, with the EMG beside it."""
-    from tega.setup.calibration.practice import read_tracked
-    from tega.stages.learned.compare import Log as Given
-
-    tracked = read_tracked(record)
-    return Given(record.name, tracked.samples, tracked.target, tracked.rate_hz, tracked.kind), tracked
-
-
 def force_log(file: Path, target: str, kind: Any, reading: Reading) -> Log:
     """Read a file of EMG beside a force or a closure."""
     from tega.stages.learned.compare import Log as Given
@@ -161,16 +157,11 @@ def force_log(file: Path, target: str, kind: Any, reading: Reading) -> Log:
     return Given(file.name, *emg_beside(file, target, "--target", reading), kind)
 
 
-class EmgBeside(NamedTuple):
-    """EMG, float64 (n, channels), a signal measured beside it, float64 (n,), and samples per second."""
+def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> tuple[Any, Any, float]:
+    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
 
-    samples: Any
-    measured: Any
-    rate_hz: float
-
-
-def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> EmgBeside:
-    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table."""
+    Return them, float64 (n, channels) and (n,), and the samples per second.
+    """
     import msgspec
 
     from tega.errors import RecordingError
@@ -196,7 +187,7 @@ def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> EmgBes
             f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
             "give one target a sample",
         )
-    return EmgBeside(samples, measured, _rate(signals, file.name))
+    return samples, measured, _rate(signals, file.name)
 
 
 def _rate(signals: Signals, name: str) -> float:

@@ -101,7 +101,11 @@ class TerminalGuide(LineGuide):
     def ready(self, prompt: str) -> None:
         """Wait for Enter."""
         if self._yes:
-            self._countdown(prompt)
+            end_s = time.monotonic() + self._get_ready_s
+            while (left_s := end_s - time.monotonic()) > 0:
+                self.show(prompt, [], left_s)
+                time.sleep(0.05)
+            self._still()
             return
         self._still()
         self._console.print(self._panel(prompt, "press Enter when ready"))
@@ -141,13 +145,6 @@ class TerminalGuide(LineGuide):
             self._live = Live(console=self._console, transient=True, refresh_per_second=10)
             self._live.start()
         self._live.update(panel, refresh=at_once)
-
-    def _countdown(self, prompt: str) -> None:
-        end_s = time.monotonic() + self._get_ready_s
-        while (left_s := end_s - time.monotonic()) > 0:
-            self.show(prompt, [], left_s)
-            time.sleep(0.05)
-        self._still()
 
     def _panel(self, prompt: str, below: str, bars: Sequence[Bar] = ()) -> RenderableType:
         from rich.align import Align

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, echo_json, json_option
+from tega.ui.cli.options import FILE, all_options, echo_json, json_option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -83,29 +83,20 @@ def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | Non
         click.echo(f"{out}: {facts.sets} states")
 
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
-
-
-def _hand_options(function: _Function) -> _Function:
-    side = click.option(
+_hand_options = all_options(
+    click.option(
+        "--interface", default="socketcan", show_default=True, help="python-can's name of the adapter."
+    ),
+    click.option("--channel", default="can0", show_default=True, help="Which bus of the adapter."),
+    click.option(
         "--side",
         type=click.Choice(["right", "left"]),
         default="right",
         help="Whether it is a right or a left hand.",
-    )
-    for option in (
-        click.option("--emulated", is_flag=True, help="Use the emulated hand, in a process of its own."),
-        click.option(
-            "--device-id", type=click.IntRange(0, 3), default=0, help="The hand's number on its bus."
-        ),
-        side,
-        click.option("--channel", default="can0", show_default=True, help="Which bus of the adapter."),
-        click.option(
-            "--interface", default="socketcan", show_default=True, help="python-can's name of the adapter."
-        ),
-    ):
-        function = option(function)
-    return function
+    ),
+    click.option("--device-id", type=click.IntRange(0, 3), default=0, help="The hand's number on its bus."),
+    click.option("--emulated", is_flag=True, help="Use the emulated hand, in a process of its own."),
+)
 
 
 @contextmanager

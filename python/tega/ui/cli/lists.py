@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.runtime.words import number_text
-from tega.ui.cli.options import echo_json, json_option, with_origin
+from tega.ui.cli.options import echo_json, json_option, scalar_text, with_origin
 
 if TYPE_CHECKING:
     from tega.setup.doctor.bench import DriverProbe
@@ -116,10 +115,6 @@ def stages(*, as_json: bool) -> None:
 
 
 def _text(value: Any) -> str:
-    if value is None:
-        return "not set"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_text, value))}]"
-    if isinstance(value, float):
-        return number_text(value, 12)
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    return scalar_text(value)

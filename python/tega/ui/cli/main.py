@@ -181,7 +181,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:
-        _usage(error)
+        click.echo(f"error: {error.format_message()}", err=True)
+        path = error.ctx.command_path if error.ctx is not None else "tega-teleop"
+        click.echo(f"hint: {path} --help", err=True)
         sys.exit(EXIT_USAGE)
     except click.ClickException as error:
         _notify(error.format_message(), "", debug=debug)
@@ -220,12 +222,6 @@ def _author(error: BaseException) -> str:
 def _warn(message: str, hint: str) -> None:
     click.echo(f"warning: {message}", err=True)
     click.echo(f"hint: {hint}", err=True)
-
-
-def _usage(error: click.UsageError) -> None:
-    click.echo(f"error: {error.format_message()}", err=True)
-    path = error.ctx.command_path if error.ctx is not None else "tega-teleop"
-    click.echo(f"hint: {path} --help", err=True)
 
 
 def _notify(message: str, hint: str, *, debug: bool) -> None:

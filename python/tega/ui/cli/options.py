@@ -9,51 +9,55 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 from urllib.parse import urlsplit
 
 import click
 
+from tega.runtime.words import number_text
 from tega.safety.stop import Stop as AnyStop
 
-_NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 PATH: Final = click.Path(path_type=Path)
 FILE: Final = click.Path(path_type=Path, dir_okay=False)
 
 
-class ChannelList(click.ParamType[list[int]]):
-    """Channel numbers, comma separated."""
+class CommaList(click.ParamType[list[Any]]):
+    """Values, comma separated: ``read`` makes them of the parts or raises ``ValueError``, ``wanted`` says of what."""
 
-    name = "n,n,..."
+    def __init__(self, name: str, wanted: str, read: Callable[[list[str]], list[Any]]) -> None:
+        self.name, self._wanted, self._read = name, wanted, read
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[int]:
-        """Read the numbers, or fail with a usage error."""
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[Any]:
+        """Read the values, or fail with a usage error."""
         if isinstance(value, list):
             return value
         try:
-            channels = [int(part) for part in str(value).split(",")]
+            return self._read(str(value).split(","))
         except ValueError:
-            channels = []
-        if not channels or min(channels) < 1:
-            self.fail(f"{value!r} is not a list of channel numbers from 1, such as 3,6,8", param, ctx)
-        return channels
+            self.fail(f"{value!r} is not a list of {self._wanted}", param, ctx)
 
 
-class NameList(click.ParamType[list[str]]):
-    """Names, comma separated."""
+def _channels(parts: list[str]) -> list[int]:
+    channels = list(map(int, parts))
+    if min(channels) < 1:
+        raise ValueError
+    return channels
 
-    name = "name,name,..."
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[str]:
-        """Split the names, or fail with a usage error."""
-        if isinstance(value, list):
-            return value
-        names = [part.strip() for part in str(value).split(",")]
-        if not all(names):
-            self.fail(f"{value!r} is not a list of names, such as bottle,bag", param, ctx)
-        return list(dict.fromkeys(names))
+def _names(parts: list[str]) -> list[str]:
+    names = dict.fromkeys(part.strip() for part in parts)
+    if "" in names:
+        raise ValueError
+    return list(names)
+
+
+CHANNELS: Final = CommaList("n,n,...", "channel numbers from 1, such as 3,6,8", _channels)
+NAMES: Final = CommaList("name,name,...", "names, such as bottle,bag", _names)
+NUMBERS: Final = CommaList(
+    "number,...", "numbers, such as 0.3,0.6", lambda parts: list(dict.fromkeys(map(float, parts)))
+)
 
 
 class PngPath(click.Path):
@@ -64,8 +68,7 @@ class PngPath(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path, or fail with a usage error if its name does not end in ``.png``."""
-        super().convert(value, param, ctx)
-        path = Path(str(value))
+        path = Path(str(super().convert(value, param, ctx)))
         if path.suffix.lower() != ".png":
             self.fail(
                 f"{path}: pictures are written as PNG; name it {path.with_suffix('.png').name}", param, ctx
@@ -73,19 +76,15 @@ class PngPath(click.Path):
         return path
 
 
-class NumberList(click.ParamType[list[float]]):
-    """Numbers, comma separated."""
+def all_options(*options: Callable[[Any], Any]) -> Callable[[_Function], _Function]:
+    """Return a decorator that adds options, which the help then lists in this order."""
 
-    name = "number,..."
+    def add(function: _Function) -> _Function:
+        for option in reversed(options):
+            function = option(function)
+        return function
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
-        """Read the numbers, or fail with a usage error."""
-        if isinstance(value, list):
-            return value
-        try:
-            return list(dict.fromkeys(float(part) for part in str(value).split(",")))
-        except ValueError:
-            self.fail(f"{value!r} is not a list of numbers, such as 0.3,0.6", param, ctx)
+    return add
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
@@ -109,6 +108,15 @@ def echo_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
+def scalar_text(value: object) -> str:
+    """Return one value of a setting in words."""
+    if value is None:
+        return "not set"
+    if isinstance(value, float):
+        return number_text(value, 12)
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
 def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
     """Return overrides of settings, with the person added if there is one."""
     return sets if person is None else (*sets, f"calibration.person={json.dumps(person)}")
@@ -116,7 +124,7 @@ def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 
 @contextmanager
 def stop_keys(
-    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = _NO_KEYS
+    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = {}
 ) -> Iterator[None]:
     """Let the space bar and q ask for the end, where there is a terminal to press them on."""
     if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -148,24 +156,21 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("preparing", total=None)
-
-        displayed: list[tuple[str, int]] = []
+        task, last = bar.add_task("preparing", total=None), ("", 0)
 
         def show(subject: str, done: int, total: int) -> None:
-            if (
-                displayed and displayed[-1][0] != subject and displayed[-1][1]
-            ):  # full before the next work takes its place
-                bar.update(task, completed=displayed[-1][1], refresh=True)
-            displayed[:] = [(subject, total)]
+            nonlocal last
+            if last[1] and last[0] != subject:  # full before the next work takes its place
+                bar.update(task, completed=last[1], refresh=True)
+            last = subject, total
             if total == 0:
                 bar.reset(task, description=subject, total=None)
             elif total <= 1000 or done % 16 == 0 or done == total:
                 bar.update(task, description=subject, completed=done, total=total, refresh=done == total)
 
         yield show
-        if displayed and displayed[0][1]:
-            bar.update(task, completed=displayed[0][1], refresh=True)
+        if last[1]:
+            bar.update(task, completed=last[1], refresh=True)
 
 
 def with_origin(text: str, installed: Distribution | None = None) -> str:

@@ -7,10 +7,13 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import click
+
+from tega.ui.cli.options import all_options
+from tega.ui.view.same_machine import LOOPBACK
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -19,34 +22,38 @@ if TYPE_CHECKING:
     from tega.ui.view.browser import BrowserView, Controls
 
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 DEFAULT_PORT = 8080
 _ADDRESS = "tega.view_address"
 # A recording can be looked back at for longer than a live run.
 _RECORDING_KEPT_S = 300.0
 
 
-def view_options(function: _Function) -> _Function:
-    """Add ``--view``, ``--view-port`` and ``--view-address``."""
-    address = click.option(
-        "--view-address", metavar="IP", expose_value=False, callback=_keep_address,
-        help="Address of this machine to serve the page at, for a second screen. Anyone with the printed URL can "
-        "control the run.",
-    )  # fmt: skip
-    port = click.option(
-        "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
-        help="TCP port of the page. If it is taken, the next free one is used; 0 means any.",
-    )  # fmt: skip
-    view = click.option(
+def _keep_address(context: click.Context, _option: click.Parameter, value: str | None) -> None:
+    context.meta[_ADDRESS] = value
+
+
+view_options = all_options(
+    click.option(
         "--view",
         is_flag=True,
         help="Open a page in the browser that shows this; only this machine can reach it.",
-    )
-    return view(port(address(function)))
-
-
-def _keep_address(context: click.Context, _option: click.Parameter, value: str | None) -> None:
-    context.meta[_ADDRESS] = value
+    ),
+    click.option(
+        "--view-port",
+        type=click.IntRange(0, 65_535),
+        default=DEFAULT_PORT,
+        show_default=True,
+        help="TCP port of the page. If it is taken, the next free one is used; 0 means any.",
+    ),
+    click.option(
+        "--view-address",
+        metavar="IP",
+        expose_value=False,
+        callback=_keep_address,
+        help="Address of this machine to serve the page at, for a second screen. Anyone with the printed URL can "
+        "control the run.",
+    ),
+)
 
 
 def page_address() -> dict[str, Any]:
@@ -73,7 +80,7 @@ def address_lines(url: str, environ: Mapping[str, str]) -> list[str]:
     lines = ["view: open this page in a browser", url]
     host, port = urlsplit(url).hostname, urlsplit(url).port
     connection = environ.get("SSH_CONNECTION", "").split()
-    if len(connection) == 4 and host in {"127.0.0.1", "localhost", "::1"}:
+    if len(connection) == 4 and host in LOOPBACK:
         name = f"{environ.get('USER', 'USER')}@{connection[2]}"
         there = f"[{host}]" if ":" in str(host) else host
         lines += ["over SSH, forward its port first, from the machine with the browser:"]
@@ -153,22 +160,17 @@ def run_viewed(
     )
     tests = MotorTests()
     live = run is None and not can_pause
-    if live:
-        controls.try_motor = tests.ask
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
     feed = SessionFeed({"preset": config.session.preset}, bus)
     if config.stages.adaptation.on and not can_pause:
         controls.undo = feed.undo
-    if run is None and not can_pause:
-        controls.rezero = feed.rezero
-    kept: dict[str, Any] = {"opened": opened}
-    if can_pause or run is not None:
-        kept["kept_s"] = _RECORDING_KEPT_S
-    with browser_observer(
-        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M, **kept
-    ) as view:
+    if live:
+        controls.try_motor, controls.rezero = tests.ask, feed.rezero
+    kept = {} if live else {"kept_s": _RECORDING_KEPT_S}
+    looks = {"complete": feed.complete, "eye_m": EYE_M, "at_m": LOOK_AT_M, **kept}
+    with browser_observer(title, port=port, controls=controls, opened=opened, **looks) as view:
         view.watch(bus)
         if can_pause:
             options["clock"] = PausableClock(lambda: controls.paused and not stop())

@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tega.runtime.features import call_feature, load_target, named
-from tega.ui.cli.options import PATH, json_option, progress_bar, sets_option, stop_keys, worn_by
+from tega.ui.cli.options import PATH, all_options, json_option, progress_bar, sets_option, stop_keys, worn_by
 from tega.ui.cli.page import open_page, run_viewed, view_options
 
 if TYPE_CHECKING:
@@ -111,36 +111,31 @@ def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
         yield
 
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
-
-
-def run_options(function: _Function) -> _Function:
-    """Add the settings file and everything that a run can be asked."""
-    config = click.argument("config", type=PATH, metavar="CONFIG.toml")
-    person = click.option(
+run_options = all_options(
+    click.argument("config", type=PATH, metavar="CONFIG.toml"),
+    click.option(
         "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
-    )
-    record = click.option(
+    ),
+    sets_option,
+    click.option(
         "--record", type=PATH, metavar="DIR", help="Record into this session's folder (recording.dir)."
-    )
-    lossless = click.option(
-        "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
-    )
-    wait = click.option(
+    ),
+    click.option("--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."),
+    click.option(
         "--wait-for-go",
         is_flag=True,
         help="With --view: wait for the Go button on the page. Until then, click a motor to test it.",
-    )
-    streams = click.option(
+    ),
+    click.option(
         "--stream",
         "streams",
         type=click.Choice(sorted(named("streams"))),
         multiple=True,
         help="Stream the run live to that program, on this machine; repeatable.",
-    )
-    for option in (json_option, view_options, streams, wait, lossless, record, sets_option, person, config):
-        function = option(function)
-    return function
+    ),
+    view_options,
+    json_option,
+)
 
 
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
@@ -175,8 +170,6 @@ def run_settings(
     """
     import json
     import shlex
-    import sys
-    import time
 
     from tega.runtime.threads import spare_threads
 

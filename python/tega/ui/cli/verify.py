@@ -86,7 +86,7 @@ def replay_session(
 
 
 def _show(replay: Replay) -> None:
-    from tega.ui.cli.report import wide_console
+    from tega.ui.cli.report import figures_table, wide_console
 
     console = wide_console()
     console.print(
@@ -100,12 +100,9 @@ def _show(replay: Replay) -> None:
         console.print("  the recording was cut; compared as far as it goes")
     for topic, count in replay.dropped.items():
         console.print(f"  {topic}: {count} records were dropped while recording and cannot be compared")
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=True)
-    for column in ("stream", "recorded", "replayed", "differ", "where", "what"):
-        right = column in {"recorded", "replayed", "differ"}
-        table.add_column(column, justify="right" if right else "left", no_wrap=column == "stream")
+    table = figures_table(["stream"], ["recorded", "replayed", "differ"], box=None)
+    table.add_column("where")
+    table.add_column("what")
     for s in replay.streams:
         where = subject = ""
         if s.first and s.last_t_s is not None:

@@ -200,18 +200,12 @@ def session_figure(
     for ax in timed:
         ax.set_xlabel("")
     timed[-1].set_xlabel("time (s)")
-    ends_s = [times[-1] for times in _times(course, fingers, vest) if len(times)]
-    begins_s = [times[0] for times in _times(course, fingers, vest) if len(times)]
-    if ends_s and max(ends_s) > min(begins_s):
-        timed[0].set_xlim(min(begins_s), max(ends_s))
-    figure.savefig(path, metadata={"Software": None})
-
-
-def _times(
-    course: SessionCourse, fingers: Mapping[str, FingerCourse], vest: VestCourse | None
-) -> list[NDArray[np.float64]]:
     felt = [] if vest is None else [vest.t_s]
-    return [course.touch_t_s, course.level_t_s, *(one.t_s for one in fingers.values()), *felt]
+    each = (course.touch_t_s, course.level_t_s, *(one.t_s for one in fingers.values()), *felt)
+    times = np.concatenate(each)
+    if len(times) and times.max() > times.min():
+        timed[0].set_xlim(times.min(), times.max())
+    figure.savefig(path, metadata={"Software": None})
 
 
 def draw_fingers(axes: Sequence[Axes], fingers: Mapping[str, FingerCourse]) -> None:
@@ -226,7 +220,6 @@ def draw_fingers(axes: Sequence[Axes], fingers: Mapping[str, FingerCourse]) -> N
         ax.set_yticks([0, 1])
         ax.set_ylabel(finger)
     axes[0].set_title("each finger, share of its maximum; grey: in contact", fontsize=9, loc="left")
-    axes[-1].set_xlabel("time (s)")
 
 
 def draw_vest(ax: Axes, vest: VestCourse) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from typing import Any, Final, Self
 
 from tega.errors import DeviceUnavailableError
@@ -34,9 +35,8 @@ class FoxgloveStream:
 
     def __init__(self, bus: Bus, *, port: int = FOXGLOVE_PORT) -> None:
         self._bus, self._port = bus, port
-        self._server: Any = None
-        self._front: SameMachine | None = None
-        self._channels: RecordChannels | None = None
+        self._channels: RecordChannels
+        self._serving = ExitStack()
         self._backlog = Backlog("foxglove", most=_MOST, newest=True, rank=run_realtime("beside"))
         self.url = ""
 
@@ -45,18 +45,19 @@ class FoxgloveStream:
         foxglove = require("foxglove", driver="foxglove", extra="record")
         self._channels = RecordChannels(lossless=False, jpeg_quality=80)
         address = hidden_address()
-        try:
-            self._server = foxglove.start_server(
-                name="TEGA", host=address, port=0, context=self._channels.context
-            )
-            self._front = SameMachine(self._port, behind=(address, self._server.port), allowed=_APP)
-        except (OSError, RuntimeError) as error:
-            if self._server is not None:
-                self._server.stop()
-                self._server = None
-            raise DeviceUnavailableError(
-                f"foxglove: port {self._port} cannot be served: {error}", "end the program that has it"
-            ) from error
+        with ExitStack() as starting:
+            try:
+                server: Any = foxglove.start_server(
+                    name="TEGA", host=address, port=0, context=self._channels.context
+                )
+                starting.callback(server.stop)
+                self._front = SameMachine(self._port, behind=(address, server.port), allowed=_APP)
+                starting.callback(self._front.close)
+            except (OSError, RuntimeError) as error:
+                raise DeviceUnavailableError(
+                    f"foxglove: port {self._port} cannot be served: {error}", "end the program that has it"
+                ) from error
+            self._serving = starting.pop_all()
         self.url = f"ws://127.0.0.1:{self._front.port}"
         for kind in record_types():
             # A hand's exchanges are stamped by another clock until the session has started; unless somebody else wants
@@ -68,16 +69,12 @@ class FoxgloveStream:
     def __exit__(self, *_error: object) -> None:
         """Stop serving."""
         self._backlog.close()
-        server, self._server, self.url = self._server, None, ""
-        front, self._front = self._front, None
-        if front is not None:
-            front.close()
-        if server is not None:
-            server.stop()
+        self.url = ""
+        self._serving.close()
 
     def _take(self, record: Record) -> None:
         channels = self._channels
-        if self._server is None or channels is None:
+        if not self.url:
             return
         if channels.epoch_ns == 0:
             channels.epoch_ns = time.time_ns() - record.log_ns

@@ -70,14 +70,12 @@ _WITH_HAND: Final = {
     "armed": "ready; waiting for the start",
     "active": "the muscles steer the hand",
     "hold": "the hand keeps its level",
-    "stopped": "",
 }
 _WITHOUT_HAND: Final = {
     "idle": "level 1",
     "armed": "ready; waiting for the start",
     "active": "the muscles are decoded",
     "hold": "the level is kept",
-    "stopped": "",
 }
 
 NO_NEWS_S: Final = 1.5

@@ -14,7 +14,7 @@ from collections.abc import Collection, Sequence
 from typing import Final
 from urllib.parse import urlsplit
 
-_LOOPBACK: Final = frozenset({"localhost", "127.0.0.1", "::1"})
+LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 _MOST_HEAD_BYTES: Final = 16_384
 _HEAD_S: Final = 5.0
 _MOST_CONNECTIONS: Final = 16
@@ -36,7 +36,7 @@ def foreign(
         pages = {urlsplit(origin).netloc for origin in origins if origin not in allowed}
     except ValueError:
         return "the address cannot be read"
-    if len(hosts) != 1 or not (allow_remote or names <= _LOOPBACK):
+    if len(hosts) != 1 or not (allow_remote or names <= set(LOOPBACK)):
         return "this page is served to this machine only"
     if not pages <= set(hosts):
         return "another site's page cannot talk to this one"

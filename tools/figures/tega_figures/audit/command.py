@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import ChannelList, PngPath, json_option
+from tega.ui.cli.options import CHANNELS, PngPath, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,7 +79,7 @@ _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
     help="What the samples of a file of EMG are.",
 )
 @click.option(
-    "--emg-channels", type=ChannelList(), help="Columns of a file of EMG to use, counted from 1; else all."
+    "--emg-channels", type=CHANNELS, help="Columns of a file of EMG to use, counted from 1; else all."
 )
 @click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
 @click.option("--picture", type=PngPath(), help="Draw the comparison, or the sweep, into this PNG.")

@@ -1,4 +1,4 @@
-"""Add pictures, muscle signal, markers and hand to the loop's own view, for the page.
+"""Add pictures, markers, hand, and the muscles' signal and lines of text to the loop's own view, for the page.
 
 Every measured frame is published in the thread that measures it, and the metric's map is requested in that thread:
 the page shows the loop's own input, without any work in the loop's thread. Frames of a recording arrive ahead of the
@@ -7,18 +7,29 @@ run's time and wait here.
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from tega.loop.adapting import REZERO_SEAT, UNDO_SEAT
 from tega.loop.parts import Part
-from tega.records import Button, EmgSamples, Marker, Picture
+from tega.records import (
+    Adaptation,
+    BesideIntent,
+    Button,
+    EmgSamples,
+    Intent,
+    Marker,
+    MuscleCondition,
+    Picture,
+    Record,
+)
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.browser.hand_figure import STANDING, HandFigure
-from tega.ui.view.browser.muscle_rows import MuscleRows
 from tega.ui.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
@@ -181,3 +192,121 @@ class _Pictures:
         while self._waiting and (self._live or self._waiting[0][0] <= t_ns):
             self._displayed = self._waiting.popleft()[1]
         return self._displayed
+
+
+OVER_NS: Final = 10_000_000_000
+# A level is a quarter of the closure.
+_APART_CLOSURE = 0.125
+# Both are told in threads of their own, so what belongs to the same moment comes a little sooner or later.
+_SAME_NS = 250_000_000
+_MOST = 4096
+
+
+class DecodersApart:
+    """Compares intents of decoders with the same input, as they arrive; thread-safe.
+
+    Two are apart where their closures differ by more than half a level.
+    """
+
+    def __init__(self) -> None:
+        self._connected: deque[tuple[int, float]] = deque(maxlen=_MOST)
+        self._beside: dict[str, deque[tuple[int, float]]] = {}
+
+    def connected(self, intent: Intent) -> None:
+        """Add an intent of the connected decoder."""
+        self._connected.append((intent.t_ns, closure_of(intent)))
+
+    def beside(self, intent: BesideIntent) -> None:
+        """Add an intent of a decoder beside it."""
+        self._beside.setdefault(intent.stage, deque(maxlen=_MOST)).append((intent.t_ns, closure_of(intent)))
+
+    def rows(self) -> dict[str, str]:
+        """Return a line of text for each decoder beside: its closure, and in how much of ten seconds it was apart."""
+        connected = list(self._connected)
+        if not connected:
+            return {}
+        now_ns = connected[-1][0]
+        rows = {}
+        for stage, reported in list(self._beside.items()):
+            recent = [one for one in list(reported) if now_ns - OVER_NS < one[0] <= now_ns]
+            pairs = _paired(connected, recent)
+            if pairs:
+                apart = sum(abs(a - b) > _APART_CLOSURE for a, b in pairs) / len(pairs)
+                ours, theirs = pairs[-1]
+                rows[f"beside {stage}"] = (
+                    f"closure {theirs:.2f} (connected {ours:.2f}), apart in {100 * apart:.0f} % of 10 s"
+                )
+        return rows
+
+
+def closure_of(intent: Intent | BesideIntent) -> float:
+    """Return the closure that an intent asks for, 0 to 1, also of a decoder that knows levels alone."""
+    return (intent.level - 1) / 4 if intent.closure is None else intent.closure
+
+
+def _paired(connected: list[tuple[int, float]], beside: list[tuple[int, float]]) -> list[tuple[float, float]]:
+    """Pair each closure beside with the connected decoder's last one by that time."""
+    pairs, at = [], 0
+    for t_ns, closure in beside:
+        while at + 1 < len(connected) and connected[at + 1][0] <= t_ns:
+            at += 1
+        if 0 <= t_ns - connected[at][0] <= _SAME_NS:
+            pairs.append((connected[at][1], closure))
+    return pairs
+
+
+class MuscleRows:
+    """Keeps the newest records of a run about its muscles; thread-safe."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._apart = DecodersApart()
+        self._newest: dict[type[Record], Any] = {}
+        for kind in (Intent, Adaptation, MuscleCondition):
+            bus.subscribe(kind, self._keep, name="page")
+        bus.subscribe(Intent, self._apart.connected, name="page")
+        bus.subscribe(BesideIntent, self._apart.beside, name="page")
+
+    def _keep(self, record: Record) -> None:
+        self._newest[type(record)] = record
+
+    def rows(self, holds: str = "") -> dict[str, str]:
+        """Return a line of text by its name; unknown facts have no line.
+
+        ``holds`` is why the decoder holds its closure, in its own words; ``""`` if it does not.
+        """
+        rows = {"decoder": self._decoder(holds), **self._apart.rows()}
+        if (change := self._newest.get(Adaptation)) is not None:
+            gains = " · ".join(f"{gain:.2f}" for gain in change.gains)
+            rows["adaptation"] = "undone" if change.why == "undone" else f"gains {gains} ({change.why})"
+        if (condition := self._newest.get(MuscleCondition)) is not None:
+            rows["fatigue"] = _fatigue(condition)
+            if math.isfinite(condition.pattern_change):
+                rows["electrodes"] = f"pattern {100 * condition.pattern_change:.0f} % off the run's first"
+        return {name: text for name, text in rows.items() if text}
+
+    def _decoder(self, holds: str) -> str:
+        """Say the closure and how sure it is, or that it is held and why; nothing of levels alone."""
+        intent: Intent | None = self._newest.get(Intent)
+        if intent is None:
+            return ""
+        if intent.channels and not any(intent.channels):
+            holds = "no channel can be believed"
+        if holds:
+            return f"holds closure {closure_of(intent):.2f}: {holds}"
+        if intent.confidence is None:
+            return ""
+        return f"closure {closure_of(intent):.2f}, {100 * intent.confidence:.0f} % sure"
+
+
+def _fatigue(condition: MuscleCondition) -> str:
+    """Say the median frequencies and how fast they fall or rise; nothing where the source has no spectrum."""
+    if not any(map(math.isfinite, condition.median_hz)):
+        return ""
+    message = f"median frequency {_reported(condition.median_hz, '.0f')} Hz"
+    if any(map(math.isfinite, condition.slope_percent_per_min)):
+        message += f", {_reported(condition.slope_percent_per_min, '+.1f')} %/min"
+    return message
+
+
+def _reported(values: Sequence[float], form: str) -> str:
+    return " · ".join(format(value, form) if math.isfinite(value) else "–" for value in values)

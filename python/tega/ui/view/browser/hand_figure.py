@@ -6,14 +6,14 @@ physics engine; where the angles are modelled, so is the figure.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple, cast
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from tega.arm.rotation import IDENTITY, cross, exp, multiply, rotate, unit
 from tega.hand.mjcf import hand_body, joint_names
 from tega.ui.view.state import Shape, ShapeKind
 
@@ -21,16 +21,15 @@ EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
 """Position of the eye, and the point it looks at, metres."""
 
 _HAND = (0.27, 0.2, 0.5, 1.0)
-_STRAIGHT = (1.0, 0.0, 0.0, 0.0)
 # The palm stands with its fingers up, so high over the floor.
-STANDING: Final = (0.0, 0.0, 0.11, *_STRAIGHT)
+STANDING: Final = (0.0, 0.0, 0.11, 1.0, 0.0, 0.0, 0.0)
 """Pose of the palm of a figure without a world: position in metres, quaternion w, x, y, z."""
 
 
 class _Link(NamedTuple):
     parent: int
     place_m: NDArray[np.float64]
-    turn: NDArray[np.float64]  # quaternion w, x, y, z
+    turn: NDArray[np.float64]  # quaternion x, y, z, w
     joint: int  # -1: none
     axis: NDArray[np.float64]
 
@@ -67,21 +66,20 @@ class HandFigure:
 
         The angles are in the order of :data:`tega.hand.JOINT_NAMES`; ``palm`` is a row like those returned.
         """
-        palm_m, palm_turn = np.array(palm[:3]), np.array(palm[3:])
+        palm_m, palm_turn = np.array(palm[:3]), _w_last(palm[3:])
         places: list[NDArray[np.float64]] = []
         turns: list[NDArray[np.float64]] = []
         for parent, place, turn, joint, axis in self._links:
             if joint >= 0:
-                half = angles_rad[joint] / 2
-                turn = _times(turn, np.array([math.cos(half), *(math.sin(half) * axis)]))  # noqa: PLW2901
+                turn = multiply(turn, exp(angles_rad[joint] * axis))  # noqa: PLW2901
             above_m, above_turn = (palm_m, palm_turn) if parent < 0 else (places[parent], turns[parent])
-            place = above_m + _turned(above_turn, place)  # noqa: PLW2901
-            turn = _times(above_turn, turn)  # noqa: PLW2901
+            place = above_m + rotate(above_turn, place)  # noqa: PLW2901
+            turn = multiply(above_turn, turn)  # noqa: PLW2901
             places.append(place)
             turns.append(turn)
         return np.array(
             [
-                (*(places[link] + _turned(turns[link], place)), *_times(turns[link], turn))
+                (*(places[link] + rotate(turns[link], place)), *np.roll(multiply(turns[link], turn), 1))
                 for link, place, turn in self._solids
             ]
         )
@@ -95,7 +93,7 @@ class HandFigure:
             _Link(
                 parent,
                 _numbers(body.get("pos", "0 0 0")),
-                _numbers(body.get("quat", "1 0 0 0")),
+                _w_last(_numbers(body.get("quat", "1 0 0 0"))),
                 joint_names().index(name) if name else -1,
                 axis,
             )
@@ -106,22 +104,15 @@ class HandFigure:
             self._add(child, number)
 
     def _add_solid(self, geom: ET.Element, link: int) -> None:
-        size = [*_numbers(geom.get("size", "")), 0.0, 0.0][:3]
-        place, turn = _numbers(geom.get("pos", "0 0 0")), np.array(_STRAIGHT)
+        a, b, c = [*_numbers(geom.get("size", "")), 0.0, 0.0][:3]
+        place, turn = _numbers(geom.get("pos", "0 0 0")), IDENTITY
         if (ends := geom.get("fromto")) is not None:
             start, end = _numbers(ends).reshape(2, 3)
-            place, size[1] = (start + end) / 2, float(np.linalg.norm(end - start)) / 2
+            place, b = (start + end) / 2, float(np.linalg.norm(end - start)) / 2
             turn = _upright_to(end - start)
-        colour = _HAND if (rgba := geom.get("rgba")) is None else tuple(_numbers(rgba))
+        red, green, blue, opacity = _HAND if (rgba := geom.get("rgba")) is None else _numbers(rgba)
         kind = cast("ShapeKind", geom.get("type", "sphere"))
-        self.shapes.append(
-            (
-                geom.get("name", ""),
-                kind,
-                cast("tuple[float, float, float]", tuple(size)),
-                cast("tuple[float, float, float, float]", colour),
-            )
-        )
+        self.shapes.append((geom.get("name", ""), kind, (a, b, c), (red, green, blue, opacity)))
         self._solids.append(_Solid(link, place, turn))
 
 
@@ -129,26 +120,12 @@ def _numbers(text: str) -> NDArray[np.float64]:
     return np.array([float(part) for part in text.split()])
 
 
-def _times(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the product of two quaternions: first ``q``, then ``p``."""
-    return np.array([p[0] * q[0] - p[1:] @ q[1:], *(p[0] * q[1:] + q[0] * p[1:] + _cross(p[1:], q[1:]))])
-
-
-def _turned(q: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a vector turned by a quaternion."""
-    twice = 2 * _cross(q[1:], vector)
-    turned: NDArray[np.float64] = vector + q[0] * twice + _cross(q[1:], twice)
-    return turned
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    # np.cross takes many times as long for three numbers.
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+def _w_last(wxyz: ArrayLike) -> NDArray[np.float64]:
+    """Return a quaternion as :mod:`tega.arm.rotation` has it."""
+    return np.roll(np.asarray(wxyz, np.float64), -1)
 
 
 def _upright_to(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the quaternion that turns z to a direction not opposite to it."""
-    unit = direction / np.linalg.norm(direction)
-    turn = np.array([1 + unit[2], -unit[1], unit[0], 0.0])
-    whole: NDArray[np.float64] = turn / np.linalg.norm(turn)
-    return whole
+    up, along = np.array([0.0, 0.0, 1.0]), direction / np.linalg.norm(direction)
+    return unit(np.append(cross(up, along), 1 + along[2]))

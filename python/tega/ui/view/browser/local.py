@@ -77,11 +77,9 @@ class LocalServer(viser.ViserServer):
             super().stop()
 
 
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def _quiet() -> contextlib.AbstractContextManager[object]:
     """Keep viser from printing its address and its end on stdout, which belongs to the program's results."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
+    return contextlib.redirect_stdout(io.StringIO())
 
 
 @contextlib.contextmanager

@@ -17,10 +17,6 @@ from tega.ui.view.browser.state_html import FONT
 if TYPE_CHECKING:
     import viser
 
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.ui.view.state import TouchImage
 
     Pixels: TypeAlias = slice | NDArray[np.intp]
@@ -69,7 +65,7 @@ class TouchSheet:
         if touch_map is None:
             tile[...] = frame[rows, columns].mean(axis=2, keepdims=True) / 3
         else:
-            height = touch_map.height[_nearest(touch_map.height.shape)]
+            height = touch_map.height[_nearest(touch_map.height.shape, TILE_HEIGHT, TILE_WIDTH)]
             kind = finger, touch_map.unit
             least = _LEAST_WHITE.get(touch_map.unit, 1.0)
             white = self._white[kind] = max(self._white.get(kind, least), float(height.max()))
@@ -93,15 +89,13 @@ def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
     height, width = shape[:2]
     if height % TILE_HEIGHT == 0 and width % TILE_WIDTH == 0:
         return slice(None, None, height // TILE_HEIGHT), slice(None, None, width // TILE_WIDTH)
-    return _nearest(shape)
+    return _nearest(shape, TILE_HEIGHT, TILE_WIDTH)
 
 
-def _nearest(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
-    """Return the row and column of an array that is nearest to each pixel of a tile."""
-    height, width = shape[:2]
-    rows = (np.arange(TILE_HEIGHT) * height // TILE_HEIGHT)[:, None]
-    columns = (np.arange(TILE_WIDTH) * width // TILE_WIDTH)[None, :]
-    return rows, columns
+def _nearest(shape: tuple[int, ...], n_rows: int, n_columns: int) -> tuple[Pixels, Pixels]:
+    """Return the row and column of an array that is nearest to each pixel of a smaller picture."""
+    rows = (np.arange(n_rows) * shape[0] // n_rows)[:, None]
+    return rows, (np.arange(n_columns) * shape[1] // n_columns)[None, :]
 
 
 def _border(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -168,15 +162,13 @@ def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
 
     The order is that of the names, not that in which the cameras appeared.
     """
-    displayed = {
-        name: _fitted(picture)[..., ::-1] for name, picture in sorted(pictures.items()) if picture.size
-    }
-    return "".join(map(_captioned, displayed, displayed.values())) or None
-
-
-def _captioned(name: str, picture: NDArray[np.uint8]) -> str:
-    text = f"scene camera: {escape(name)}"
-    return f'<div style="{FONT};padding:4px 10px 0">{text}</div>{picture_html(picture, text)}'
+    parts = []
+    for name, picture in sorted(pictures.items()):
+        if picture.size:
+            text = f"scene camera: {escape(name)}"
+            drawn = picture_html(_fitted(picture)[..., ::-1], text)
+            parts.append(f'<div style="{FONT};padding:4px 10px 0">{text}</div>{drawn}')
+    return "".join(parts) or None
 
 
 def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -184,7 +176,5 @@ def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     height, width = picture.shape[:2]
     scale = min(WIDTH_PX / width, _HIGHEST_PX / height)
     rows, columns = (max(1, int(side * scale)) for side in (height, width))
-    fitted: NDArray[np.uint8] = picture[
-        (np.arange(rows) * height // rows)[:, None], (np.arange(columns) * width // columns)[None, :]
-    ]
+    fitted: NDArray[np.uint8] = picture[_nearest(picture.shape, rows, columns)]
     return fitted

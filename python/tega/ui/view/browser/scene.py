@@ -75,16 +75,14 @@ class Solids:
 
     def __init__(self, server: viser.ViserServer, path: str, *, shadow: bool = True) -> None:
         self._server, self._path, self._shadow = server, path, shadow
-        self._shapes: Sequence[Shape] | None = None
+        self._shapes: Sequence[Shape] = ()
         self.batches: list[tuple[Any, list[_ShapePart]]] = []
         # Made before a run begins: the library that makes them takes its time to import.
         self._meshes = {name: _unit_mesh(name) for name in ("box", "ball", "tube")}
 
     def draw(self, shapes: Sequence[Shape], poses: NDArray[np.float64]) -> bool:
         """Draw the shapes at poses, float64 (n, 7); return whether the shapes have changed."""
-        renewed = shapes is not self._shapes and not (
-            self._shapes is not None and not shapes and not self._shapes
-        )
+        renewed = shapes is not self._shapes and bool(shapes or self._shapes)
         if renewed:
             self._rebuild(shapes, poses)
         for handle, parts in self.batches:
@@ -196,13 +194,12 @@ class GhostHand:
             name, kind, (radius_m, half_m, more_m), _ = self._figure.shapes[place]
             size_m = (radius_m + _WIDER_M, half_m, more_m)
             self._shapes.append((name, kind, size_m, (red, green, blue, _OPACITY)))
-        self._nothing: list[Shape] = []
         self.solids = Solids(server, "commanded", shadow=False)
 
     def draw(self, commanded: tuple[Sequence[float], NDArray[np.float64]] | None) -> None:
         """Draw 16 joint angles, rad, with the palm at a pose, float64 (7,); ``None`` draws nothing."""
         if commanded is None:
-            self.solids.draw(self._nothing, self._figure.poses([0.0] * 16)[:0])
+            self.solids.draw((), self._figure.poses([0.0] * 16)[:0])
         else:
             self.solids.draw(self._shapes, self._figure.poses(*commanded)[self._places])
 

@@ -14,6 +14,7 @@ from tega.records.bus import Backlog
 from tega.runtime.lifecycle import require
 from tega.ui.view.browser.controls import Controls
 from tega.ui.view.run_state import NO_NEWS_S, RateMeter
+from tega.ui.view.same_machine import LOOPBACK
 from tega.ui.view.state import ViewState
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
     from tega.ui.view.browser.page import Page
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_PERIOD_S = 1 / 30
 # The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
 N_TURNS = 3
 # Without anyone at the page it is still kept fresh for whoever opens it.
@@ -38,14 +39,14 @@ class BrowserView:
 
     Use as a context manager. :meth:`watch` subscribes to a run's moments, :meth:`offer` takes one from
     elsewhere. Both wait in a :class:`~tega.records.bus.Backlog` that holds the newest one only; its thread
-    paints at most ``rate_hz`` times a second. A moment that a newer one replaces is never shown: dropped, not
+    paints at most 30 times a second. A moment that a newer one replaces is never shown: dropped, not
     late.
 
     It serves this machine only, unless ``allow_remote`` lets ``host`` be an address that others can reach:
     anyone who has the full address can press the buttons. Where ``port`` is taken, the next free one is used;
     0 takes any. ``complete`` is called by the painting thread with a moment before it is painted; it adds
     slow parts, such as pictures that have to be read. A viewer's camera begins at ``eye_m`` and looks at
-    ``at_m``; the page can look back ``kept_s``. Another host, or a rate or port out of range, raises
+    ``at_m``; the page can look back ``kept_s``. Another host, or a port out of range, raises
     ``InvalidValueError``.
 
     ``n_painted`` counts the moments painted, of those offered. ``page`` is there from the first time that it
@@ -63,7 +64,6 @@ class BrowserView:
         complete: Callable[[ViewState], ViewState] = lambda state: state,
         eye_m: tuple[float, float, float] = (0.92, 0.64, 0.48),
         at_m: tuple[float, float, float] = (-0.03, 0.07, 0.19),
-        rate_hz: float = 30.0,
         allow_remote: bool = False,
         kept_s: float = 60.0,
     ) -> None:
@@ -74,10 +74,7 @@ class BrowserView:
             )
         if not 0 <= port <= 65_535:
             raise InvalidValueError(f"port = {port}, expected 0 to 65535")
-        if not 0 < rate_hz <= 60:
-            raise InvalidValueError(f"rate_hz = {rate_hz} Hz, expected above 0 and at most 60")
         self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
-        self._period_s = 1 / rate_hz
         self._complete = complete
         self._looks: dict[str, Any] = {"eye_m": eye_m, "at_m": at_m, "kept_s": kept_s}
         self.controls = controls or Controls()
@@ -158,9 +155,9 @@ class BrowserView:
             return
         began_s, rest_s = time.monotonic(), 0.0
         try:
-            period_s = self._period_s
+            period_s = _PERIOD_S
             if painted := self._paint_next(began_s, state):
-                period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
+                period_s = _PERIOD_S if self._server.get_clients() else 1 / _UNWATCHED_HZ
             else:
                 self._report_age(began_s)
                 painted = self.page.paint_past()  # also while the run stands still
@@ -215,7 +212,7 @@ class BrowserView:
             self._state = self._complete(given)
             self._meter.take(now_s, {**self._state.loop.counts, "page": self.n_painted})
             self._n_owed = N_TURNS
-        elif self._n_owed == 0 or now_s - self._painted_s < 2 * self._period_s:
+        elif self._n_owed == 0 or now_s - self._painted_s < 2 * _PERIOD_S:
             return False
         if self._state is not None:
             latency_ms = {**self._state.latency_ms, "to the page": self._wait_ms}

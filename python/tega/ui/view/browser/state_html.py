@@ -14,7 +14,6 @@ from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, SILENT_NS, device_rows, l
 
 if TYPE_CHECKING:
     from tega.loop.snapshot import LoopView
-    from tega.records import Contact
     from tega.ui.view.run_state import ContactLabels
     from tega.ui.view.state import ViewState
 
@@ -249,7 +248,9 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
             text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
         else:
             kind = labels.name(contact)
-            word, depth = ("no contact", "") if kind == "none" else (kind, _depth(contact))
+            word, depth = ("no contact", "") if kind == "none" else (kind, "")
+            if word == kind and contact.depth_mm is not None:
+                depth = f" {number_text(contact.depth_mm, decimals=2)} mm"
             text = (
                 f"CCI {contact.cci_norm:.2f}<br>EDA {contact.eda_norm:.2f}<br>"
                 '<span style="white-space:nowrap;font-size:11px">'
@@ -261,11 +262,6 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
         )
     style = f"{FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
     return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
-
-
-def _depth(contact: Contact) -> str:
-    """Say how deep a dent is, where the metric knows."""
-    return "" if contact.depth_mm is None else f" {number_text(contact.depth_mm, decimals=2)} mm"
 
 
 def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:

@@ -143,11 +143,6 @@ class Timeline:
         while t_s - self._kept[0].state.t_ns / 1e9 > self._kept_s:
             self._kept.popleft()
 
-    @property
-    def looking_back(self) -> bool:
-        """Whether something else than now is to be shown."""
-        return bool(self.back.value) and bool(self._kept)
-
     def _check(self) -> None:
         """Note which moment was chosen: it stays that one while the run goes on."""
         self._began_s = self._now_s()
@@ -157,7 +152,7 @@ class Timeline:
 
     def displayed(self) -> PastSnapshot | None:
         """Return the moment to show; ``None`` for now."""
-        if not self.looking_back:
+        if not (self.back.value and self._kept):
             return None
         t_s = self._from_s
         if self.loop.value:
