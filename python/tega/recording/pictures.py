@@ -122,6 +122,9 @@ def compute_ahead(
         nothing = _Batch[Item, Result]()
         for item in items:
             name = name_of(item)
+            if not (name or waiting):
+                yield item, None
+                continue
             batch = filling.setdefault(name, _Batch()) if name else nothing
             waiting.append((item, name, batch))
             if name:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from bisect import insort
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from operator import attrgetter
@@ -93,7 +92,9 @@ class Rule(NamedTuple):
 
     def differing(self, ours: Any, theirs: Any) -> dict[str, tuple[str, str]]:
         """Return both values of each field that differs, as text; a record that is missing is ``None``."""
-        if isinstance(ours, Record) and theirs is not None:  # at first sight: nearly always they are equal
+        if theirs is not None and ours == theirs:  # at first sight: nearly always they are
+            return {}
+        if isinstance(ours, Record) and theirs is not None:
             fields = _compared_fields(type(ours), self.left_out)
             if all(map(_same, fields(ours), fields(theirs))):
                 return {}
@@ -118,7 +119,7 @@ class Compared:
         self.found = Comparison(stream, 0, 0, 0, {}, None, [], rule.kept)
         self.rule, self.last_recorded_ns = rule, 0
         # Those without a counterpart yet, by time: whether replayed, the tick at which it was known, and the record.
-        self._waiting: dict[int, deque[tuple[bool, int, Any]]] = {}
+        self._waiting: dict[int, list[tuple[bool, int, Any]]] = {}
 
     def add(self, record: Any, t_ns: int, known_ns: int = 0, *, replayed: bool) -> None:
         """Add a record of the recording or of its replay, with its time and the tick at which it was known."""
@@ -126,11 +127,11 @@ class Compared:
             self.found.replayed += not self.rule.shared
         else:
             self.found.recorded, self.last_recorded_ns = self.found.recorded + 1, t_ns
-        waiting = self._waiting.setdefault(t_ns, deque())
-        if not waiting or waiting[0][0] == replayed:
-            waiting.append((replayed, known_ns or t_ns, record))
+        waiting = self._waiting.get(t_ns)
+        if waiting is None or waiting[0][0] == replayed:
+            self._waiting.setdefault(t_ns, []).append((replayed, known_ns or t_ns, record))
             return
-        other = waiting.popleft()[-1]
+        other = waiting.pop(0)[-1]
         if not waiting:
             del self._waiting[t_ns]
         self.found.replayed += self.rule.shared

@@ -72,7 +72,8 @@ class RecordFeed:
         cells_suffice: Whether the functions need no image where a picture's cells are recorded: it is empty.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
-        newest_ns: Time of the newest message so far, since the start of the session.
+        newest_ns: Time of the newest message so far that somebody wants, since the start of the session; of any
+            message once all of a whole file has been read.
         ended: Whether everything has been read.
     """
 
@@ -135,6 +136,8 @@ class RecordFeed:
             self._take(*self._next)
             self._next = next(self._messages, None)
         self.ended = self._next is None
+        if self.ended and not self.reader.cut:
+            self.newest_ns = max(self.newest_ns, self.reader.until_ns - self.epoch_ns)
         if self._next is not None and (gap_ns := log_ns - self.epoch_ns - self.newest_ns) > _LONGEST_NS:
             raise RecordingError(
                 f"{self.reader.path.name}: nothing was recorded for {gap_ns / 1e9:.0f} s after "
