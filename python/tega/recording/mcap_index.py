@@ -9,7 +9,7 @@ import math
 from array import array
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import closing
 from itertools import accumulate
 from operator import itemgetter
@@ -75,8 +75,7 @@ class IndexedReader(McapReader):
             self._pass_over()
         self.topics: dict[str, str] = {}
         for channel in self._channels.values():
-            schema = self._schemas.get(channel.schema_id)
-            self.topics[channel.topic] = "" if schema is None else schema.name
+            self.topics[channel.topic] = self._schema_name(channel)
         self.from_ns = min((chunk.from_ns for chunk in self._chunks), default=0)
         self.until_ns = max((chunk.until_ns for chunk in self._chunks), default=0)
 
@@ -120,18 +119,24 @@ class IndexedReader(McapReader):
     def in_order(
         self, wanted: Callable[[str, str], bool] = lambda _schema, _topic: True, *, since_ns: int = 0
     ) -> Iterator[Message]:
-        """Return every message in the order of the log times, those of one time as they were written.
+        """Return the messages in the order of the log times, those of one time as they were written.
 
-        ``wanted`` is asked by schema and topic whether to decode, at the first message of each channel. Parts
-        of the file that end before ``since_ns`` are skipped; the first messages may still be earlier.
+        ``wanted`` is asked by schema and topic, as the first message is read, for which channels. Parts of the
+        file that end before ``since_ns`` are skipped; the first messages may still be earlier.
         """
         # A message is next once no later part of the file begins before it.
         chunks = [chunk for chunk in self._chunks if chunk.until_ns >= since_ns]
         earliest_ns = [*accumulate((chunk.from_ns for chunk in reversed(chunks)), min)]
         waiting: list[RawMessage] = []
         plans: dict[int, Plan] = {}
+        passed = {
+            number
+            for number, channel in self._channels.items()
+            if not wanted(self._schema_name(channel), channel.topic)
+        }
         mib = self.path.stat().st_size // MIB
-        with closing(read_ahead(map(self._records_of, [chunk.begins for chunk in chunks]))) as parts:
+        records = (self._records_of(chunk.begins, passed) for chunk in chunks)
+        with closing(read_ahead(records)) as parts:
             for chunk, next_ns in zip(chunks, [*earliest_ns[-2::-1], math.inf], strict=False):
                 self.progress(self.path.name, chunk.begins // MIB, mib)
                 safe_ns: float = next_ns
@@ -147,10 +152,7 @@ class IndexedReader(McapReader):
                     try:
                         plan = plans.get(raw.channel_id)
                         if plan is None:
-                            channel = self._channels[raw.channel_id]
-                            schema = self._schemas.get(channel.schema_id)
-                            name = "" if schema is None else schema.name
-                            plan = self.plan_of(channel, decode=wanted(name, channel.topic))
+                            plan = self.plan_of(self._channels[raw.channel_id], decode=True)
                             plans[raw.channel_id] = plan
                         message = plan.message(raw)
                     except Exception as error:  # of a damaged schema or message, or one of an unknown channel
@@ -161,6 +163,10 @@ class IndexedReader(McapReader):
                     return
                 del waiting[:n_safe]
         self.progress(self.path.name, mib, mib)
+
+    def _schema_name(self, channel: Any) -> str:
+        schema = self._schemas.get(channel.schema_id)
+        return "" if schema is None else schema.name
 
     def _damaged(self, error: Exception) -> RecordingError:
         return RecordingError(
@@ -247,11 +253,11 @@ class IndexedReader(McapReader):
             found[self._channels[one.channel_id].topic].append(one)
         return found
 
-    def _records_of(self, begins: int) -> list[RawMessage]:
-        """Return the messages of a part of the file, in its order."""
+    def _records_of(self, begins: int, passed: Container[int] = ()) -> list[RawMessage]:
+        """Return the messages of a part of the file, in its order, but for those of the channels ``passed``."""
         with open_recording(self.path) as file:
             chunk = self._record_at(file, begins)
-        return [one for one in chunk_records(chunk) if type(one) is RawMessage]
+        return [one for one in chunk_records(chunk, passed=passed) if type(one) is RawMessage]
 
     @staticmethod
     def _record_at(file: Any, begins: int) -> Any:

@@ -10,6 +10,8 @@ missing fields have their defaults.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache, lru_cache
+from string import Formatter
 from typing import Annotated, Any, ClassVar, Self
 
 import msgspec
@@ -33,6 +35,16 @@ Newtons = Annotated[float, quantity("N")]
 Share = Annotated[float, quantity("1")]
 Percent = Annotated[float, quantity("%")]
 Milliseconds = Annotated[float, quantity("ms")]
+
+
+@cache
+def _named_in(topic: str) -> tuple[str, ...]:
+    return tuple(name for _, name, _, _ in Formatter().parse(topic) if name is not None)
+
+
+@lru_cache
+def _topic_of(topic: str, *values: object) -> str:
+    return topic.format_map(dict(zip(_named_in(topic), values, strict=True)))
 
 
 DRAWINGS: dict[type[msgspec.Struct], Callable[[Any], str]] = {}
@@ -62,12 +74,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     @property
     def where(self) -> str:
         """Topic of this record, such as ``/tactile/thumb/contact``."""
-        where, named, rest = self.topic.partition("{")
-        while named:
-            name, _, rest = rest.partition("}")
-            before, named, rest = rest.partition("{")
-            where += f"{getattr(self, name)}{before}"
-        return where
+        named = _named_in(self.topic)
+        return _topic_of(self.topic, *[getattr(self, name) for name in named]) if named else self.topic
 
     @property
     def log_ns(self) -> int:

@@ -32,11 +32,11 @@ class BusFrame(msgspec.Struct, frozen=True):
 
 def bus_frames(frames: Iterable[Any]) -> tuple[BusFrame, ...]:
     """Return frames of :mod:`tega.wire` or :mod:`tega.hand.link` as parts of a record."""
-    made: list[BusFrame] = []
-    for number, data, remote, *flags in frames:
-        extended, error = flags or (False, False)
-        made.append(BusFrame(number, bytes(data), remote, extended + 2 * error))
-    return tuple(made)
+    return tuple([BusFrame(*frame) if len(frame) == 3 else _received(*frame) for frame in frames])
+
+
+def _received(number: int, data: bytes, remote: bool, extended: bool, error: bool) -> BusFrame:  # noqa: FBT001
+    return BusFrame(number, bytes(data), remote, extended + 2 * error)
 
 
 def frames_text(frames: Iterable[Any]) -> str:

@@ -166,15 +166,15 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
 
     ``unwritten`` are the fields that no message holds, such as the finger that the topic names.
     """
-    record: _Struct = _reader(kind, message.__class__)(message, unwritten)
+    record: _Struct = _reader(kind, message.__class__, tuple(unwritten))(message, *unwritten.values())
     return record
 
 
 @cache
-def _reader(kind: type[msgspec.Struct], message: Any) -> Callable[[Any, Mapping[str, Any]], Any]:
+def _reader(kind: type[msgspec.Struct], message: Any, unwritten: tuple[str, ...] = ()) -> Callable[..., Any]:
     """Return the function that makes a record out of a message: one expression, since a file holds millions.
 
-    For a contact it is ``kind(t_ns=m.t_ns, centroid_xy=(m.centroid_x, m.centroid_y), ..., **unwritten)``.
+    For a contact it is ``kind(t_ns=m.t_ns, centroid_xy=(m.centroid_x, m.centroid_y), ..., finger=finger)``.
     """
     from google.protobuf.message_factory import GetMessageClass
 
@@ -189,15 +189,17 @@ def _reader(kind: type[msgspec.Struct], message: Any) -> Callable[[Any, Mapping[
         elif field.part is not None:
             part = message.DESCRIPTOR.fields_by_name[field.name].message_type
             names[f"read_{field.name}"] = _reader(field.part, GetMessageClass(part))
-            value = f"tuple([read_{field.name}(one, {{}}) for one in {value}])"
+            value = f"tuple([read_{field.name}(one) for one in {value}])"
         elif field.repeated:
             value = f"array(list({value}))" if field.array else f"tuple({value})"
         elif field.optional:
             value = f"{value} if m.HasField({field.name!r}) else None"
         made[field.attribute] = value
-    given = ", ".join(f"{name}={value}" for name, value in made.items())
+    given = ", ".join(
+        f"{name}={value}" for name, value in (made | dict(zip(unwritten, unwritten, strict=True))).items()
+    )
     current = ".current()" if getattr(kind, "current", Record.current) is not Record.current else ""
     reader: Callable[[Any, Mapping[str, Any]], Any] = eval(
-        f"lambda m, unwritten: kind({given}, **unwritten){current}", names
+        f"lambda {', '.join(['m', *unwritten])}: kind({given}){current}", names
     )
     return reader

@@ -165,6 +165,8 @@ class Contact(Record, frozen=True, kw_only=True):
 
     def current(self) -> Contact:
         """Return the contact with each named value that has a field of its name and unit in that field."""
+        if not self.more:
+            return self
         named = {
             one.name: one.value
             for one in self.more

@@ -134,7 +134,7 @@ class FollowedFile:
     def _read(self) -> None:
         """Read the next message, or find that there is none."""
         try:
-            found = next((one for one in self._messages if one.topic in self._topics), None)
+            found = next(self._messages, None)
         except TegaError as error:  # the file is there no more
             found = None
             self.problems[self._reader.path.name] = error.message

@@ -41,13 +41,16 @@ class TwoMeans:
 
     def add(self, t_s: float, value: float) -> None:
         """Take in a value; the first one is both means."""
+        self.blend(value, *_shares(max(t_s - self._t_s, 0.0), self._quick_s, self._slow_s))
+        self._t_s = t_s
+
+    def blend(self, value: float, quick_share: float, slow_share: float) -> None:
+        """Take in a value, with its shares of the new means; the first one is both means."""
         if math.isnan(self.quick):
             self.quick = self.slow = value
         else:
-            dt_s = max(t_s - self._t_s, 0.0)
-            self.quick += (value - self.quick) * -math.expm1(-dt_s / self._quick_s)
-            self.slow += (value - self.slow) * -math.expm1(-dt_s / self._slow_s)
-        self._t_s = t_s
+            self.quick += (value - self.quick) * quick_share
+            self.slow += (value - self.slow) * slow_share
 
     def forget(self) -> None:
         """Restart with the next value."""
@@ -57,6 +60,11 @@ class TwoMeans:
     def change(self) -> float:
         """Change of the quantity lately; 0 before the first value."""
         return 0.0 if math.isnan(self.quick) else self.quick - self.slow
+
+
+def _shares(dt_s: float, quick_s: float, slow_s: float) -> tuple[float, float]:
+    """Return the shares of a value in the quick and the slow mean, so long after the one before it."""
+    return -math.expm1(-dt_s / quick_s), -math.expm1(-dt_s / slow_s)
 
 
 class Low:
@@ -123,6 +131,7 @@ class FingerTrack:
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
+        self._quick_s, self._slow_s = quick_s, slow_s
         self.touching = False
         self.since_s = self.seen_s = -math.inf
         self.mass, self.peak, self.area, self.x, self.y = (TwoMeans(quick_s, slow_s) for _ in range(5))
@@ -133,13 +142,15 @@ class FingerTrack:
             self.touching, self.since_s = touch.in_contact, t_s
             for course in (self.mass, self.peak, self.area, self.x, self.y):
                 course.forget()
-        self.seen_s = t_s
         if touch.in_contact:
-            self.mass.add(t_s, math.log(max(touch.mass, 1.0)))
-            self.peak.add(t_s, touch.peak)
-            self.area.add(t_s, math.sqrt(touch.eda))
-            self.x.add(t_s, touch.x)
-            self.y.add(t_s, touch.y)
+            # Since contact began no frame is without it, so that one interval holds for all.
+            shares = _shares(max(t_s - self.seen_s, 0.0), self._quick_s, self._slow_s)
+            self.mass.blend(math.log(max(touch.mass, 1.0)), *shares)
+            self.peak.blend(touch.peak, *shares)
+            self.area.blend(math.sqrt(touch.eda), *shares)
+            self.x.blend(touch.x, *shares)
+            self.y.blend(touch.y, *shares)
+        self.seen_s = t_s
 
     @property
     def flow_px(self) -> float:
