@@ -154,7 +154,8 @@ class GrowingParquet(GrowingTable):
         """Return cells as the package would, out of memory: of a list it asks pandas, which takes long to load."""
         arrow, kinds = self._arrow, set(map(type, cells))
         if kinds == {float}:
-            type_, buffers = arrow.float64(), [np.array(cells)]
+            buffers: list[Any] = [np.array(cells)]
+            type_ = arrow.float64()
         elif kinds == {int} and (numbers := np.array(cells)).dtype == np.int64:
             type_, buffers = arrow.int64(), [numbers]
         elif kinds == {bool}:

@@ -165,7 +165,7 @@ def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
     parts = []
     for name, picture in sorted(pictures.items()):
         if picture.size:
-            text = f"scene camera: {escape(name)}"
+            text = escape(name)
             drawn = picture_html(_fitted(picture)[..., ::-1], text)
             parts.append(f'<div style="{FONT};padding:4px 10px 0">{text}</div>{drawn}')
     return "".join(parts) or None
