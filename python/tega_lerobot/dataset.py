@@ -151,7 +151,7 @@ class _Dataset:
         }
         where = self._write(rows)
         for camera in self._cameras.values():
-            camera.begin()
+            camera.begin(n)
         for finger, image, n_times in episode.pictures():
             self._cameras[finger].add(image, n_times)
         for name, video in self._scenes.items():

@@ -58,8 +58,18 @@ def _key(quantile: float) -> str:
     return f"q{round(quantile * 100):02d}"
 
 
+def sampled_frames(n_frames: int) -> NDArray[np.int64]:
+    """Return the frames of an episode whose pictures are counted: as many, and as far apart, as LeRobot takes."""
+    n = max(min(100, n_frames), min(int(n_frames**0.75), 10_000))
+    return np.round(np.linspace(0, n_frames - 1, n)).astype(np.int64)
+
+
 class Colours:
-    """Counts of every value of red, green and blue over pictures, from which their figures follow exactly."""
+    """Counts of every value of red, green and blue over pictures, from which their figures follow exactly.
+
+    Of a picture whose longer side has 300 pixels or more, rows and columns are left out as LeRobot does: of 240 x 320
+    every other one is counted.
+    """
 
     def __init__(self) -> None:
         self._counts = np.zeros((3, 256), np.int64)
@@ -68,6 +78,9 @@ class Colours:
     def add(self, image: NDArray[np.uint8], n_times: int) -> None:
         """Count a picture, uint8 (H, W, 3) in BGR, so many times."""
         cv2 = load_cv2("export")
+        longer = max(image.shape[:2])
+        step = longer // 150 if longer >= 300 else 1
+        image = np.ascontiguousarray(image[::step, ::step])
         for colour, channel in enumerate((2, 1, 0)):
             counts = cv2.calcHist([image], [channel], None, [256], [0, 256]).ravel()
             self._counts[colour] += n_times * counts.astype(np.int64)
@@ -114,6 +127,9 @@ class Video:
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, PIXELS
         with restored():
             self._stream.codec_context.open()
+        frame = self._av.VideoFrame
+        # Without a copy; PyAV 18 cuts off rows there where a quarter of the height is no whole number.
+        self._framed = frame.from_ndarray if height % 4 else frame.from_numpy_buffer
         self.n_frames = self.n_bytes = 0
 
     def add(self, image: NDArray[np.uint8], n_times: int) -> None:
@@ -121,7 +137,7 @@ class Video:
         # OpenCV converts in a quarter of FFmpeg's time; that makes an even grey up to 4 values too dark from BGR.
         planes = self._cv2.cvtColor(image, self._cv2.COLOR_BGR2YUV_I420)
         for _ in range(n_times):
-            frame = self._av.VideoFrame.from_ndarray(planes, format=PIXELS)
+            frame = self._framed(planes, format=PIXELS)
             frame.pts = self.n_frames
             self.n_frames += 1
             self._write(self._stream.encode(frame))
@@ -154,17 +170,18 @@ class VideoPlace:
 
 
 class EpisodeCamera:
-    """One finger's videos; ``total`` are colours of all pictures, ``episode`` of the episode's frames."""
+    """One finger's videos; ``total`` are colours of the pictures that are counted, ``episode`` of the episode's."""
 
     def __init__(self, folder: Path, key: str, fps: int, shape: tuple[int, int]) -> None:
         self._folder, self._key, self._fps, self._shape = folder, key, fps, shape
         self._place = VideoPlace()
         self._video: Video | None = None
         self._from_frame = 0
+        self._sampled = sampled_frames(0)
         self.total, self.episode = Colours(), Colours()
 
-    def begin(self) -> None:
-        """Begin an episode, in a new file where the last one is large."""
+    def begin(self, n_frames: int) -> None:
+        """Begin an episode of so many frames, in a new file where the last one is large."""
         self.episode = Colours()
         if self._video is not None and self._video.n_bytes > VIDEO_MB * 2**20:
             self.close()
@@ -174,12 +191,16 @@ class EpisodeCamera:
             height, width = self._shape
             self._video = Video(path, fps=self._fps, height=height, width=width)
         self._from_frame = self._video.n_frames
+        self._sampled = self._from_frame + sampled_frames(n_frames)
 
     def add(self, image: NDArray[np.uint8], n_frames: int) -> None:
         """Show a picture, uint8 (H, W, 3) in BGR, for so many frames."""
         if self._video is not None:
+            before = self._video.n_frames
             self._video.add(image, n_frames)
-            self.episode.add(image, n_frames)
+            begin, end = np.searchsorted(self._sampled, (before, self._video.n_frames))
+            if end > begin:
+                self.episode.add(image, int(end - begin))
 
     def end(self) -> dict[str, Any]:
         """End the episode, and return where it is."""

@@ -73,7 +73,7 @@ class LslMarkersOut:
         self._outlet = None
 
 
-class RunMarkers:
+class MarkersPart(Part):
     """Sends markers of a run, and records markers of other programs.
 
     Create it early: streams take a second to find each other.
@@ -115,46 +115,47 @@ class RunMarkers:
             for kind, mark in reported:
                 bus.subscribe(kind, mark, name="markers", backlog=self._waiting)
 
-    def problem(self) -> str:
-        """Return why no markers are received, ``""`` without a problem. Poll it: it also detects new listeners."""
+    def alerts(self) -> Mapping[str, Callable[[], str]]:
+        """Return the alert of the streams."""
+        return {"markers": self._problem}
+
+    def _problem(self) -> str:
+        """Return why no markers are received, ``""`` without a problem; it also detects new listeners."""
         if self._out is not None:
             self._out.greet()
         return "" if self._in is None else self._in.problem
 
-    def begin(self, zero_ns: int, *, trial: str, real: bool, emg_hz: float | None = None) -> None:
-        """Begin, at the start of the session or just after: at ``zero_ns`` on its clock.
-
-        ``real`` is whether that is the monotonic clock; ``emg_hz`` the EMG's rate, where it is known.
-        """
+    def begin(self, run: RunStart) -> None:
+        """Send that session and trial begin."""
         with self._lock:
-            self._counts_real, self._zero_ns = real, zero_ns
-            self._start_ns = zero_ns if real else time.monotonic_ns()
+            self._counts_real, self._zero_ns = run.real, run.start_ns
+            self._start_ns = run.start_ns if run.real else time.monotonic_ns()
             self._begun = True
             early, self._early = self._early, []
         for received in early:
             self._received(received)
         if self._streams is not None:
-            self._streams.begin(emg_hz)
+            muscles = run.prepared.muscles
+            self._streams.begin(None if muscles is None else muscles.source.info.rate_hz)
         self._notify("session:start", self._start_ns)
-        self._notify(f"trial:{trial}", self._start_ns)
+        self._notify(f"trial:{run.trial}", self._start_ns)
 
-    def summary(self) -> dict[str, Any]:
-        """Return the counts of markers sent and received."""
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Add the counts of markers sent and received, those of the last markers included."""
         counts: dict[str, Any] = {}
         if self._out is not None:
             counts["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}
         if self._streams is not None:
             counts["streams"] = dict(self._streams.n_pushed)
         if self._in is not None:
-            correction_s = self._in.correction_s
             counts["in"] = {
                 "stream": self._settings.lsl_in,
                 "heard": self._in.n_received,
                 "of_another_clock": self._in.n_unstamped,
-                "clock_correction_s": correction_s,
+                "clock_correction_s": self._in.correction_s,
                 "problem": self._in.problem,
             }
-        return counts
+        summary["markers"] = counts
 
     def close(self) -> None:
         """Stop listening, and take the own stream away."""
@@ -208,36 +209,11 @@ class RunMarkers:
         self._bus.publish(marker)
 
 
-class MarkersPart(Part):
-    """Streams of markers of a run."""
-
-    def __init__(self, markers: RunMarkers) -> None:
-        self._markers = markers
-
-    def alerts(self) -> Mapping[str, Callable[[], str]]:
-        """Return the alert of the streams."""
-        return {"markers": self._markers.problem}
-
-    def begin(self, run: RunStart) -> None:
-        """Send that session and trial begin."""
-        muscles = run.prepared.muscles
-        self._markers.begin(
-            run.start_ns,
-            trial=run.trial,
-            real=run.real,
-            emg_hz=None if muscles is None else muscles.source.info.rate_hz,
-        )
-
-    def finish(self, summary: dict[str, Any]) -> None:
-        """Add the counts, those of the last markers included."""
-        summary["markers"] = self._markers.summary()
-
-
 def open_part(context: PartContext) -> MarkersPart | None:
     """Open the streams of markers; ``None`` where the settings name none."""
     settings = context.config.guests.get("markers")
     if settings is None or settings == MarkersSection():
         return None
-    markers = RunMarkers(settings, context.bus)
-    context.stack.callback(markers.close)
-    return MarkersPart(markers)
+    part = MarkersPart(settings, context.bus)
+    context.stack.callback(part.close)
+    return part

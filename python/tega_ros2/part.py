@@ -11,19 +11,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.devices.base import Tracker
 from tega.errors import ConfigError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
 from tega.hand.poses import ClosureScale
 from tega.loop.hand_poll import hand_closure as closure_scale
-from tega.loop.inbox.inputs import Prepared
-from tega.loop.parts import Part, PartContext, RunStart
+from tega.loop.parts import PartContext, RunStart
 from tega.records.display import Notice
 from tega.runtime.threads import run_realtime
 from tega_ros2.dds import DdsNode, Received, loopback_only
 from tega_ros2.definitions import Definitions
 from tega_ros2.settings import Ros2Table
-from tega_websocket.commands import Commands
+from tega_websocket.commands import CommandedPart, Commands
 from tega_websocket.messages import Arm, Hand, MessageError
 
 MOST_BYTES: Final = 65_536
@@ -111,7 +109,7 @@ def age_ns(message: Any, *, sent_ns: int, now_ns: int) -> int:
     return max(age, 0)
 
 
-class Ros2Part(Part):
+class Ros2Part(CommandedPart):
     """Takes commands by DDS, in a thread of its own, and hands them to the loop.
 
     The program that commands first leads until it leaves. Its dead-man and clutch are the settings' own
@@ -126,10 +124,10 @@ class Ros2Part(Part):
                 raise ConfigError(
                     f"ros2.{name} and websocket.{name} both lead the {name}", "take out one of them"
                 )
-        self.endless = self.brings_input = bool(table.hand)
         frame = config.arm.mapping.frame if table.arm and config.arm is not None else None
-        self._commands = Commands(
-            ttl_ms=table.ttl_ms, hand=bool(table.hand), arm=frame, name="ros2", peer="ROS 2 publisher"
+        hand = bool(table.hand)
+        super().__init__(
+            Commands(ttl_ms=table.ttl_ms, hand=hand, arm=frame, name="ros2", peer="ROS 2 publisher")
         )
         self._scale = closure_scale(config) if table.hand else None
         self._definitions = Definitions("ros2")
@@ -160,35 +158,19 @@ class Ros2Part(Part):
 
     # The run's side.
 
-    @property
-    def tracker(self) -> Tracker | None:
-        """Forearm that a publisher leads the arm with; ``None`` where none may."""
-        tracker: Any = self._commands.tracker
-        return tracker  # type: ignore[no-any-return]
-
-    def prepared(self, prepared: Prepared) -> Prepared:
-        """Return the inputs, with a publisher's levels where it may lead the hand."""
-        return prepared._replace(muscles=self._commands.muscles()) if self._topics["hand"] else prepared
-
-    def needs(self) -> Mapping[str, Callable[[], str]]:
-        """Return the need of a publisher that leads the hand."""
-        return {"ros2": self._commands.missing} if self._topics["hand"] else {}
-
     def alerts(self) -> Mapping[str, Callable[[], str]]:
         """Return the alert of a message that was refused just now, or of commands that cannot be received."""
         return {"ros2 commands": self._problem}
 
     def begin(self, run: RunStart) -> None:
         """Obey from now on."""
-        traced = run.trace is not None and bool(self._topics["hand"])
-        stamp = run.trace.source("emg") if run.trace is not None and traced else None
-        self._commands.begin(run.start_ns, stamp)
+        super().begin(run)
         self._start_ns = run.start_ns
 
     def end(self) -> None:
         """Obey nothing any more."""
         self._start_ns = None
-        self._commands.end()
+        super().end()
 
     def summary(self) -> dict[str, Any]:
         """Return the counts of publishers and commands."""

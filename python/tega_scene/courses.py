@@ -32,10 +32,14 @@ of it is hidden, or smeared by a fall."""
 TALL_M: Final = 0.3e-3
 """Standard error, thought likely, of the height over the table at which the layout says the object's tags are."""
 
+GRID_S: Final = 0.01
+"""Seconds between two moments of a course."""
+REST_S: Final = 0.6
+"""Seconds from a trial's start for which the object stands untouched."""
+
 _ALONG_M, _ACROSS_M = 1.5e-3, 0.2e-3
 _FARTHEST_MARK_M: Final = 1.0
 _STILL_M: Final = REST_M_S * STABLE_S
-_GRID_S: Final = 0.01
 _SIGHTS: Final = 5
 
 
@@ -139,16 +143,16 @@ def resting(track: SceneTrack, layout: TagLayout, *, stood_s: float, end_s: floa
     left = likely - np.outer(likely[2], likely[2]) / (likely[2, 2] + TALL_M**2)
     spread = np.sqrt(np.diag(np.median(cov[then], axis=0) + left))
 
-    grid = np.arange(stood_s, end_s, _GRID_S)
+    grid = np.arange(stood_s, end_s, GRID_S)
     error = np.sqrt(np.maximum(cov[:, (0, 1), (0, 1)], 0))
     x, y = (smoothed(t_s[seen], at[seen, k], error[seen, k], grid) for k in (0, 1))
     moves = np.flatnonzero(np.hypot(x.value - place[0], y.value - place[1]) > _STILL_M)
-    since_s, error_s = stood_s, _GRID_S
+    since_s, error_s = stood_s, GRID_S
     if len(moves):
         last = int(moves[-1])
-        since_s = min(float(grid[last]) + _GRID_S, end_s)
+        since_s = min(float(grid[last]) + GRID_S, end_s)
         speed = max(float(np.hypot(x.slope[last], y.slope[last])), REST_M_S)
-        error_s = float(np.hypot(np.hypot(x.error[last], y.error[last]) / speed, _GRID_S))
+        error_s = float(np.hypot(np.hypot(x.error[last], y.error[last]) / speed, GRID_S))
     lean = np.median(thing.rotation[then, 2, 2])
     return SceneRest(
         at_mm=(float(1000 * place[0]), float(1000 * place[1])),
@@ -172,12 +176,6 @@ def _let_go(track: SceneTrack, at: NDArray[np.float64], *, stood_s: float, end_s
     if not len(before) or not len(after):
         return None
     return bool(np.linalg.norm(np.median(after, axis=0) - np.median(before, axis=0)) > LOST_M)
-
-
-GRID_S: Final = 0.01
-"""Seconds between two moments of a course."""
-REST_S: Final = 0.6
-"""Seconds from a trial's start for which the object stands untouched."""
 
 
 class SceneCourses(NamedTuple):

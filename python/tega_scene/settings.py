@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
@@ -100,7 +99,11 @@ def full_source(source: str) -> str:
     return _VARIABLE.sub(value, source) if source.startswith(ADDRESSES) else source
 
 
-def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tuple[SceneConfig, ...]:
+SceneTables = tuple[SceneConfig, ...]
+"""Type of the settings' ``[[scene]]`` tables."""
+
+
+def check_table(cameras: SceneTables, context: TableContext) -> SceneTables:
     """Return the cameras of settings with absolute paths.
 
     :class:`ConfigError`: two have one name or one device, a side is odd, a password is written out, or the
@@ -108,7 +111,7 @@ def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tu
     """
     if len(cameras) > MOST_CAMERAS:
         raise ConfigError(f"scene: {len(cameras)} cameras", f"{MOST_CAMERAS} are the most")
-    if cameras and pace == "fast":
+    if cameras and context.config.session.pace == "fast":
         raise ConfigError(
             "session.pace = 'fast', but a scene camera films in its own time", "set session.pace = 'real'"
         )
@@ -116,7 +119,9 @@ def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tu
     for number, given in enumerate(cameras):
         key = f"scene[{number}]"
         plain_name(given.name, subject="camera", source="scene")
-        local = given.source if is_camera(given.source) else str(base / Path(given.source).expanduser())
+        local = (
+            given.source if is_camera(given.source) else str(context.base / Path(given.source).expanduser())
+        )
         one = msgspec.structs.replace(given, source=local)
         if one.width % 2 or one.height % 2:
             raise ConfigError(
@@ -135,15 +140,6 @@ def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tu
             raise ConfigError(f"{key}.source: {one.source} is named twice", "a camera is opened once")
         found.append(one)
     return tuple(found)
-
-
-SceneTables = tuple[SceneConfig, ...]
-"""Type of the settings' ``[[scene]]`` tables."""
-
-
-def check_table(cameras: SceneTables, context: TableContext) -> SceneTables:
-    """Return the cameras of settings with absolute paths; see :func:`checked_cameras`."""
-    return checked_cameras(cameras, context.base, context.config.session.pace)
 
 
 def cameras_of(config: SessionConfig) -> SceneTables:

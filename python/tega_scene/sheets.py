@@ -53,11 +53,13 @@ def modules_mm(
     return found
 
 
-def _tag_ink(tag: PlacedTag, family: Family, x: float, y: float) -> list[PrintedRect]:
+def _tag_ink(
+    tag: PlacedTag, family: Family, x: float, y: float, *, quarter_turns: int = 0
+) -> list[PrintedRect]:
     dictionary = tag_dictionary(family)
     n = dictionary.markerSize + 2
     dark = load_cv2("scene").aruco.generateImageMarker(dictionary, tag.id, n) < 128
-    return modules_mm(dark, x, y, tag.size_mm / n)
+    return modules_mm(np.rot90(dark, quarter_turns), x, y, tag.size_mm / n)
 
 
 def _headed(title: str) -> PrintedPage:
@@ -121,12 +123,9 @@ def _table_sheet(layout: TagLayout) -> PrintedPage | None:
     )
     for tag in tags:
         # The sheet lies across: the table's x is down the page, its y to the right.
-        n = tag_dictionary(layout.family).markerSize + 2
-        dark = load_cv2("scene").aruco.generateImageMarker(tag_dictionary(layout.family), tag.id, n) < 128
         x, y = middle[0] + tag.at_mm[1], middle[1] + tag.at_mm[0]
-        page.ink.extend(
-            modules_mm(np.rot90(dark, -1), x - tag.size_mm / 2, y - tag.size_mm / 2, tag.size_mm / n)
-        )
+        half = tag.size_mm / 2
+        page.ink.extend(_tag_ink(tag, layout.family, x - half, y - half, quarter_turns=-1))
     page.ink.append(PrintedRect(middle[0] - 10, middle[1] - 0.15, 20.0, 0.3))
     page.ink.append(PrintedRect(middle[0] - 0.15, middle[1] - 10, 0.3, 20.0))
     page.words.append((middle[0] + 3, middle[1] - 12, "x: down the page; y: to the right"))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final
 
 from tega.arm.pose import StampedPose
+from tega.devices.base import Tracker
 from tega.hand import nearest_level
-from tega.loop.inbox.inputs import Muscles, Seat
+from tega.loop.inbox.inputs import Muscles, Prepared, Seat
 from tega.loop.inbox.stream import LiveStream
+from tega.loop.parts import Part, RunStart
 from tega.records import Intent
 from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
 from tega_websocket.messages import Arm, Hand, MessageError
@@ -26,8 +28,9 @@ class Commands:
     common clock: it includes the way there and back. One that is older than the time-to-live is refused, and
     one that waits here longer lapses.
 
-    ``arm`` is the axes of the arm's mapping; ``None`` where clients may not lead the arm. ``name`` is the
-    settings' table, for messages; ``refused`` counts commands that were not obeyed, by reason.
+    ``hand`` is whether clients may lead the hand; ``arm`` is the axes of the arm's mapping, ``None`` where they
+    may not lead the arm. ``name`` is the settings' table, for messages; ``refused`` counts commands that were not
+    obeyed, by reason.
     """
 
     def __init__(
@@ -40,8 +43,8 @@ class Commands:
         name: str = "websocket",
         peer: str = "WebSocket client",
     ) -> None:
-        self._name, self._peer = name, peer.rpartition(" ")[2]
-        self._ttl_ns, self._hand, self._clock = round(ttl_ms * 1e6), hand, clock
+        self.name, self._peer = name, peer.rpartition(" ")[2]
+        self._ttl_ns, self.hand, self._clock = round(ttl_ms * 1e6), hand, clock
         self._lock = threading.Lock()
         self._start_ns: int | None = None
         self._stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
@@ -87,18 +90,18 @@ class Commands:
 
     def missing(self) -> str:
         """Return why there is no command for the hand, ``""`` if there is one."""
-        if not self._hand:
+        if not self.hand:
             return ""
         with self._lock:
             leader, last_ns = self._leader, self._last_ns["hand"]
         if leader is None:
-            return f"{self._name}: no {self._peer} leads"
+            return f"{self.name}: no {self._peer} leads"
         age_ns = self._clock() - last_ns
         if not last_ns:
-            return f"{self._name}: {self._peer} {leader} has asked for no level yet"
+            return f"{self.name}: {self._peer} {leader} has asked for no level yet"
         if age_ns <= self._ttl_ns:
             return ""
-        return f"{self._name}: no level from {self._peer} {leader} for {age_ns / 1e9:.1f} s"
+        return f"{self.name}: no level from {self._peer} {leader} for {age_ns / 1e9:.1f} s"
 
     def _switch(self, name: str) -> tuple[int, bool, bool]:
         """Return when a switch was received, whether that is fresh, and whether it counts as held."""
@@ -136,8 +139,8 @@ class Commands:
 
     def _accept(self, client: int, stream: str, command: Hand | Arm) -> int:
         """Return the age of a command, nanoseconds; refuse it if it is not to be obeyed."""
-        if not (self._hand if stream == "hand" else self.tracker is not None):
-            raise MessageError(f"not allowed: {self._name}.{stream} is false")
+        if not (self.hand if stream == "hand" else self.tracker is not None):
+            raise MessageError(f"not allowed: {self.name}.{stream} is false")
         if self._start_ns is None:
             raise MessageError("not running: the run has not started, or has ended")
         if self._leader is None:
@@ -149,7 +152,7 @@ class Commands:
             raise MessageError("ahead: t_ns is later than the session's time")
         if age_ns > self._ttl_ns:
             raise MessageError(
-                f"old: {age_ns / 1e6:.0f} ms since t_ns, {self._ttl_ns / 1e6:g} ms are obeyed ({self._name}.ttl_ms)"
+                f"old: {age_ns / 1e6:.0f} ms since t_ns, {self._ttl_ns / 1e6:g} ms are obeyed ({self.name}.ttl_ms)"
             )
         if command.t_ns < self._newest_ns[stream]:
             raise MessageError("out of order: t_ns is earlier than that of the command before")
@@ -185,3 +188,34 @@ class Commands:
             self._switches, self._clutch_was_open = None, False
             if self.tracker is not None:
                 self.tracker.forget()
+
+
+class CommandedPart(Part):
+    """Part of a run whose clients lead hand and arm, where the settings allow it."""
+
+    def __init__(self, commands: Commands) -> None:
+        self._commands = commands
+        self.endless = self.brings_input = commands.hand
+
+    @property
+    def tracker(self) -> Tracker | None:
+        """Forearm of the client that leads the arm; ``None`` where none may."""
+        tracker: Any = self._commands.tracker
+        return tracker  # type: ignore[no-any-return]
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Return the inputs, with a client's levels where clients may lead the hand."""
+        return prepared._replace(muscles=self._commands.muscles()) if self._commands.hand else prepared
+
+    def needs(self) -> Mapping[str, Callable[[], str]]:
+        """Return the need of a client that leads the hand."""
+        return {self._commands.name: self._commands.missing} if self._commands.hand else {}
+
+    def begin(self, run: RunStart) -> None:
+        """Obey from now on."""
+        stamp = run.trace.source("emg") if run.trace is not None and self._commands.hand else None
+        self._commands.begin(run.start_ns, stamp)
+
+    def end(self) -> None:
+        """Obey nothing any more."""
+        self._commands.end()

@@ -5,14 +5,12 @@ from __future__ import annotations
 import base64
 import secrets
 import time
-from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, Final
 
 import tega
-from tega.devices.base import Tracker
-from tega.loop.inbox.inputs import Inputs, Prepared
-from tega.loop.parts import Part, PartContext, RunStart
+from tega.loop.inbox.inputs import Inputs
+from tega.loop.parts import PartContext, RunStart
 from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import HandExchange, HeardMarker, Picture, Record
 from tega.records.bus import Backlog
@@ -20,7 +18,7 @@ from tega.records.display import Notice
 from tega.records.types import record_types
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import run_realtime
-from tega_websocket.commands import Commands
+from tega_websocket.commands import CommandedPart, Commands
 from tega_websocket.messages import PROTOCOL, Command, Mark, Release, encode, encode_record, field_units
 from tega_websocket.server import Served, Server
 from tega_websocket.settings import WebSocketTable, read_token
@@ -29,14 +27,13 @@ _MOST_WAITING: Final = 2048
 _JPEG_QUALITY: Final = 80
 
 
-class WebSocketPart(Part):
+class WebSocketPart(CommandedPart):
     """The server of one run."""
 
     def __init__(self, context: PartContext, table: WebSocketTable) -> None:
         config, self._bus, self._table = context.config, context.bus, table
-        self.endless = self.brings_input = table.hand
         arm = config.arm.mapping.frame if table.arm and config.arm is not None else None
-        self._commands = Commands(ttl_ms=table.ttl_ms, hand=table.hand, arm=arm)
+        super().__init__(Commands(ttl_ms=table.ttl_ms, hand=table.hand, arm=arm))
         self._token = secrets.token_urlsafe(16) if table.token_file is None else read_token(table.token_file)
         served = Served(self._welcome, self._state, self._command, self._commands.release)
         self._server = Server(
@@ -69,36 +66,15 @@ class WebSocketPart(Part):
 
     # The run's side.
 
-    @property
-    def tracker(self) -> Tracker | None:
-        """Forearm of the client that leads the arm; ``None`` where none may."""
-        tracker: Any = self._commands.tracker
-        return tracker  # type: ignore[no-any-return]
-
-    def prepared(self, prepared: Prepared) -> Prepared:
-        """Return the inputs, with a client's levels where clients may lead the hand."""
-        return prepared._replace(muscles=self._commands.muscles()) if self._table.hand else prepared
-
     def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:  # noqa: ARG002
         """Return the switches, with a client's for those that the settings do not name."""
         seats = self._commands.seats()
         return Inputs({**seats, **inputs.seats}) if seats else inputs
 
-    def needs(self) -> Mapping[str, Callable[[], str]]:
-        """Return the need of a client that leads."""
-        return {"websocket": self._commands.missing} if self._table.hand else {}
-
     def begin(self, run: RunStart) -> None:
         """Obey from now on."""
-        traced = run.trace is not None and self._table.hand
-        self._commands.begin(
-            run.start_ns, run.trace.source("emg") if run.trace is not None and traced else None
-        )
+        super().begin(run)
         self._start_ns = run.start_ns if run.real else time.monotonic_ns()
-
-    def end(self) -> None:
-        """Obey nothing any more."""
-        self._commands.end()
 
     def summary(self) -> dict[str, Any]:
         """Return the counts of clients and commands."""

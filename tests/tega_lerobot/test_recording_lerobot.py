@@ -165,17 +165,33 @@ def test_the_figures_are_those_of_the_frames(dataset: Path) -> None:
         assert np.all(np.array(colours[low]) <= np.array(colours[high]))
 
 
-def test_an_episode_may_end_before_the_encoder_has_let_a_picture_go(tmp_path: Path) -> None:
-    camera = EpisodeCamera(tmp_path, "observation.images.thumb", FPS, (64, 64))
+@pytest.mark.parametrize("height", [64, 66])
+def test_an_episode_may_end_before_the_encoder_has_let_a_picture_go(tmp_path: Path, height: int) -> None:
+    camera = EpisodeCamera(tmp_path, "observation.images.thumb", FPS, (height, 64))
     for grey in (50, 200):
-        camera.begin()
-        camera.add(np.full((64, 64, 3), grey, np.uint8), 1)
+        camera.begin(1)
+        camera.add(np.full((height, 64, 3), grey, np.uint8), 1)
         place = camera.end()
     camera.close()
     assert place["videos/observation.images.thumb/from_timestamp"] == 1 / FPS
     with av.open(str(tmp_path / "videos/observation.images.thumb/chunk-000/file-000.mp4")) as video:
-        greys = [frame.to_ndarray(format="rgb24").mean() for frame in video.decode(video=0)]
-    assert greys == pytest.approx([50, 200], abs=10)
+        pictures = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    assert {picture.shape for picture in pictures} == {(height, 64, 3)}
+    assert [picture.mean() for picture in pictures] == pytest.approx([50, 200], abs=10)
+
+
+def test_the_colours_are_those_of_pictures_that_lerobot_would_sample(tmp_path: Path) -> None:
+    n = 1000
+    camera = EpisodeCamera(tmp_path, "observation.images.thumb", FPS, (64, 64))
+    for _ in range(2):
+        camera.begin(n)
+        for k in range(n // 2):
+            camera.add(np.full((64, 64, 3), k // 2, np.uint8), 2)
+        camera.end()
+    camera.close()
+    frames = np.round(np.linspace(0, n - 1, int(n**0.75)))
+    assert camera.total.figures()["count"] == [2 * len(frames)]
+    assert np.ravel(camera.episode.figures()["mean"]) == pytest.approx([np.mean(frames // 4) / 255] * 3)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="priorities are Linux's")
@@ -185,7 +201,7 @@ def test_the_encoder_does_not_put_this_program_before_all_others(tmp_path: Path)
 
     before = policies()
     camera = EpisodeCamera(tmp_path, "observation.images.thumb", FPS, (64, 64))
-    camera.begin()
+    camera.begin(40)
     for _ in range(40):
         camera.add(np.zeros((64, 64, 3), np.uint8), 1)
     assert policies() == before
