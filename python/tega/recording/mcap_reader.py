@@ -93,9 +93,9 @@ class Plan(NamedTuple):
 
     def message(self, raw: RawMessage) -> Message:
         """Return a message, decoded where it is to be."""
+        topic, schema, decode = self
         _, log_ns, data = raw
-        value = None if self.decode is None else self.decode(data)
-        return Message(self.topic, self.schema, log_ns, len(data), value)
+        return Message(topic, schema, log_ns, len(data), None if decode is None else decode(data))
 
 
 class McapReader:

@@ -89,13 +89,14 @@ def emg_source(reader: McapReader) -> DeviceInfo | None:
 
 
 def find_kind(topic: str, schema: str) -> tuple[type[Record], dict[str, str]] | None:
-    """Return the record type of a topic, and the fields that the topic names; ``None`` for an unknown one."""
+    """Return the record type of a topic, and those of its fields that only the topic names; ``None`` if unknown."""
     for kind in record_types():
         name = f"{PACKAGE}.{schema_name(kind)}" if own_schema(kind) else kind.schema
         where = kind.topic.replace("/image", "/frame") if kind is Picture else kind.topic
         found = _pattern(where).fullmatch(topic)
         if schema == name and found is not None:
-            return kind, found.groupdict()
+            own = own_schema(kind)
+            return kind, {n: t for n, t in found.groupdict().items() if not own or n in kind.unwritten}
     return None
 
 
@@ -110,13 +111,13 @@ def _pattern(topic: str) -> re.Pattern[str]:
 def record_of(kind: type[Record], message: Message, named: Mapping[str, str], zero_ns: int) -> Record:
     """Return the record of a decoded message.
 
-    ``named`` are the fields that the topic names; ``zero_ns`` is the log time at the start of the session.
+    ``named`` are the fields that only the topic names; ``zero_ns`` is the log time at the start of the session.
     """
     value: Any = message.value
+    if kind is Picture:
+        return read(kind, value, image=None, **named)
     if own_schema(kind):
-        extra: dict[str, Any] = {"image": None} if kind is Picture else {}
-        unwritten = {name: text for name, text in named.items() if name in kind.unwritten}
-        return read(kind, value, **unwritten, **extra)
+        return read(kind, value, **named)
     make: Any = kind
     t_ns = value.timestamp.seconds * 1_000_000_000 + value.timestamp.nanos - zero_ns
     if issubclass(kind, Joints):

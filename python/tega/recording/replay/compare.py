@@ -92,11 +92,10 @@ class Rule(NamedTuple):
 
     def differing(self, ours: Any, theirs: Any) -> dict[str, tuple[str, str]]:
         """Return both values of each field that differs, as text; a record that is missing is ``None``."""
-        if theirs is not None and ours == theirs:  # at first sight: nearly always they are
-            return {}
-        if isinstance(ours, Record) and theirs is not None:
+        if isinstance(ours, Record) and theirs is not None:  # at first sight: nearly always they are equal
             fields = _compared_fields(type(ours), self.left_out)
-            if all(map(_same, fields(ours), fields(theirs))):
+            first, second = fields(ours), fields(theirs)
+            if first == second or all(map(_same, first, second)):
                 return {}
         now, again = ({} if record is None else self.values(record) for record in (ours, theirs))
         names = [
@@ -178,7 +177,7 @@ class Comparing:
     """Subscribes to every type of record that is compared, in the recording and on the bus of its replay."""
 
     def __init__(self, feed: RecordFeed, bus: Bus) -> None:
-        self._feed, self._rules = feed, _rules(feed.head)
+        self._feed, self._rules, self._from_ns = feed, _rules(feed.head), feed.head.from_ns
         self._streams: dict[str, Compared] = {}
         for kind in self._rules:
             fingers = feed.head.baselines if "{finger}" in kind.topic else [""]
@@ -216,10 +215,11 @@ class Comparing:
 
     def _add(self, record: Any, *, replayed: bool) -> None:
         """Add a record to its stream, unless the recording begins later."""
-        from_ns = self._feed.head.from_ns
-        if from_ns == 0 or record.log_ns >= from_ns:
-            stream = self._stream(type(record), record.where)
-            stream.add(record, record.t_ns, record.log_ns, replayed=replayed)
+        known_ns = record.log_ns
+        if self._from_ns == 0 or known_ns >= self._from_ns:
+            where = record.where
+            stream = self._streams.get(where) or self._stream(type(record), where)
+            stream.add(record, record.t_ns, known_ns, replayed=replayed)
 
     def _add_made(self, frame: VestFrame) -> None:
         sent = SentFrame(t_ns=frame.t_ns, layout=frame.layout, intensities=frame.intensities)
@@ -258,6 +258,7 @@ class Comparing:
 
 def _rules(head: Head) -> dict[type[Record], Rule]:
     """Return the rule of each type that is compared, in the order of the report."""
+    steered = ("frames",) if head.facts["steered"] == "true" else ()
     # Before version 3 the activity was lost on the way to the file.
     lost = ("activity",) if int(head.versions.get("Levels", "1")) < 3 else ()
     rules: dict[type[Record], Rule] = {
@@ -270,7 +271,8 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
         VestFrame: Rule(values, frozenset({"t_ns", "handed_ns"}), listed=True),
         # The loop once left frames out that the vest showed already: a frame sent then was made at that time.
         SentFrame: Rule(lambda _: {"sent": True}, listed=True, shared=head.facts.get("sent") != "every"),
-        HandCommand: Rule(partial(_command_values, steered=head.facts["steered"] == "true"), listed=True),
+        # The frames of a hand that closes its own loop are compared by its exchanges.
+        HandCommand: Rule(_command_values, frozenset({"t_ns", *steered}), listed=True),
         records.ReflexGrip: Rule(values),
         records.Adaptation: Rule(values),
         BesideContact: Rule(values, shared=True),
@@ -286,10 +288,9 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
     return {kind: rule for kind, rule in rules.items() if kind not in left_out}
 
 
-def _command_values(command: HandCommand, *, steered: bool) -> dict[str, Any]:
-    level = {"level": joined_level(command.level, command.closure)}
-    # The frames of a hand that closes its own loop are compared by its exchanges.
-    return level if steered else level | {"frames": frames_text(command.frames)}
+def _command_values(command: HandCommand) -> dict[str, Any]:
+    level = joined_level(command.level, command.closure)
+    return {"level": level, "frames": frames_text(command.frames)}
 
 
 def _turn_values(turn: records.ArmTurn) -> dict[str, Any]:

@@ -46,6 +46,7 @@ class RecordedRun(Pacer):
         self._feed, self._measured, self._settle = feed, measured, settle
         self.contacts = {f: LiveStream[Contact](capacity=_MOST) for f in feed.head.baselines}
         self.levels = LiveStream[Intent](capacity=_MOST) if "emg" in feed.head.sources else None
+        self._streams: list[LiveStream[Any]] = [*self.contacts.values(), *filter(None, [self.levels])]
         self.active = feed.holds(records.TriedMotor) or feed.holds(records.ProgramFrame)
         self._taken = deque[Contact | Intent]()  # in the file's order, which is that of their ticks
         self._calls = count()
@@ -127,11 +128,12 @@ class RecordedRun(Pacer):
         last = end is not None and end.ended == "duration" and t_ns >= end.end_ns
         self._put(NEVER_NS if last else t_ns)
         if end is not None and end.ended == "complete" and self.over():
-            streams: list[LiveStream[Any]] = [*self.contacts.values(), *filter(None, [self.levels])]
-            for stream in streams:
+            for stream in self._streams:
                 stream.end(end.end_ns)
 
     def _put(self, t_ns: int) -> None:
+        if not self._taken or self._taken[0].taken_ns > t_ns:
+            return
         while self._taken and self._taken[0].taken_ns <= t_ns:
             record = self._taken.popleft()
             if isinstance(record, Contact):
@@ -139,6 +141,9 @@ class RecordedRun(Pacer):
                     self.contacts[record.finger].put(contact)
             elif (intent := self._measured.intent(record)) is not None and self.levels is not None:
                 self.levels.put(intent)
+        next_ns = self._taken[0].taken_ns if self._taken else 0
+        for stream in self._streams:
+            stream.expect(next_ns)
 
 
 class RecordedGuard(Guard):
