@@ -103,7 +103,7 @@ def _write_tables(
     tables: dict[str, _TopicTable] = {}
     epoch_ns = 0
     channels: Sequence[str] = ()
-    taken = reader.messages(lambda topic: pictures or not topic.endswith("/image"), within)
+    taken = reader.messages(lambda topic: pictures or not topic.endswith("/image"), within, every=False)
     with closing(taken) as messages:
         for message in paired(messages):
             topic, schema, log_ns, n_bytes, value, image = message

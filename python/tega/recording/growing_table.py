@@ -148,7 +148,24 @@ class GrowingParquet(GrowingTable):
                 self._take(source.read_row_group(k))
 
     def _write(self, columns: Columns) -> None:
-        self._take(self._arrow.table(dict(columns)))
+        self._take(self._arrow.table({name: self._array(cells) for name, cells in columns.items()}))
+
+    def _array(self, cells: Sequence[Any]) -> Any:
+        """Return cells as the package would, out of memory: of a list it asks pandas, which takes long to load."""
+        arrow, kinds = self._arrow, set(map(type, cells))
+        if kinds == {float}:
+            type_, buffers = arrow.float64(), [np.array(cells)]
+        elif kinds == {int} and (numbers := np.array(cells)).dtype == np.int64:
+            type_, buffers = arrow.int64(), [numbers]
+        elif kinds == {bool}:
+            type_, buffers = arrow.bool_(), [np.packbits(cells, bitorder="little")]
+        elif kinds == {str}:
+            texts = [cell.encode() for cell in cells]
+            ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
+            type_, buffers = arrow.string(), [ends, b"".join(texts)]
+        else:
+            return arrow.array(cells)
+        return arrow.Array.from_buffers(type_, len(cells), [None, *map(arrow.py_buffer, buffers)])
 
     def _take(self, rows: Any) -> None:
         self._parts.append(rows)

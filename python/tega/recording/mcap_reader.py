@@ -131,11 +131,16 @@ class McapReader:
         return not self.cut and "end" in self.metadata
 
     def messages(
-        self, wanted: Callable[[str], bool] = lambda _topic: True, within: Within = WHOLE
+        self,
+        wanted: Callable[[str], bool] = lambda _topic: True,
+        within: Within = WHOLE,
+        *,
+        every: bool = True,
     ) -> Generator[Message]:
         """Return the messages in the order of writing; ``wanted`` is asked per topic whether to decode.
 
-        Of a part of the file that is not its beginning only a reader with an index knows the channels.
+        Without ``every`` those that are not decoded are left out. Of a part of the file that is not its
+        beginning only a reader with an index knows the channels.
 
         Raises ``RecordingError`` also for an MCAP that was not recorded by TEGA.
         """
@@ -143,9 +148,10 @@ class McapReader:
         if self._data is None and self.path.is_file() and not self.path.stat().st_size:
             raise no_session(self.path, ())
         plans: dict[int, Plan] = {}
+        passed = set[int]()
         with (
             open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file,
-            closing(read_ahead(self._parts(file, within[1]))) as parts,
+            closing(read_ahead(self._parts(file, within[1], passed))) as parts,
         ):
             mib = int(min(file.seek(0, io.SEEK_END), within[1])) // MIB
             file.seek(within[0])
@@ -172,12 +178,16 @@ class McapReader:
                     if type(one) is not RawMessage:
                         self._keep(one)
                         continue
-                    self._check_own()
+                    if not self._own:
+                        self._check_own()
                     try:
                         plan = plans.get(one.channel_id)
                         if plan is None:
                             channel = self._channels[one.channel_id]
                             plan = plans[one.channel_id] = self.plan_of(channel, decode=wanted(channel.topic))
+                        if plan.decode is None and not every:
+                            passed.add(one.channel_id)
+                            continue
                         message = plan.message(one)
                     except Exception as error:  # of a damaged schema or message, or one of an unknown channel
                         self.cut = type(error).__name__
@@ -194,7 +204,7 @@ class McapReader:
             channel.topic, schema.name, decoder(schema.name, schema.data).FromString if decode else None
         )
 
-    def _parts(self, file: IO[bytes], ends: float) -> Iterator[tuple[int, list[Any]]]:
+    def _parts(self, file: IO[bytes], ends: float, passed: Container[int]) -> Iterator[tuple[int, list[Any]]]:
         """Read the file's parts from where it stands: where each begins, and the records in it."""
         begins = file.tell()
         reader = _pass_reader()(
@@ -208,7 +218,7 @@ class McapReader:
             if begins >= ends:
                 return
             if type(record).__name__ != "MessageIndex":
-                yield begins, chunk_records(record, check_sum=self._check_sums)
+                yield begins, chunk_records(record, check_sum=self._check_sums, passed=passed)
             begins = file.tell()
 
     def _keep(self, record: Any) -> None:

@@ -90,14 +90,19 @@ class _Batch(Generic[Item, Result]):
 
 
 def compute_ahead(
-    items: Iterable[Item], name_of: Callable[[Item], str], compute: Callable[[Item], Result]
+    items: Iterable[Item],
+    name_of: Callable[[Item], str],
+    compute: Callable[[Item], Result],
+    *,
+    quick: Callable[[Item], bool] = lambda _item: False,
 ) -> Iterator[tuple[Item, Result | None]]:
     """Return each item in order with a result that other threads compute ahead, 64 at most.
 
     OpenCV decodes and the kernels measure without the interpreter's lock, so that every core works.
     ``name_of`` returns the name of an item, such as its finger; items of one name are computed one after the
-    other, in order. For the name ``""`` nothing is computed, and the result is ``None``. What ``compute``
-    raises is raised when its item is next.
+    other, in order. For the name ``""`` nothing is computed, and the result is ``None``. A ``quick`` item is
+    computed in its turn where none before it waits: another thread would take longer. What ``compute`` raises is
+    raised when its item is next.
     """
     with ThreadPoolExecutor(os.cpu_count(), "tega-ahead") as pool:
         waiting: deque[tuple[Item, str, _Batch[Item, Result]]] = deque()
@@ -122,8 +127,8 @@ def compute_ahead(
         nothing = _Batch[Item, Result]()
         for item in items:
             name = name_of(item)
-            if not (name or waiting):
-                yield item, None
+            if not waiting and (not name or quick(item)):
+                yield item, compute(item) if name else None
                 continue
             batch = filling.setdefault(name, _Batch()) if name else nothing
             waiting.append((item, name, batch))

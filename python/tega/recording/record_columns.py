@@ -114,10 +114,8 @@ def record_of(kind: type[Record], message: Message, named: Mapping[str, str], ze
     ``named`` are the fields that only the topic names; ``zero_ns`` is the log time at the start of the session.
     """
     value: Any = message.value
-    if kind is Picture:
-        return read(kind, value, image=None, **named)
     if own_schema(kind):
-        return read(kind, value, **named)
+        return read(kind, value, **named, **({"image": None} if kind is Picture else {}))
     make: Any = kind
     t_ns = value.timestamp.seconds * 1_000_000_000 + value.timestamp.nanos - zero_ns
     if issubclass(kind, Joints):

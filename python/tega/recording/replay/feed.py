@@ -67,8 +67,9 @@ class RecordFeed:
         reader: Reads the file; for further passes.
         head: Facts that are known before the first message; a file cut off before its head is refused.
         bus: Every record is published here as it was recorded; subscribe before reading begins.
-        ahead: Functions called with every picture in another thread, those of one finger in order. Each
-            returns a function that is called in the reader's thread when the picture is published.
+        ahead: Functions called with every picture, in another thread unless only its cells are needed, those of
+            one finger in order. Each returns a function that is called in the reader's thread when the picture is
+            published.
         cells_suffice: Whether the functions need no image where a picture's cells are recorded: it is empty.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
@@ -91,7 +92,7 @@ class RecordFeed:
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
         messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
-        self._messages = compute_ahead(messages, _finger_of, self._compute)
+        self._messages = compute_ahead(messages, _finger_of, self._compute, quick=self._by_cells)
         self._next: tuple[Message, list[Callable[[], object]] | None] | None = None
         self._end = next(reversed(self.beforehand(records.End)), None)
         self.bus.subscribe(records.RecorderStatus, self._status.append, vital=True)
@@ -136,14 +137,16 @@ class RecordFeed:
             self._take(*self._next)
             self._next = next(self._messages, None)
         self.ended = self._next is None
-        if self.ended and not self.reader.cut:
-            self.newest_ns = max(self.newest_ns, self.reader.until_ns - self.epoch_ns)
-        if self._next is not None and (gap_ns := log_ns - self.epoch_ns - self.newest_ns) > _LONGEST_NS:
+        # Nobody may want the last messages; of a cut file they are not known.
+        next_ns = log_ns if self._next is not None else self.reader.until_ns * (not self.reader.cut)
+        if (gap_ns := next_ns - self.epoch_ns - self.newest_ns) > _LONGEST_NS:
             raise RecordingError(
                 f"{self.reader.path.name}: nothing was recorded for {gap_ns / 1e9:.0f} s after "
                 f"{self.newest_ns / 1e9:.1f} s",
                 "the file is damaged, or the computer slept; trim copies the part before",
             )
+        if self.ended:
+            self.newest_ns = max(self.newest_ns, next_ns - self.epoch_ns)
 
     def read_rest(self) -> None:
         """Read the rest of the file."""
@@ -154,15 +157,19 @@ class RecordFeed:
         return kind is not None and (self.bus.wants(kind) or (kind is Picture and bool(self.ahead)))
 
     def _compute(self, message: Message) -> list[Callable[[], object]]:
-        """Decode a picture and call the functions for it, in another thread; return those to call in its turn."""
+        """Decode a picture and call the functions for it, as a rule ahead; return those to call in its turn."""
         assert message.image is not None
-        published = self.bus.wants(Picture)
-        skipped = self.cells_suffice and not published and bool(getattr(message.value, "cells", b""))
-        pixels = np.empty((0, 0, 3), np.uint8) if skipped else read_picture(message.image)
+        pixels = np.empty((0, 0, 3), np.uint8) if self._by_cells(message) else read_picture(message.image)
         named = _kind_of(message.schema, message.topic)[1]
         picture = read(Picture, message.value, image=pixels, **named)
         finish = [function(picture) for function in self.ahead]
-        return [*finish, partial(self.bus.publish, picture)] if published else finish
+        return [*finish, partial(self.bus.publish, picture)] if self.bus.wants(Picture) else finish
+
+    def _by_cells(self, message: Message) -> bool:
+        """Return whether nobody needs more of a picture than its cells."""
+        return (
+            self.cells_suffice and not self.bus.wants(Picture) and bool(getattr(message.value, "cells", b""))
+        )
 
     def _take(self, message: Message, computed: list[Callable[[], object]] | None) -> None:
         kind, named = _kind_of(message.schema, message.topic)
