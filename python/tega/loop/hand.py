@@ -51,13 +51,14 @@ class ModelledAllegro:
 
     The hand accepts torques only, so the joint angles have to be known. Without a hand they come from a model
     without load, contact or friction: the frames are those that would be sent, not the response of a real
-    hand. ``device_id`` is the hand's number on its bus, 0 to 3.
+    hand. ``device_id`` is the hand's number on its bus, 0 to 3; ``framed`` is whether there are frames while it
+    moves, or angles only.
     """
 
     label = "modelled: torques from an ideal joint model, no hand's angles were read"
 
-    def __init__(self, *, device_id: int = 0) -> None:
-        self._device_id = device_id
+    def __init__(self, *, device_id: int = 0, framed: bool = True) -> None:
+        self._device_id, self._framed = device_id, framed
         self._hand = ModelledHand()
         self._angles: NDArray[np.float64] = self._hand.model.angles_rad
 
@@ -74,7 +75,7 @@ class ModelledAllegro:
     def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
         """Go on by one tick of 3 ms; ``level`` is 1 to 5, with fractions between two poses."""
         self._angles, torques = self._hand.step(level, added)
-        return allegro_torque_frames(torques, device_id=self._device_id)
+        return allegro_torque_frames(torques, device_id=self._device_id) if self._framed else []
 
     def limp(self) -> list[CanFrame]:
         """Return zero torque for every finger, then SERVO OFF."""

@@ -176,7 +176,7 @@ class GrowingParquet(GrowingTable):
     def _write_group(self) -> None:
         group = self._joined(self._parts)
         self._parts, self._n_waiting = [], 0
-        if self._file is not None:
+        if self._file is not None and group.schema != self._file.schema:
             group = self._joined([self._file.schema.empty_table(), group])
         if self._file is None or group.schema != self._file.schema:
             self._begin(group.schema)

@@ -108,7 +108,7 @@ def _pattern(topic: str) -> re.Pattern[str]:
     )
 
 
-def record_of(kind: type[Record], message: Message, named: Mapping[str, str], zero_ns: int) -> Record:
+def record_of(kind: type[Record], message: Message, named: Mapping[str, Any], zero_ns: int) -> Record:
     """Return the record of a decoded message.
 
     ``named`` are the fields that only the topic names; ``zero_ns`` is the log time at the start of the session.

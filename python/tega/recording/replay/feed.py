@@ -8,7 +8,7 @@ from contextlib import suppress
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -71,6 +71,7 @@ class RecordFeed:
             one finger in order. Each returns a function that is called in the reader's thread when the picture is
             published.
         cells_suffice: Whether the functions need no image where a picture's cells are recorded: it is empty.
+        unread: Fields that nobody reads, with what stands for them, of types whose topic names no field.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
         newest_ns: Time of the newest message so far that somebody wants, since the start of the session; of any
@@ -85,6 +86,7 @@ class RecordFeed:
         self.bus = Bus()
         self.ahead: list[Callable[[Picture], Callable[[], object]]] = []
         self.cells_suffice = False
+        self.unread: dict[type[Record], dict[str, Any]] = {}
         self.last_tick_ns, self.newest_ns, self.ended = 0, self.head.from_ns, False
         self._status = deque[records.RecorderStatus](maxlen=1)
         self.epoch_ns = int(self.head.facts["epoch_ns"])
@@ -179,7 +181,7 @@ class RecordFeed:
             for finish in computed or ():
                 finish()
         elif message.value is not None and kind is not None:
-            self.bus.publish(record_of(kind, message, named, self.epoch_ns))
+            self.bus.publish(record_of(kind, message, self.unread.get(kind, named), self.epoch_ns))
 
 
 def _finger_of(message: Message) -> str:

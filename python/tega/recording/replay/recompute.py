@@ -36,7 +36,7 @@ from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.head import Head, metric_change, with_changes
 from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
 from tega.recording.replay.measured import Measured, PictureError, picture_errors
-from tega.records import ArmTurn, HandExchange, HandLook, Imposed, bus_frames
+from tega.records import ArmTurn, HandCommand, HandExchange, HandLook, Imposed, bus_frames
 from tega.records.bus import Bus
 from tega.runtime.call_beside import called_beside
 from tega.runtime.files.foreign_file import reports_damage
@@ -142,7 +142,9 @@ def _run(feed: RecordFeed, recorded: RecordedRun, bus: Bus) -> int:
     if head.facts["observed"] == "true":
         bus.subscribe(Snapshot, lambda _snapshot: None)
     # The frames of a real hand that closed its own loop are in its exchanges, not those of this model.
-    hand = ModelledAllegro(device_id=config.hand.device_id)
+    steered = head.facts["steered"] == "true"
+    hand = ModelledAllegro(device_id=config.hand.device_id, framed=not steered)
+    feed.unread = {HandCommand: {"frames": ()}} if steered else {}
     touch = touch_loop(config, head.calibration, head.baselines)
     reflex = recorded_arc(config, head.baselines, recorded.newest, bus)
     loop = DualLoop(
