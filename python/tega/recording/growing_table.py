@@ -152,10 +152,9 @@ class GrowingParquet(GrowingTable):
 
     def _array(self, cells: Sequence[Any]) -> Any:
         """Return cells as the package would, out of memory: of a list it asks pandas, which takes long to load."""
-        arrow, kinds = self._arrow, set(map(type, cells))
+        arrow, kinds, buffers = self._arrow, set(map(type, cells)), list[Any]()
         if kinds == {float}:
-            buffers: list[Any] = [np.array(cells)]
-            type_ = arrow.float64()
+            type_, buffers = arrow.float64(), [np.array(cells)]
         elif kinds == {int} and (numbers := np.array(cells)).dtype == np.int64:
             type_, buffers = arrow.int64(), [numbers]
         elif kinds == {bool}:
