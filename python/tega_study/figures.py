@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tega.ui.view.figures import new_figure
+from tega.errors import MissingExtraError
 from tega_study.analyse import Analysis
 from tega_study.coupling import TouchCourse, on_grid
 
@@ -37,6 +37,15 @@ def p_text(p: float | None) -> str:
     return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
 
 
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure; ``MissingExtraError`` without matplotlib."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("matplotlib is not installed", "pip install 'tega[study]'") from error
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
 def svg(figure: Figure) -> str:
     """Write a figure as SVG without date, with ids that depend on the drawing alone, and text as text."""
     import matplotlib as mpl
@@ -55,7 +64,7 @@ def figure_7(analysis: Analysis) -> Figure:
     six values, of which no spread can be drawn, there are dots alone.
     """
     n = len(analysis.objects)
-    figure = new_figure(figsize=(2.6 * n + 0.6, 5.2))
+    figure = new_figure(2.6 * n + 0.6, 5.2)
     axes = figure.subplots(2, n, squeeze=False)
     metrics = (("duration_s", "completion time, s"), ("slips", "slips per trial"))
     for row, (metric, label) in enumerate(metrics):
@@ -148,7 +157,7 @@ def figure_8(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> Figure |
     if not chosen:
         return None
     rows = max(len(ids) for ids in chosen.values())
-    figure = new_figure(figsize=(3.2 * len(chosen) + 0.4, 1.7 * rows + 0.6))
+    figure = new_figure(3.2 * len(chosen) + 0.4, 1.7 * rows + 0.6)
     axes = figure.subplots(rows, len(chosen), squeeze=False)
     lines = []
     for column, (name, ids) in enumerate(chosen.items()):
@@ -185,7 +194,7 @@ def lag_figure(analysis: Analysis) -> Figure | None:
     signals = list(dict.fromkeys(arm.signal for arm in analysis.arms))
     if not signals:
         return None
-    figure = new_figure(figsize=(3.6 * len(signals) + 0.4, 3.0))
+    figure = new_figure(3.6 * len(signals) + 0.4, 3.0)
     axes = figure.subplots(1, len(signals), squeeze=False, sharey=True)[0]
     for ax, signal in zip(axes, signals, strict=True):
         arms = [arm for arm in analysis.arms if arm.signal == signal]
@@ -211,7 +220,7 @@ def pose_figure(analysis: Analysis) -> Figure | None:
     uses = analysis.pose_use
     if not uses:
         return None
-    figure = new_figure(figsize=(6.4, 0.32 * len(uses) + 1.1))
+    figure = new_figure(6.4, 0.32 * len(uses) + 1.1)
     ax = figure.subplots()
     shades = ("#f0f0f0", "#c6dbef", "#6baed6", "#2171b5", "#08306b")
     left = np.zeros(len(uses))

@@ -14,9 +14,9 @@ import numpy as np
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import read_words
-from tega.ui.view.figures import draw_map, new_figure
+from tega.ui.view.figures import draw_map
 from tega_study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_study
-from tega_study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
+from tega_study.figures import figure_7, figure_8, lag_figure, new_figure, pose_figure, svg
 from tega_study.page import report_html
 from tega_study.tables import csv_files
 from tega_study.touch_picture import FingerPicture, FingerRow
@@ -30,7 +30,7 @@ def figure_3(rows: Sequence[FingerRow], pictures: Mapping[str, FingerPicture]) -
     """Draw Fig 3: untouched gel, frame, difference, the metric's map with the marks of CCI and EDA."""
     if not rows:
         return None
-    figure = new_figure(figsize=(7.0, 2.05 * len(rows) + 0.3))
+    figure = new_figure(7.0, 2.05 * len(rows) + 0.3)
     axes = figure.subplots(len(rows), 4, squeeze=False)
     for number, row in enumerate(rows):
         _row(axes[number], row, pictures[row.trial], titled=number == 0)

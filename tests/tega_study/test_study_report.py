@@ -18,10 +18,9 @@ pytest.importorskip("statsmodels")
 
 from reference.command import call
 from tega.errors import InvalidValueError, RecordingError
-from tega.ui.view.figures import new_figure
 from tega_study.analyse import analyse, analyse_study
 from tega_study.coupling import TouchCourse, write_course
-from tega_study.figures import _violins
+from tega_study.figures import _violins, new_figure
 from tega_study.journal import Journal, events_path, read_events
 from tega_study.page import number, report_html
 from tega_study.plan import make_plan, read_plan, write_plan
@@ -375,7 +374,7 @@ def test_the_papers_numbers_stand_beside_ours_with_what_differs(report: Report) 
 
 @pytest.mark.parametrize(("n", "violins"), [(5, 0), (6, 1)])
 def test_few_values_are_dots_without_a_violin(n: int, violins: int) -> None:
-    axes = new_figure(figsize=(2, 2)).subplots()
+    axes = new_figure(2, 2).subplots()
     _violins(axes, [[float(k % 4) for k in range(n)]], ["haptic"])
     assert len(axes.collections) == violins
     assert max(np.size(line.get_xdata()) for line in axes.lines) == n

@@ -142,7 +142,7 @@ def test_people_as_clusters_by_hand_and_by_statsmodels() -> None:
     found = ratio_of_means(np.mean(WITH, axis=1), np.mean(WITHOUT, axis=1))
     assert found is not None
     assert found[:3] == close((0.551401869159, 0.421025893396, 0.722150409467))
-    assert found[3:] == close((-7.02259714438, 3, 0.00593130137292))
+    assert found[3:] == close((-7.02259714438, 0.00593130137292))
     values, first = np.ravel([*WITH, *WITHOUT]), [True] * 20 + [False] * 20
     person = [p for p in "abcd" for _ in range(5)] * 2
     model = adjusted_ratio(values, first, [1.0] * 40, person, counts=True)
@@ -156,7 +156,7 @@ def test_within_people_and_over_people() -> None:
     assert sign_flip([-3.1, -1.3, -1.7, -0.1, -1.5, -3.3, 0.5, -2.2]) == 0.0234375
     logs = [np.log(np.sum(side, axis=1) + 0.5) for side in (WITH, WITHOUT)]
     assert paired_log_ratio(*logs) == close(
-        (0.555295993014, 0.45541140516, 0.677088093016, -9.44067489643, 3, 0.00251879019269)
+        (0.555295993014, 0.45541140516, 0.677088093016, -9.44067489643, 0.00251879019269)
     )
 
 
@@ -208,9 +208,7 @@ def test_learning_is_taken_out() -> None:
 
 def test_correlation_of_a_slow_course() -> None:
     found = correlate(POSE, TOUCH)
-    assert found == close(
-        (0.908298531762, 40, 8.02244346512, 0.567042256711, 0.983422827754, 0.00175995567666)
-    )
+    assert found == close((0.908298531762, 40, 8.02244346512, 0.567042256711, 0.983422827754))
     assert effective_n(POSE, TOUCH, lags=5) == close(8.55384646561)
     lags = [
         0.416913513115,
