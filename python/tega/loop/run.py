@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_poll import open_hand_polls
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
-from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
+from tega.loop.open_streams import StreamMaker, is_fed, latency_trace
 from tega.loop.outputs import HandOutput, VestOutput
 from tega.loop.pacing import Pacer, settle
 from tega.loop.parts import RunStart
@@ -25,7 +25,6 @@ from tega.loop.rig import Rig
 from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch import touch_loop
-from tega.loop.touching import RecordedFingers, Touching
 from tega.records import Alert, Event, RunState, Value
 from tega.records.bus import Bus
 from tega.runtime.clock import Clock, SystemClock
@@ -102,7 +101,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
     if rig.steering is not None:
         rig.steering.start(rig.bus, start_ns, may_move=lambda: guard.state == "active")
         flows.callback(rig.steering.stop)
-    touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
+    streams = StreamMaker(flows, rig.bus, start_ns=start_ns, trace=trace, bell=bell)
     reflex = open_reflex(
         config,
         rig.bus,
@@ -116,31 +115,12 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         pacer=pacer,
         touch=touch,
         contacts={
-            name: contact_stream(
-                flows,
-                name,
-                finger,
-                metric=metrics.get(name),
-                fed=fed[name],
-                touching=touching,
-                recorded=recorded,
-                start_ns=start_ns,
-                trace=trace,
-                bell=bell,
-                bus=rig.bus,
-            )
+            name: streams.contacts(name, finger, metrics.get(name), fed=fed[name])
             for name, finger in prepared.fingers.items()
         },
         levels=None
         if muscles is None
-        else level_stream(
-            flows,
-            muscles,
-            start_ns=start_ns,
-            trace=trace,
-            bus=rig.bus,
-            adaptation=open_adaptation(config, muscles, rig.bus),
-        ),
+        else streams.levels(muscles, open_adaptation(config, muscles, rig.bus)),
         hand=HandOutput(model, sinks.hands, bus=rig.bus, reflex=reflex, trace=trace),
         vest=VestOutput(
             touch,
@@ -172,8 +152,8 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
-        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, reflex)
-        return _conclude(stack, facts, error, n_waits=pacer.n_waits)
+        facts = RunFacts(rig, layout, pace, loop.report, pacer, trace, real_time, reflex)
+        return _conclude(stack, facts, error)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     try:
@@ -230,15 +210,13 @@ def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
     return pace, Bell() if live and pace == "by-frame" else None
 
 
-def _conclude(
-    stack: ExitStack, state: RunFacts, error: BaseException | None, *, n_waits: int
-) -> dict[str, Any]:
+def _conclude(stack: ExitStack, state: RunFacts, error: BaseException | None) -> dict[str, Any]:
     """Close everything that is open, and have the parts complete and keep the summary, the first part last."""
     summary = summarise(state, error=error)
     with ExitStack() as ending:
         for part in state.rig.parts:
             ending.callback(part.finish, summary)
         for part in state.rig.parts:
-            ending.callback(part.ended, state.loop, n_waits)
+            ending.callback(part.ended, state.loop, state.pacing.n_waits)
         stack.pop_all().close()  # tables and recordings are complete before the summary says so
     return summary

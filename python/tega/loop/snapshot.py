@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from tega.devices.base import optional
 from tega.haptics import MotorLevels
 from tega.loop.arm_records import ArmView
-from tega.loop.hand import CommandedHand, Hand
+from tega.loop.hand import Hand
 from tega.loop.inbox.inputs import Inputs, SeatSeen
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import LoopReport
@@ -129,7 +130,6 @@ class Moments:
     ) -> None:
         self._bus, self._hand = bus, hand
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
-        self._commanded = hand if isinstance(hand, CommandedHand) else None
         self._devices = devices
         self._displayed: Snapshot | None = None
         self._event: Event | None = None
@@ -153,7 +153,7 @@ class Moments:
     ) -> None:
         """Publish the view at a tick."""
         guard, trace = self._guard, self._trace
-        target_rad = None if self._commanded is None else self._commanded.target_rad
+        target_rad = optional(self._hand, "target_rad")
         view = LoopView(
             t_ns,
             newest,

@@ -14,7 +14,7 @@ from tega.haptics import Layout
 from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.latency import LatencyTrace
-from tega.loop.pacing import LoopReport, PacingReport
+from tega.loop.pacing import LoopReport, Pacer
 from tega.loop.reflex import ReflexArc
 from tega.loop.rig import Rig
 from tega.loop.touch import STALE_NS
@@ -34,7 +34,7 @@ class RunFacts(NamedTuple):
     layout: Layout
     pace: Pace
     loop: LoopReport
-    pacing: PacingReport
+    pacing: Pacer
     trace: LatencyTrace | None
     real_time: bool
     reflex: ReflexArc | None = None
@@ -98,8 +98,8 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
             "ticks": pacing.n_ticks,
             "overruns": pacing.n_overruns,
             "skipped": pacing.n_skipped,
-            "worst_late_ms": pacing.worst_late_ms,
-            "late": pacing.n_late,
+            "worst_late_ms": pacing.worst_ns / 1e6,
+            "late": tuple(pacing.n_late),
             "real_time": state.real_time,
         }
     summary["safety"] = state.rig.guard.summary()
