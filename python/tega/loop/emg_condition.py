@@ -128,13 +128,17 @@ class ConditionWatch:
             if len(self._first[k]) < _FIRST_S:
                 self._first[k].append(float(median_hz[k]))
         slopes = [self._slope(k) for k in range(len(self._names))]
-        change = self._pattern_change(shares)
+        change, sentences = self._pattern_change(shares), self._tired(slopes)
+        if change > MOVED:  # NaN is not
+            sentences.append(
+                "electrodes have moved or come loose: recalibrate in ten seconds (tega-teleop emg recalibrate)"
+            )
         return MuscleCondition(
             t_ns=t_ns,
             median_hz=tuple(median_hz.tolist()),
             slope_percent_per_min=tuple(slopes),
             pattern_change=change,
-            said="; ".join([*self._tired(slopes), *self._moved(change)]),
+            said="; ".join(sentences),
         )
 
     def _slope(self, k: int) -> float:
@@ -175,14 +179,6 @@ class ConditionWatch:
             return math.nan
         now = _middle(list(patterns)[-_PATTERNS_S:])
         return float(np.abs(now - usual).sum() / 2)
-
-    @staticmethod
-    def _moved(change: float) -> list[str]:
-        if not change > MOVED:  # NaN is not either
-            return []
-        return [
-            "electrodes have moved or come loose: recalibrate in ten seconds (tega-teleop emg recalibrate)"
-        ]
 
 
 def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

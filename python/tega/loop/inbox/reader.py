@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.runtime.reopening import Reopening, polled
@@ -79,9 +79,9 @@ class Reader(Generic[Given]):
         self._thread.join(timeout=5.0)
 
 
-class _End:
-    def __init__(self, end_ns: int | None, error: BaseException | None) -> None:
-        self.end_ns, self.error = end_ns, error
+class _End(NamedTuple):
+    end_ns: int | None
+    error: BaseException | None
 
 
 class ReadAhead(Generic[Given]):
