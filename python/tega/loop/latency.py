@@ -228,7 +228,8 @@ class LatencyTrace:
             if stages["whole"].n
         }
         if self.motor is not None and "touch" in found:
-            found["touch"][SKIN] = self.motor.skin_ms(found["touch"]["whole"])
+            whole, ms = found["touch"]["whole"], self.motor.ms
+            found["touch"][SKIN] = {name: v if name == "n" else round(v + ms, 3) for name, v in whole.items()}
         return found
 
     def _displayed(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:

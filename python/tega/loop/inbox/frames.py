@@ -80,7 +80,9 @@ class FrameMeter:
         else:
             self._check_size(frame)
             # One that has no vote is not measured either: no metric learns from it.
-            may_vote = not self.live or self._may_vote(frame)
+            if self.live:
+                fault, self._lines = picture_fault(frame.image, self._untouched, self._lines)
+                may_vote = self._vote.take(fault, frame.t_ns)
             if may_vote:
                 contact = _stamped(self.metric.update(frame.image, t_ns), t_ns)
                 self._last, self._n_equal = kept_picture(frame.image, contact), 1
@@ -115,10 +117,6 @@ class FrameMeter:
     def restart(self) -> None:
         """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
         self.seq, self.next_seq, self._last, self._n_equal = None, 0, None, 0
-
-    def _may_vote(self, frame: TactileFrame) -> bool:
-        fault, self._lines = picture_fault(frame.image, self._untouched, self._lines)
-        return self._vote.take(fault, frame.t_ns)
 
     def _check_size(self, frame: TactileFrame) -> None:
         if frame.image.shape != self._shape:

@@ -208,8 +208,10 @@ def _checked_target(
             raise CalibrationError(
                 f"channel {column + 1} never moves", "look at its electrode, or leave it out"
             )
-        clipped = max(float((signal == signal.max()).mean()), float((signal == signal.min()).mean()))
-        if clipped > CLIPPED_SHARE and len(np.unique(signal)) > 2 and not _rests_there(signal):
+        at_top, at_bottom = (float((signal == end).mean()) for end in (signal.max(), signal.min()))
+        clipped = max(at_top, at_bottom)
+        rests_there = signal.min() == 0 and at_top <= CLIPPED_SHARE  # as an envelope does, at 0
+        if clipped > CLIPPED_SHARE and len(np.unique(signal)) > 2 and not rests_there:
             raise CalibrationError(
                 f"channel {column + 1} is clipped in {100 * clipped:.0f} % of its samples",
                 "lower the amplifier's gain and record again",
@@ -228,11 +230,6 @@ def _checked_target(
                 f"record at least {100 * LEAST_SHARE:.0f} % of the time at {subject}",
             )
     return closure, scale
-
-
-def _rests_there(signal: NDArray[np.float64]) -> bool:
-    """Whether an end of the range is where an envelope rests: the smallest value, 0."""
-    return bool(signal.min() == 0 and (signal == signal.max()).mean() <= CLIPPED_SHARE)
 
 
 def _refuse_still(blocks: list[Any], names: tuple[str, ...]) -> None:
