@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy import fft  # it would else be imported by the first look, in the middle of a run
@@ -197,8 +197,7 @@ class MuscleAlert:
 
     def __init__(self, maxima: EmgMaxima, bus: Bus, backlog: Backlog | None = None) -> None:
         self._watch, self._bus, self.said = ConditionWatch(maxima), bus, ""
-        how: dict[str, Any] = {} if backlog is None else {"backlog": backlog}
-        bus.subscribe(EmgSamples, self._take, name="condition of the muscles", **how)
+        bus.subscribe(EmgSamples, self._take, name="condition of the muscles", backlog=backlog)
 
     def _take(self, given: EmgSamples) -> None:
         for condition in self._watch.take(chunk_of(given)):

@@ -20,9 +20,9 @@ from tega.loop.open_streams import StreamMaker, is_fed, latency_trace
 from tega.loop.outputs import HandOutput, VestOutput
 from tega.loop.pacing import Pacer, settle
 from tega.loop.parts import RunStart
-from tega.loop.reflex import ReflexArc, open_reflex
+from tega.loop.reflex import open_reflex
 from tega.loop.rig import Rig
-from tega.loop.snapshot import LoopView, Moments, Snapshot
+from tega.loop.snapshot import Moments, Snapshot
 from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch import touch_loop
 from tega.records import Alert, Event, RunState, Value
@@ -144,7 +144,9 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             guard=guard,
             trace=trace,
             devices=rig.devices,
-            complete=_displayed(rig, reflex),
+            complete=[
+                one.displayed for one in (reflex, rig.sinks, rig.steering, *rig.parts) if one is not None
+            ],
         ),
         poll_hand=prepared.poll_hand
         or open_hand_polls(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
@@ -163,16 +165,6 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         conclude(error)
         raise
     return conclude(None)
-
-
-def _displayed(rig: Rig, reflex: ReflexArc | None) -> list[Callable[[LoopView], LoopView]]:
-    """Return the functions that add to a view of the loop, such as link, arm and reflex."""
-    return [
-        *([] if reflex is None else [reflex.displayed]),
-        rig.sinks.displayed,
-        *([] if rig.steering is None else [rig.steering.displayed]),
-        *(part.displayed for part in rig.parts),
-    ]
 
 
 def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:

@@ -160,7 +160,12 @@ class Moments:
             vest,
             intent,
             None if self._hand is None else self._hand.angles_rad.tolist(),
-            _counts(report),
+            {
+                "touch": sum(report.n_contacts.values()) // max(len(report.n_contacts), 1),
+                "levels": report.n_blocks,
+                "hand": report.n_hand_ticks,
+                "vest": report.n_vest_ticks + report.n_vest_between,
+            },
             inputs={} if self._inputs is None else self._inputs.seen,
             event=self._event,
             target_rad=None if target_rad is None else target_rad.tolist(),
@@ -199,12 +204,3 @@ class Moments:
 
     def _note_event(self, event: Event) -> None:
         self._event = event
-
-
-def _counts(report: LoopReport) -> dict[str, int]:
-    return {
-        "touch": sum(report.n_contacts.values()) // max(len(report.n_contacts), 1),
-        "levels": report.n_blocks,
-        "hand": report.n_hand_ticks,
-        "vest": report.n_vest_ticks + report.n_vest_between,
-    }

@@ -159,10 +159,8 @@ def _emg(state: RunFacts) -> dict[str, Any] | None:
 
 def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
     sinks = state.rig.sinks
-    if kind == "vest":
-        infos = [sink.info for sink in (*sinks.live_vests, *sinks.vests)]
-    else:
-        infos = [hand.info for hand in (*([] if sinks.steered is None else [sinks.steered]), *sinks.hands)]
+    vests, hands = (*sinks.live_vests, *sinks.vests), (sinks.steered, *sinks.hands)
+    infos = [sink.info for sink in (vests if kind == "vest" else hands) if sink is not None]
     return [info.driver for info in (*infos, *(table for table in sinks.tables if table.kind == kind))]
 
 
