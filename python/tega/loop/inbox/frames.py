@@ -21,8 +21,7 @@ from tega.loop.inbox.picture_votes import (
     picture_fault,
     untouched_lines,
 )
-from tega.loop.inbox.reader import read_measured
-from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.sources import SourceReport, read_measured
 from tega.records import Contact
 from tega.stages.base import Metric
 

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import queue
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
-from tega.errors import DeviceUnavailableError, TegaError
+from tega.errors import TegaError
 from tega.runtime.reopening import Reopening, polled
 from tega.runtime.threads import Rank, run_realtime
-
-if TYPE_CHECKING:
-    from tega.loop.inbox.sources import SourceReport
 
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
@@ -133,44 +129,6 @@ def read_items(source: Any, stopped: Callable[[], bool]) -> Iterator[Any]:
     while not stopped():
         if (item := source.read(READ_TIMEOUT_S)) is not None:
             yield item
-
-
-def read_measured(
-    source: Any,
-    report: SourceReport,
-    measure: Callable[[Any, int], Given],
-    restart: Callable[[], None],
-    *,
-    bad: type[TegaError],
-    stopped: Callable[[], bool],
-) -> Iterator[Given]:
-    """Yield what ``measure`` returns for each item of an open source and the monotonic time of its reception.
-
-    In a recording an error is raised. An item of a live source with an error of ``bad`` is dropped and counted. If the
-    source goes away it is opened again, once a second until that works or ``stopped`` returns true; ``restart`` is
-    called then.
-    """
-    live = source.info.live
-    while not (stopped() or source.ended):
-        try:
-            item = source.read(READ_TIMEOUT_S)
-            if item is None:
-                continue
-            found = measure(item, time.monotonic_ns())
-        except DeviceUnavailableError as error:
-            if not live:
-                raise
-            report.lose(error.message)
-            if not opened_again(source, stopped):
-                return
-            report.lost = ""
-            restart()
-        except bad:
-            if not live:
-                raise
-            report.drop()
-        else:
-            yield found
 
 
 def opened_again(device: Any, stopped: Callable[[], bool]) -> bool:

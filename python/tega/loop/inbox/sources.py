@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
 from tega.emg.votes import ChannelVotes
-from tega.errors import InvalidValueError, ShapeError
+from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError, TegaError
 from tega.hand import nearest_level
 from tega.loop.emg_adaptation import ChannelAdaptation
-from tega.loop.inbox.reader import read_measured
+from tega.loop.inbox.reader import READ_TIMEOUT_S, Given, opened_again
 from tega.records import EmgSamples, Intent, Picture
 from tega.stages.base import Decoder
 
@@ -254,6 +255,44 @@ def _checked(intent: Intent, n_channels: int) -> Intent:
             f"the decoder gives {intent.channels!r} for {n_channels} channels", "give a level 0 to 5 for each"
         )
     return replace(intent, level=level)
+
+
+def read_measured(
+    source: Any,
+    report: SourceReport,
+    measure: Callable[[Any, int], Given],
+    restart: Callable[[], None],
+    *,
+    bad: type[TegaError],
+    stopped: Callable[[], bool],
+) -> Iterator[Given]:
+    """Yield what ``measure`` returns for each item of an open source and the monotonic time of its reception.
+
+    In a recording an error is raised. An item of a live source with an error of ``bad`` is dropped and counted. If the
+    source goes away it is opened again, once a second until that works or ``stopped`` returns true; ``restart`` is
+    called then.
+    """
+    live = source.info.live
+    while not (stopped() or source.ended):
+        try:
+            item = source.read(READ_TIMEOUT_S)
+            if item is None:
+                continue
+            found = measure(item, time.monotonic_ns())
+        except DeviceUnavailableError as error:
+            if not live:
+                raise
+            report.lose(error.message)
+            if not opened_again(source, stopped):
+                return
+            report.lost = ""
+            restart()
+        except bad:
+            if not live:
+                raise
+            report.drop()
+        else:
+            yield found
 
 
 def grasp_blocks(
