@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tega.config.check import LoadedConfig, SettingValue, check_tree
+from tega.config.check import check_tree
 from tega.config.load import (
     LOOP_KEYS,
     driver_options,
@@ -12,6 +12,7 @@ from tega.config.load import (
     override_tree,
     stage_options,
 )
+from tega.config.origins import LoadedConfig, SettingValue
 from tega.config.sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,

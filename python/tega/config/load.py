@@ -21,8 +21,9 @@ from typing import Any, Final, Literal
 
 import msgspec
 
-from tega.config.check import LoadedConfig, check_tree, paths_below
+from tega.config.check import check_tree, paths_below
 from tega.config.errors import Overridden, explain
+from tega.config.origins import LoadedConfig
 from tega.config.stage_sections import STAGE_GROUPS
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError

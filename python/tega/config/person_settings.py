@@ -10,7 +10,7 @@ import msgspec
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.wearing import site_motors
-from tega.config.check import LoadedConfig, SettingValue
+from tega.config.origins import LoadedConfig, SettingValue
 from tega.config.person import live_info, tracker_info, whose
 from tega.config.sections import SessionConfig
 from tega.devices.base import DeviceInfo

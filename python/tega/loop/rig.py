@@ -17,10 +17,10 @@ from tega.loop.controls import Controls
 from tega.loop.emg_condition import MuscleAlert, open_condition
 from tega.loop.inbox.inputs import Inputs, Prepared
 from tega.loop.inbox.sources import SourceReport
+from tega.loop.opening import Opening
 from tega.loop.pacing import refuse_live
 from tega.loop.parts import Part, PartContext, open_parts
 from tega.loop.prepare import Progress, prepare, to_be_read
-from tega.loop.session import Opening
 from tega.loop.sinks import Sinks, open_inputs, open_sinks
 from tega.records import BesideContact, BesideIntent, Picture
 from tega.records.bus import Bus

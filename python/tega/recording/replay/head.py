@@ -13,8 +13,8 @@ from tega.arm.settings import ArmSettings
 from tega.config import STAGE_GROUPS, SessionConfig, check_tree, load_config, override_recorded
 from tega.config.calibration import Calibration, load_calibration
 from tega.config.calibration.store import parse_calibration
-from tega.config.check import fields_of
 from tega.config.choose import chosen_stage, metric_choice
+from tega.config.origins import fields_of
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader, Message
